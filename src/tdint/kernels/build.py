@@ -28,19 +28,11 @@ from typing import Any
 def main() -> None:
     """Compile the kernels that the standard input requests, and write them to the standard output.
 
-    Each line of the standard input is a JSON list of two elements: the name of a kernel,
-    `MODULE:KERNEL`, and the source file of MODULE. The file is null for a module that can be
-    imported by its name; it is specified for a module of a plug-in. For each kernel, the object
-    files of all targets are written, each after a line with the number of its bytes. Text that a
-    plug-in prints is written to the standard error output. The environment variable
-    TDINT_KERNELS_VARIANT is the variant, and TDINT_KERNELS_TARGETS the list of targets, separated
-    by commas.
-
-    The function does not return. The thread that executes `_listen` ends the process when the
-    standard input is closed. An error ends the process with a traceback.
+    Text that a plug-in prints is written to the standard error output. The function does not
+    return. The thread that executes `_listen` ends the process when the standard input is closed.
+    An error ends the process with a traceback.
     """
-    # The standard output contains only object files. Text that a plug-in prints is therefore
-    # written to the standard error output.
+    # The standard output contains only object files.
     output = sys.stdout.buffer
     sys.stdout = sys.stderr
     # numba imports SciPy's linear algebra, which kernels do not use.
@@ -57,10 +49,8 @@ def main() -> None:
     with suppress(ImportError, AttributeError):
         _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
-    # The thread starts after the imports. On Windows the import of numpy would wait for the pipe
-    # that the thread reads.
+    # On Windows the import of numpy would wait for the pipe that the thread reads.
     requests: SimpleQueue[bytes] = SimpleQueue()
-    # `_listen` adds each line of the standard input to the queue.
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     while True:
         name, file = json.loads(requests.get())
@@ -68,7 +58,6 @@ def main() -> None:
         kernel = getattr(
             _module(module_name, file) if file else importlib.import_module(module_name), attribute
         )
-        # One object file for each target; all contain the function with the name `symbol`.
         codes, symbol = objects_of(kernel.function, kernel.signature, targets)
         for code, target in zip(codes, targets, strict=True):
             data = pack(code, {**identity(name, variant, target), "symbol": symbol})
@@ -81,19 +70,17 @@ def _take_shortcuts() -> None:
 
     The replacements halve the compile time. They also make the object code independent of the
     kernels that the process has compiled before: labels and variables are numbered separately in
-    each function. The remaining difference, the numbers in the symbols of functions, is removed by
-    `tdint.kernels.building.compiler.objects_of`, which renames them.
+    each function. `tdint.kernels.building.compiler.objects_of` renames the symbols of functions.
     """
     import numba.core.inline_closurecall as inlining
     from numba.core import bytecode, codegen, compiler, ir, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
-    # For each call that is inlined, numba creates the intermediate representation of the called
-    # function again and copies its blocks twice, the only use of `copy` in this module of
-    # numba. No other call has access to the new blocks: a copy is not necessary.
+    # numba creates the intermediate representation of a function that is inlined again for each
+    # call and copies its blocks twice, the only use of `copy` in this module. No other call has
+    # access to the new blocks: a copy is not necessary.
     inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
-    # The result type of an operator with numbers is cached. numba would try all candidates and
-    # format an error for each mismatch.
+    # numba would try all candidates and format an error for each mismatch.
     resolve_call = BaseFunction.get_call_type
 
     def resolve_once(
@@ -101,11 +88,10 @@ def _take_shortcuts() -> None:
     ) -> Any:
         """Return the numba signature of a call from the cache, or determine and store it.
 
-        The method replaces `BaseFunction.get_call_type` and has its arguments: the typing context,
-        the types of the positional arguments and those of the named arguments. Only calls with
-        positional arguments that are numbers are stored; other calls are resolved by numba. The
-        key contains the argument types and, as a safeguard, their classes: a constant (literal
-        type) and a variable of the same number type must have separate entries.
+        The method replaces `BaseFunction.get_call_type`. Only calls with positional arguments that
+        are numbers are stored. The key contains the argument types and, as a safeguard, their
+        classes: a constant (literal type) and a variable of the same number type must have separate
+        entries.
         """
         if named or not all(
             isinstance(argument, types.Number | types.Boolean) for argument in arguments
@@ -117,10 +103,10 @@ def _take_shortcuts() -> None:
             resolved[key] = resolve_call(self, context, arguments, named)
         return resolved[key]
 
-    # `setattr`, because mypy does not allow an assignment to a method.
+    # mypy does not allow an assignment to a method.
     setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010
-    # numba searches the operands of each instruction for variables and tests the types of an
-    # operand in a fixed order. The replacement tests the most frequent types first.
+    # numba tests the types of an operand in a fixed order. The replacement tests the most frequent
+    # types first.
     default_variables = ir.Inst._rec_list_vars
 
     def variables(self: Any, value: Any) -> list[Any]:
@@ -140,32 +126,27 @@ def _take_shortcuts() -> None:
         return result
 
     ir.Inst._rec_list_vars = variables
-    # Labels and names of variables are numbered separately in each function. With a common
-    # numbering, previously compiled functions would affect the order of sets of names and therefore
-    # the code. Functions are numbered consecutively in the process, so that no two functions have a
-    # common symbol; `objects_of` later replaces these numbers in the symbols.
+    # With a common numbering, previously compiled functions would affect the order of sets of names
+    # and therefore the code. Functions are numbered consecutively in the process, so that no two
+    # functions have a common symbol.
     function_numbers = itertools.count(1)
     labels = ir_utils._the_max_label
     compile_one = compiler.CompilerBase.compile_extra
-    # Read the attributes that `compile_separately` changes. In a version of numba without
-    # these attributes, AttributeError is raised here. The separate numbering and the replacements
-    # below are then omitted. The three replacements above are independent and remain.
+    # In a version of numba without these attributes, AttributeError is raised here. The separate
+    # numbering and the replacements below are then omitted. The three replacements above remain.
     _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count
 
     def compile_separately(self: Any, function: Any) -> Any:
         """Compile a function with a numbering of its labels and variables that starts at zero.
 
-        The code, except for the number in the symbol of the function, then does not depend on the
-        functions that were compiled before. The method replaces `compile_extra` of the compiler of
-        numba (`self`).
+        The method replaces `compile_extra` of the compiler of numba (`self`).
         """
         # While numba compiles a function, it also compiles the functions that it calls, with this
-        # method. The numbering of the calling function is therefore restored at the end.
+        # method.
         identity = bytecode.FunctionIdentity
         numbering_of_caller = identity._unique_ids, labels._value, ir_utils._unique_var_count
-        # The first number is for `function`. This number is part of the symbol of the compiled
-        # function and must be unique in the process. The other numbers, from 1, are for functions
-        # that are inlined into `function`. The inlined functions have no symbol.
+        # The first number is part of the symbol of `function` and must be unique in the process.
+        # The other numbers are for functions that are inlined into `function` and have no symbol.
         identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))
         labels._value, ir_utils._unique_var_count = 0, 0
         try:
@@ -174,11 +155,10 @@ def _take_shortcuts() -> None:
             identity._unique_ids, labels._value, ir_utils._unique_var_count = numbering_of_caller
 
     compiler.CompilerBase.compile_extra = compile_separately
-    # No code is executed in this process, so machine code is not needed.
+    # No code is executed in this process.
     codegen.JitEngine.finalize_object = lambda self: None
     codegen.JITCPUCodegen.set_env = lambda *_: None
-    # Most objects that numba creates remain in use. Frequent garbage collection would only cost
-    # time.
+    # Most objects that numba creates remain in use.
     gc.freeze()
     gc.set_threshold(200_000, 20, 100)
 
@@ -186,16 +166,16 @@ def _take_shortcuts() -> None:
 def _module(name: str, file: str) -> Any:
     """Return the module in a file, loaded under the name that it has in the requesting process.
 
-    The package of the module is imported first, as by Python's own import, because it can import
-    the module itself. A module that is already loaded is returned unchanged. An exception of the
-    module ends this process (`main`), so that an incompletely executed module is never used.
+    The package of the module is imported first, because it can import the module itself. An
+    exception of the module ends this process (`main`), so that an incompletely executed module is
+    never used.
     """
     if package := name.rpartition(".")[0]:
         try:
             importlib.import_module(package)
         except ModuleNotFoundError as error:
             # The module can belong to a package that is not found by its name. It is then executed
-            # without its package. Other missing modules are an error.
+            # without its package.
             if not f"{package}.".startswith(f"{error.name}."):
                 raise
     if name not in sys.modules:
@@ -207,18 +187,14 @@ def _module(name: str, file: str) -> Any:
 
 
 def _add_laws(variant: str) -> None:
-    """Register the plug-in laws of a variant with their numbers.
+    """Register the plug-in laws of a variant with their numbers (names and numbers are in
+    `variant`).
 
-    Each law is stored in LAWS at the index of its number. The name of its module is stored in the
-    dictionary OUTSIDE. The registration must precede the import of modules that depend on the laws.
-
-    The environment variable TDINT_KERNELS_PLUGINS specifies the modules of the laws, as a JSON
-    dictionary: {"name of the law": ["name of the module", "file of the module"], ...}. A module
-    must contain its law as a global variable, or in a global tuple, list, set or dictionary
-    (`laws_in`); otherwise SystemExit with a message of one line ends the process.
-
-    `variant` is the text of the variant (`Variant.text`). It contains the name and the number of
-    each plug-in law.
+    The registration must precede the import of modules that depend on the laws. The environment
+    variable TDINT_KERNELS_PLUGINS specifies the modules of the laws, as a JSON dictionary: {"name
+    of the law": ["name of the module", "file of the module"], ...}. A module must contain its law
+    as a global variable, or in a global tuple, list, set or dictionary (`laws_in`); otherwise
+    SystemExit with a message of one line ends the process.
     """
     from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE, laws_in
@@ -226,7 +202,7 @@ def _add_laws(variant: str) -> None:
 
     files = json.loads(os.environ.get("TDINT_KERNELS_PLUGINS", "{}"))
     for name, code in parse(variant).outside.items():
-        # Fill the list up to the number of the law with unnamed laws that are not used.
+        # The list is filled up to the number of the law with unnamed laws that are not used.
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
         module_name, file = files[name]
         laws = laws_in(_module(module_name, file))
@@ -236,20 +212,18 @@ def _add_laws(variant: str) -> None:
                 f"law {name!r} not found in {file}; assign it to a variable of this module, or "
                 "list it in the tuple LAWS of a plug-in"
             )
-        # The hash of the sources of a kernel (`tdint.kernels.building.sources.digest`) includes the
-        # modules in OUTSIDE. The hash is part of the description of the object file.
+        # The hash of the sources (`tdint.kernels.building.sources.digest`) includes the modules in
+        # OUTSIDE.
         OUTSIDE[name] = module_name
         # As in the requesting process, laws of plug-ins are never compiled separately.
         LAWS[code] = replace(law, compiled_separately=False)
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:
-    """Put the lines of the standard input into a queue, until the standard input is closed.
-
-    The process then ends immediately, also if it is compiling, with exit code 0. The function is
-    executed by a separate thread; `main` takes the lines from the queue `requests`.
+    """Put the lines of the standard input into a queue; end the process with exit code 0, also if
+    it is compiling, when the standard input is closed.
     """
-    incomplete_line = b""  # end of the received data, without a line break so far
+    incomplete_line = b""  # without a line break so far
     # sys.stdin is not used, because a thread must not hold its lock when Python ends.
     while received := os.read(0, 4096):
         *lines, incomplete_line = (incomplete_line + received).split(b"\n")

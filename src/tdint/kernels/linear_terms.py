@@ -123,8 +123,8 @@ def force_moment(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # `integral` is (sin x - x cos x) / x^3 with x = `half_angle`. For small |x|, where the terms
-    # would cancel, its Taylor series is used. The omitted terms are less than 1e-14 of the result.
+    # `integral` is (sin x - x cos x) / x^3. For small |x|, where the terms would cancel, its Taylor
+    # series is used. The omitted terms are less than 1e-14 of the result.
     if abs(half_angle) > 0.1:
         integral = (math.sin(half_angle) - half_angle * math.cos(half_angle)) / (
             half_angle * half_angle * half_angle
@@ -212,11 +212,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
 
 @outlined
 def _add_impulses(forces, t, h, scratch, row):
-    """Add the impulses of the floor forces over the step [t, t + h] to a row of `scratch`, N s.
-
-    `t` is the time at the start of the step, s. `row`: row of `scratch` with the impulses of all
-    floors; the result is added to this row.
-    """
+    """Add the impulses of the floor forces over the step [t, t + h] to a row of `scratch`, N s."""
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_impulse(forces, j, t, h)
 
@@ -225,9 +221,8 @@ def _add_impulses(forces, t, h, scratch, row):
 def mean_load(linear_terms, forces, load, h, r, scratch, row):
     """Store mean and first moment of the load over a step in two consecutive scratch rows, N.
 
-    The load of a floor is p = -m ag + forces on the floor, with the mass m and the ground
-    acceleration ag, which is linear within the step. With the time s from -1/2 at the start to 1/2
-    at the end of the step, the mean is int p ds and the first moment is 12 int s p ds.
+    With the time s from -1/2 at the start to 1/2 at the end of the step, the mean is int p ds and
+    the first moment is 12 int s p ds.
 
     The method moment4 with the coefficient r of numerical dissipation uses another moment of the
     floor forces if r > 0. With the mean of a floor force q over the step, and its values q0 at the
@@ -239,18 +234,8 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     with the force at the endpoints of the steps. For r = 0, the exact moment is used. It is not the
     limit of the moment for r > 0: that moment tends to q1 - q0 as r tends to 0.
 
-    For a force that is linear in time, such as -m ag, the two moments are equal. Only the moment of
-    the floor forces therefore depends on r. `_add_means` adds the mean and the moment of the floor
-    forces.
-
-    Parameters
-    ----------
-    r : float
-        Coefficient of numerical dissipation of the method moment4; 0 for the exact first moment.
-    row : int
-        Row of the mean; the moment is stored in the next row.
+    For a force that is linear in time, such as -m ag, the two moments are equal.
     """
-    # Store mean and moment of -m ag.
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = (
             -0.5 * linear_terms[rows.MASS, i] * (load[rows.GROUND_0] + load[rows.GROUND_1])
@@ -264,22 +249,8 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 
 @outlined
 def _add_means(forces, t, h, r, scratch, row):
-    """Add mean and first moment of the forces on floors over a step to two scratch rows, N.
-
-    For a force q, and with the time s from -1/2 at the start to 1/2 at the end of the step,
-
-        mean            int q ds
-        first moment    12 int s q ds                              if r = 0
-                        q1 - q0 + 12 r ((q0 + q1) / 2 - mean)      if r > 0
-
-    q0 and q1 are the forces at the start and at the end. The formula for r > 0 is used with
-    numerical dissipation: the displacements of very stiff parts of the building then agree with the
-    force at the endpoints of the steps. As r tends to 0, this formula tends to q1 - q0 and not to
-    the exact moment.
-
-    `t` is the time at the start of the step, s. `r` is the coefficient of numerical dissipation of
-    moment4; 0 for the exact first moment. `row` is the row of the mean; the next row contains the
-    first moment.
+    """Add mean and first moment of the forces on floors over a step to two scratch rows
+    (`mean_load`), N.
     """
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
@@ -326,12 +297,7 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
 
 @outlined
 def _add_modal_force(modal, table, x, factor, scratch, row, n):
-    """Add factor * W^T W x to a row of `scratch`, with one row of W for each damped mode.
-
-    `table` is the table that contains x in row `x`. `factor` is the number by which the product is
-    multiplied, of either sign.
-    """
-    # `amplitude` is `factor` times the product of the mode vector j and x.
+    """Add factor * W^T W x to a row of `scratch`; `x` is a row of `table`."""
     for j in range(modal.shape[0]):
         amplitude = 0.0
         for i in range(n):
@@ -370,23 +336,19 @@ def power_damper(linear_terms, i, rate):
 
 @outlined
 def _power_damper(linear_terms, i, rate):
-    """Return force (N) and derivative (N s/m) of a power-law dashpot at the drift rate v = `rate`
-    (m/s).
+    """Return force (N) and derivative (N s/m) of a power-law dashpot at the drift rate v = `rate`.
 
-    With the coefficient c (row POWER_DAMPER of `linear_terms`), the squared threshold rate v0^2
-    (row THRESHOLD, (m/s)^2) and the exponent e (row POWER) of story `i`,
-
-        force = c v (v^2 + v0^2)^e
-        derivative with respect to v = c (v^2 + v0^2)^e (1 + 2 e v^2 / (v^2 + v0^2))
+    force = c v (v^2 + v0^2)^e
+    derivative with respect to v = c (v^2 + v0^2)^e (1 + 2 e v^2 / (v^2 + v0^2))
     """
     squared_rate = rate * rate + linear_terms[rows.THRESHOLD, i]
     if squared_rate == 0.0:
-        # Zero rate and no threshold v0, which requires e >= 0. The derivative at zero rate is c for
-        # a linear dashpot (e = 0), otherwise 0.
+        # Zero rate and no threshold v0 require e >= 0. The derivative at zero rate is c for a
+        # linear dashpot (e = 0), otherwise 0.
         if linear_terms[rows.POWER, i] == 0.0:
             return 0.0, linear_terms[rows.POWER_DAMPER, i]
         return 0.0, 0.0
-    # The secant is the force divided by the rate, N s/m.
+    # Force divided by the rate, N s/m
     secant = linear_terms[rows.POWER_DAMPER, i] * squared_rate ** linear_terms[rows.POWER, i]
     return secant * rate, secant * (
         1.0 + 2.0 * linear_terms[rows.POWER, i] * rate * rate / squared_rate

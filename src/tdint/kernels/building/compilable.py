@@ -100,18 +100,9 @@ class Variant:
     def only(self, parts: tuple[str, ...]) -> Variant:
         """Return this variant with all features switched on, except the attributes in `parts`.
 
-        The result is the variant for which a kernel is compiled that depends only on the attributes
-        in `parts`. These attributes keep their values. The other attributes do not affect the code
-        of the kernel. They therefore get the values of EVERYTHING (all laws of tdint, True for the
-        other features), so that one compiled kernel serves more buildings.
-
-        Parameters
-        ----------
-        parts : tuple of str
-            Names of the attributes on which the kernel depends: laws, modal, forces,
-            dashpots, elements, braces or tangent_damping.
+        The result is the variant of a kernel that depends only on these attributes. The other
+        attributes get the values of EVERYTHING, so that one compiled kernel serves more buildings.
         """
-        # _PARTS contains the names of all attributes.
         unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
         return replace(self, **unused)
 
@@ -153,10 +144,6 @@ class Compilable:
 
     Parameters
     ----------
-    function : function
-        Python function of the kernel.
-    signature : Signature
-        Types of its arguments and its result.
     parts : tuple of str
         Attributes of `Variant` on which the kernel depends.
     vectorized : bool
@@ -170,34 +157,18 @@ class Compilable:
         parts: tuple[str, ...],
         vectorized: bool = False,
     ) -> None:
-        """Store the function and its properties; no variant (version for certain features of
-        buildings, see `Variant`) is compiled or loaded yet.
-
-        Parameters
-        ----------
-        function : function
-            Python function of the kernel.
-        signature : Signature
-            Types of its arguments and its result.
-        parts : tuple of str
-            Attributes of `Variant` (laws, modal, forces, dashpots, braces) that affect the
-            code of the kernel. `required_variant` replaces all other attributes by the values of
-            EVERYTHING, the default variant with all features.
-        vectorized : bool
-            True if the compiler may vectorize loops; the process that compiles the kernel reads
-            this attribute.
-        """
+        """Store the function and its properties; no variant is compiled or loaded yet."""
         self.function = function
         self.signature = signature
         self.parts = parts
         self.vectorized = vectorized
         self.__doc__ = function.__doc__
-        # Installed functions by the variant that the kernel requires (`required_variant`)
+        # By the variant that the kernel requires (`required_variant`)
         self._loaded: dict[Variant, Callable[..., Any]] = {}
         # Results of `required_variant`, which is called for each run
         self._required: dict[Variant, Variant] = {}
-        # Variant and function of the last call; most calls request the same variant again. Before
-        # the first call the function is None, and the variant, here EVERYTHING, is not used.
+        # Variant and function of the last call, because most calls request the same variant again.
+        # If the function is None, the variant is not used.
         self._last: tuple[Variant, Callable[..., Any] | None] = (EVERYTHING, None)
 
     @property
@@ -207,13 +178,10 @@ class Compilable:
 
     def required_variant(self, variant: Variant) -> Variant:
         """Return the variant that this kernel requires for a building with the features of
-        `variant`.
+        `variant` (`Variant.only`).
 
-        Attributes of `variant` on which the kernel does not depend are replaced by the values of
-        EVERYTHING (`Variant.only`), so that one compiled kernel serves more buildings. With
-        TDINT_KERNELS=whole (WHOLE), the result is EVERYTHING, the variant with all features.
-        EVERYTHING does not contain laws of plug-ins: for a variant with such laws
-        (`variant.outside`), TDINT_KERNELS=whole has no effect. The results are cached.
+        EVERYTHING does not contain laws of plug-ins: for a variant with such laws,
+        TDINT_KERNELS=whole has no effect.
         """
         required = self._required.get(variant)
         if required is None:
@@ -233,22 +201,10 @@ class Compilable:
     def install(
         self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
     ) -> None:
-        """Store a compiled or Python function, which later calls of the kernel for a variant use.
-
-        The function is stored under the variant that the kernel requires (`required_variant`). The
-        set _INSTALLED records whether a compiled or a Python function was installed; `time_loops`
-        reads this set.
-
-        Parameters
-        ----------
-        variant : Variant
-            Variant that the function supports.
-        interpreted : bool
-            True for a Python function. Default: False.
+        """Store a compiled or Python function, which later calls of the kernel for a variant
+        use.
         """
         _INSTALLED.add("interpreted" if interpreted else "compiled")
         self._loaded[self.required_variant(variant)] = function
-        # `_last` contains variant and function of the last call. This function may have been
-        # replaced. The function None marks the pair as invalid; the variant is then not used, and
-        # EVERYTHING is a placeholder.
+        # The function of the last call may have been replaced.
         self._last = EVERYTHING, None

@@ -86,11 +86,9 @@ _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
     """Return the numba type of an attribute of a module, such as `rows.FORCE`.
 
-    The function replaces `BaseContext.resolve_module_constants`, which numba calls while it
-    determines the types of a kernel. The method of numba returns an ordinary type for a number,
-    such as int64. This function returns a literal type, which contains the value. numba uses
-    literal types for constants that are imported by name. Functions marked `specialized` are then
-    compiled once for each value.
+    The function replaces `BaseContext.resolve_module_constants`, which returns an ordinary type for
+    a number, such as int64. A literal type contains the value; numba uses it for constants that are
+    imported by name. Functions marked `specialized` are then compiled once for each value.
     """
     value = getattr(module.pymod, name)
     return maybe_literal(value) or context.resolve_value_type(value)
@@ -153,13 +151,7 @@ def outlined(function: Callable[..., Any]) -> Any:
 
 
 def indirect_caller(signature: Signature) -> Any:
-    """Return a compiled function that calls a kernel at its address.
-
-    Returns
-    -------
-    function
-        (address, *arguments) -> result of the kernel.
-    """
+    """Return a compiled function (address, *arguments) that calls a kernel at its address."""
     returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
     @intrinsic
@@ -167,22 +159,15 @@ def indirect_caller(signature: Signature) -> Any:
         """Return the numba signature of a call of the kernel, and the function that generates the
         code of the call.
 
-        numba executes this function while it compiles `call_at`. The arguments are numba types,
-        not values. `returns` and `arguments`, variables of `indirect_caller`, are the numba types
-        of the result and of the arguments of the kernel.
-
-        `typing_context` is the typing context of numba; not used. `address` is the type of the
-        address of the compiled kernel in memory, an integer. `argument_types` contains the types of
-        the values that the caller passes, as a tuple type. They can differ from `arguments`, for
-        example an integer for a floating-point number.
+        numba executes this function while it compiles `call_at`. The arguments are numba types, not
+        values. `argument_types` can differ from the types of the kernel, for example an integer for
+        a floating-point number.
         """
 
         def generate(context, builder, _, values):
             """Generate the LLVM code of the call and return its result in this code.
 
-            `context` and `builder` are numba's objects for the generation of LLVM code. `values`
-            are the address and the tuple of the arguments in the generated code. The third
-            argument, the signature, is not used.
+            `values` are the address and the tuple of the arguments in the generated code.
             """
             convention = context.call_conv
             function_type = convention.get_function_type(returns, arguments)
@@ -251,14 +236,11 @@ def _on_stack(dimensions: int) -> Any:
 def _array(context: Any, builder: Any, sizes: Any) -> Any:
     """Generate the code for an uninitialized array in C order on the stack; return the array.
 
-    numba calls this function while it compiles `local` and `local_table`. `context` and `builder`
-    are numba's objects for the generation of LLVM code. `sizes` are the values of the dimensions in
-    the generated code. The elements are floating-point numbers of 8 bytes.
-
-    Each execution of the generated code reserves memory, which is released when the function
-    returns. Kernels therefore do not create such arrays in loops.
+    `sizes` are the values of the dimensions in the generated code. Each execution of the generated
+    code reserves memory, which is released when the function returns. Kernels therefore do not
+    create such arrays in loops.
     """
-    # Strides in bytes, from the last dimension to the first; `count` is the number of elements.
+    # Strides in bytes; `count` is the number of elements.
     strides: list[Any] = []
     count = context.get_constant(types.intp, 1)
     for size in reversed(sizes):
@@ -279,26 +261,13 @@ def _array(context: Any, builder: Any, sizes: Any) -> Any:
 def objects_of(
     function: Callable[..., Any], signature: Signature, targets: Iterable[Target]
 ) -> tuple[list[bytes], str]:
-    """Compile a kernel to an object file for each target.
+    """Compile a kernel to an object file for each target; return the object files and the symbol of
+    the entry point.
 
-    numba compiles the function to LLVM code for this machine. References to Python objects are
-    removed, functions are renamed so that equal sources give equal bytes, and LLVM generates an
-    object file for each target.
-
-    Parameters
-    ----------
-    signature : Signature
-        Types of its arguments and its result.
-    targets : iterable of Target
-        Targets for which this process can compile. numba optimizes the LLVM code for the
-        processor in the environment variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES. All targets
-        must be compatible with this optimization; `tdint.kernels.building.process.compilations`
-        combines such targets.
-
-    Returns
-    -------
-    list of bytes, str
-        Object file for each target, and the symbol of the entry point.
+    References to Python objects are removed, and functions are renamed so that equal sources give
+    equal bytes. numba optimizes the LLVM code for the processor in the environment variables
+    NUMBA_CPU_NAME and NUMBA_CPU_FEATURES. All targets must be compatible with this optimization;
+    `tdint.kernels.building.process.compilations` combines such targets.
 
     Raises
     ------
@@ -316,8 +285,8 @@ def objects_of(
     # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)
-    # Find the functions that the kernel calls and that are neither part of LLVM nor of the C
-    # library. Such a call could not be resolved when the object file is loaded.
+    # A call of a function that is neither part of LLVM nor of the C library could not be resolved
+    # when the object file is loaded.
     declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
     foreign = (
         name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH
@@ -331,13 +300,12 @@ def objects_of(
             "memory nor raise an exception"
         )
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
-    # Remove the definitions of Python objects. The remaining uses are addresses of exceptions
+    # The uses that remain after the definitions of Python objects are addresses of exceptions
     # (`@.const.picklebuf...`), which a function passes to its caller in addition to the error code.
-    # They are replaced by a null pointer, because `tdint.kernels.building.loading.Loaded` reads
-    # only the error code.
+    # `tdint.kernels.building.loading.Loaded` reads only the error code.
     text = _EXCEPTION.sub("null", _PYTHON_OBJECTS.sub("", text))
     # numba numbers functions in the order of compilation. Here each name contains its index in the
-    # module, so that equal sources give equal bytes.
+    # module.
     names = {
         name: f"{function.__name__}.{index}" for index, name in enumerate(_DEFINED.findall(text))
     }
@@ -354,22 +322,20 @@ def objects_of(
 def _emitted(text: str, target: Target) -> bytes:
     """Return the object file of a module (LLVM code as text) for a target.
 
-    numba has generated the module for this machine. For this machine, the code generator of numba
-    is used. For another target, the lines that specify the machine are replaced, and all functions
-    are marked as `nounwind`: the object then contains no tables for the unwinding of the stack
-    after an exception. No target needs the tables, because no exception passes through a kernel.
-    For Windows the mark is necessary: there the tables would have to be near the code in memory,
-    but they are not. For Windows, the function that accesses the pages of the stack in order
-    (`_PROBE`) is added.
+    numba has generated the module for this machine. For another target, the lines that specify the
+    machine are replaced, and all functions are marked as `nounwind`: the object then contains no
+    tables for the unwinding of the stack after an exception. No target needs the tables, because no
+    exception passes through a kernel. For Windows the mark is necessary: there the tables would
+    have to be near the code in memory, but they are not.
     """
-    # `_tm` is the LLVM target machine with which numba compiles for this machine.
+    # LLVM target machine with which numba compiles for this machine
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()
         return bytes(codegen._tm.emit_object(llvm.parse_assembly(text)))
     machine = target.machine()
     text = _TARGET_LINES.sub("", text)
     if target.platform == "win32":
-        # `_PROBE` is assembly code, which LLVM translates with its assembly parser.
+        # LLVM translates `_PROBE` with its assembly parser.
         llvm.initialize_native_asmparser()
         text += _PROBE
     module = llvm.parse_assembly(text)

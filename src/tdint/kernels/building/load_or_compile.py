@@ -40,7 +40,7 @@ _ONE_AT_A_TIME = threading.Lock()
 """Lock for the loading of objects by LLVM, which must not be used by two threads at the same
 time."""
 # A process that is forked while a thread holds the lock inherits the locked lock, but not the
-# thread that would release it. The lock is therefore reset in the forked process.
+# thread that would release it.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
@@ -50,15 +50,11 @@ def load_or_compile(
     progress: Callable[[float], None] = lambda done: None,
     own_loops: bool = False,
 ) -> None:
-    """Load kernels into this process, and compile those without an object file.
-
-    The kernels are compiled by parallel processes and saved. With TDINT_KERNELS=python the kernels
-    are used as Python functions, without compilation.
+    """Load kernels into this process, and compile those without an object file in parallel
+    processes.
 
     Parameters
     ----------
-    pairs : sequence of (Compilable, Variant)
-        Kernels, each with the features that it must support.
     progress : callable, optional
         Is called after each compilation with the fraction of the missing kernels that are
         completed; the last value is 1. It is not called if all kernels have an object file.
@@ -86,28 +82,17 @@ def _load_missing(
     progress: Callable[[float], None],
     own_loops: bool,
 ) -> None:
-    """Load the kernels that are not loaded, and compile kernels without an object file.
+    """Load the kernels that are not loaded, and compile kernels without an object file
+    (`load_or_compile`).
 
-    The caller holds the lock `_ONE_AT_A_TIME`, because LLVM must not be used by two threads at the
-    same time. The environment variable TDINT_KERNELS has these values:
+    The caller holds the lock `_ONE_AT_A_TIME`. The environment variable TDINT_KERNELS has these
+    values:
 
         python     the kernels are installed as Python functions, without compilation
         whole      one variant with all features is used for all buildings; the method
                    `Compilable.required_variant` evaluates this setting
         compile    set by tdint in the processes that compile kernels, not by users
         empty      default: each kernel is compiled for the features that it must support
-
-    `pairs` contains the kernels, each with the features that it must support. `progress` is the is
-    called after each compilation with the fraction of the missing kernels that are completed.
-    `own_loops` is True to use only kernels that are compiled for exactly the required features.
-    False to use also an existing kernel with all features.
-
-    Raises
-    ------
-    AnalysisError
-        A kernel cannot be compiled.
-    UsageError
-        The value of TDINT_KERNELS is invalid.
     """
     requested = [
         (kernel, kernel.required_variant(variant))
@@ -133,7 +118,7 @@ def _load_missing(
     folder = store.writable()
     # Processes that need the same kernels wait for each other. The lock file is one of 16, selected
     # by a checksum of the missing kernels, so that processes that need other kernels usually do not
-    # wait. Without a writable directory, `file` is None and nothing is locked.
+    # wait. Without a writable directory, nothing is locked.
     kernel_list = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
     file = folder and folder / f".lock-{crc32(kernel_list.encode()) % 16}"
     with locked(
@@ -145,11 +130,8 @@ def _load_missing(
 
 
 def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
-    """Return the variants that can be used for a kernel, in order of preference.
-
-    They are its variant and the variant with all features, which `tdint compile --all` creates. The
-    latter does not contain laws of plug-ins. For a variant with such laws (`outside`), only the
-    first of the two can be used.
+    """Return the variants that can be used for a kernel, in order of preference: its variant and
+    the variant with all features, which does not contain laws of plug-ins.
     """
     return (variant,) if variant.outside else (variant, EVERYTHING)
 
@@ -157,25 +139,17 @@ def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
 def _load_existing(
     pairs: Iterable[tuple[Compilable, Variant]], own_loops: bool
 ) -> list[tuple[Compilable, Variant]]:
-    """Load kernels that have an object file, and return the remaining kernels.
-
-    Parameters
-    ----------
-    own_loops : bool
-        True to use only object files that are compiled for exactly the variant: time loops for the
-        laws in the building. False to use also an object file with all features
-        (`_usable_variants`).
+    """Load kernels that have an object file, and return the remaining kernels (`own_loops` of
+    `load_or_compile`).
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     missing = []
     for kernel, variant in pairs:
-        # Use the first object file that exists and can be loaded.
         for usable in (variant,) if own_loops else _usable_variants(variant):
             stored = store.find_object(kernel.name, usable.text, runnable())
-            # `stored` contains the path of the file, which is not needed here, the code of the
-            # object and the name of its function; it is None without an object file.
+            # Path, code and name of the function; None without an object file
             if stored and _load(kernel, variant, *stored[1:]):
                 break
         else:
@@ -191,10 +165,8 @@ def _compile(
     """Compile kernels in parallel processes, save their object files, and load them into this
     process.
 
-    `missing` contains the kernels without object file. `progress` is the is called after each
-    kernel was compiled and loaded, with the fraction of the kernels that are completed; the last
-    value is 1. `folder` is the directory of the object files; None if no directory is writable. The
-    kernels are then used in this process only.
+    `folder` is the directory of the object files; None if no directory is writable. The kernels are
+    then used in this process only.
 
     Raises
     ------
@@ -226,8 +198,7 @@ def _compile(
         names,
         destination,
     )
-    # Each compilation is for this machine only, and therefore has a single object file, `data`.
-    # `run_all` yields the compilations in the order of completion.
+    # Each compilation is for this machine only, and therefore has a single object file.
     running = run_all(compilations((*pair, NATIVE) for pair in missing))
     for completed, (compilation, (data,)) in enumerate(running, start=1):
         kernel, variant = compilation.kernel, compilation.variant
@@ -245,13 +216,11 @@ def _compile(
 def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     """Return the approximate compile time of kernels, s, measured on processors of 2024.
 
-    The kernels are compiled in parallel by all processors. The result is the larger of two times:
-    the time of the slowest kernel, and the sum over all kernels divided by the number of
-    processors. A kernel that does not depend on the laws is compiled as fast as a kernel with a
-    single law. `pairs` contains each kernel with its variant, at least one pair.
+    It is the larger of the time of the slowest kernel and the sum over all kernels divided by the
+    number of processors. A kernel that does not depend on the laws is compiled as fast as a kernel
+    with a single law.
     """
-    # _SECONDS contains the compile time by the number of laws, with the key 3 for three and more
-    # laws. A variant without names of laws contains all laws of tdint, more than three.
+    # A variant without names of laws contains all laws of tdint, more than three.
     durations = [
         _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
         for kernel, variant in pairs
@@ -260,24 +229,15 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
 
 
 def _label(pair: tuple[Compilable, Variant]) -> str:
-    """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`.
-
-    `pair` is the kernel with its variant. A variant without names of laws contains all laws of
-    tdint. The laws are omitted for a kernel that does not depend on laws.
-    """
+    """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`."""
     kernel, variant = pair
     laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
     return kernel.name.partition(":")[0].rpartition(".")[2] + laws
 
 
 def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> bool:
-    """Load an object file into a kernel and return True if this succeeds.
-
-    The result is False, and the kernel is unchanged, if the object cannot be loaded or does not
-    contain the function.
-
-    `code` contains the contents of the object file, without the description that `pack` writes
-    before them.
+    """Load an object file, without its description, into a kernel; return False if it cannot be
+    loaded or does not contain the function.
     """
     from tdint.kernels.building.loading import Loaded
 
@@ -291,11 +251,10 @@ def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> boo
 def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a Python function of a kernel that treats divisions by zero as compiled code does.
 
-    The result of a division by zero is infinite or nan, without a warning or an exception. This
-    applies to divisions with an element of a NumPy array, because the element is a NumPy number. A
-    division of two Python numbers, such as two arguments that are Python numbers, still raises
-    ZeroDivisionError. `function` is the undecorated function of the kernel; its array arguments
-    must be NumPy arrays.
+    The result is infinite or nan, without a warning or an exception. This applies to divisions with
+    an element of a NumPy array, because the element is a NumPy number. A division of two Python
+    numbers, such as two arguments that are Python numbers, still raises ZeroDivisionError. Array
+    arguments must be NumPy arrays.
     """
 
     def call(*arguments: Any) -> Any:
@@ -323,7 +282,8 @@ def interpret_while_compiling(
     loop_kernels: Sequence[tuple[Compilable, Variant]],
     other_kernels: Callable[[], Sequence[tuple[Compilable, Variant]]],
 ) -> bool:
-    """Use kernels as Python functions in this run if an object file is missing.
+    """Use kernels as Python functions in this run if an object file is missing; return True if they
+    are used.
 
     A separate process with low priority compiles the kernels for the next run, and continues after
     this process has ended. With TDINT_COMPILE=never no process is started. The caller calls this
@@ -331,12 +291,11 @@ def interpret_while_compiling(
 
     The function returns False, and the caller loads or compiles the kernels, if
 
-        - TDINT_COMPILE=wait, or TDINT_KERNELS is set
-        - a kernel or a law of the time loop belongs to a plug-in
-        - the run is a job of a cluster or of continuous integration (_JOBS), where results are
-          compared
-        - numba is not installed
-        - all kernels of the time loop have an object file; they are then loaded
+    - TDINT_COMPILE=wait, or TDINT_KERNELS is set
+    - a kernel or a law of the time loop belongs to a plug-in
+    - the run is a job of a cluster or of continuous integration (_JOBS), where results are compared
+    - numba is not installed
+    - all kernels of the time loop have an object file; they are then loaded
 
     Parameters
     ----------
@@ -345,11 +304,6 @@ def interpret_while_compiling(
     other_kernels : callable
         Function without arguments that returns the kernels that the run may use separately. It is
         called if a kernel of the time loop has no object file.
-
-    Returns
-    -------
-    bool
-        True if the kernels are used as Python functions.
 
     Raises
     ------
@@ -371,12 +325,9 @@ def interpret_while_compiling(
     # Without numba the compilation fails, and the caller reports the error.
     if importlib.util.find_spec("numba") is None:
         return False
-    # `_load_existing` loads the kernels that have an object file, and returns the other kernels.
-    # Because its second argument is False, it also accepts object files that were compiled for all
-    # features, and not for exactly this variant. If a kernel of the time loop has no object file,
-    # all kernels of the time loop are installed as Python functions. A kernel in `others` is
-    # installed as a Python function only if it has no object file. `as_views` returns a Python
-    # function that accesses arrays through memory views, which is faster.
+    # `own_loops` False also accepts object files that were compiled for all features. If a kernel
+    # of the time loop has no object file, all its kernels are installed as Python functions, with
+    # memory views (`as_views`), which are faster.
     with _ONE_AT_A_TIME:
         in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
         if not _load_existing(in_loop, False):
@@ -390,8 +341,8 @@ def interpret_while_compiling(
         try:
             _start_compilation([in_loop, others], folder)
         except OSError as error:
-            # The limit of processes is reached (ulimit -u, a container), or the directory cannot
-            # be written to.
+            # The limit of processes is reached (ulimit -u, a container), or the directory cannot be
+            # written to.
             background = (
                 f"; the process that compiles them cannot be started ({error.strerror or error})"
             )
@@ -408,19 +359,11 @@ def _start_compilation(
     """Start a process that compiles groups of kernels, unless such a process is already running.
 
     For each directory of object files, a single process compiles in the background at a time, also
-    for different kernels. The process continues after the end of this process.
-
-    `groups` contains the kernels that the time loop calls, and other kernels of the run. The last
-    group is compiled first.
-
-    Raises
-    ------
-    OSError
-        The process cannot be started.
+    for different kernels. The process continues after the end of this process. The last group is
+    compiled first. OSError is raised if the process cannot be started.
     """
     # The kernels that the time loop calls, the first group, are compiled last. If their object
-    # files exist, the object files of the other kernels also exist. `interpret_while_compiling`
-    # therefore searches only for the kernels of the time loop.
+    # files exist, the object files of the other kernels also exist.
     names = [
         [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(groups)
     ]
@@ -467,13 +410,7 @@ def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
     A call takes two thirds of the time of a call with NumPy arrays, because the elements of memory
     views are Python numbers. If an operation fails that arrays allow and Python numbers do not,
     such as a division by zero, the arrays are restored and the call is repeated with arrays.
-
-    Parameters
-    ----------
-    function : callable
-        Undecorated function of the kernel. Its arguments are numbers, arrays and other kernels.
     """
-    # Version for NumPy arrays: divisions by zero give infinite or nan, without warnings.
     python_function = _python_function(function)
 
     def call(*arguments: Any) -> Any:
@@ -508,7 +445,8 @@ def compile_ahead(
     folder: Path | None,
     progress: Callable[[float], None],
 ) -> list[Path]:
-    """Compile missing kernels into a directory or into the cache.
+    """Compile missing kernels into a directory or into the cache; return the files that were
+    written.
 
     Parameters
     ----------
@@ -519,11 +457,6 @@ def compile_ahead(
         necessary. None for the cache of the user.
     progress : callable
         Is called with the completed fraction, from 0 to 1.
-
-    Returns
-    -------
-    list of Path
-        Files that were written.
 
     Raises
     ------
@@ -561,15 +494,8 @@ def compile_ahead(
 def _objects(
     requested: Iterable[tuple[Compilable, Variant, str]],
 ) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
-    """Yield the object files of kernels for any processors and systems (targets).
-
-    Existing object files are read and yielded first. The other kernels are compiled and yielded in
-    the order of their completion.
-
-    Yields
-    ------
-    tuple
-        Kernel, variant, target and contents of the object file.
+    """Yield the kernels with their variant, target and object file: first the existing files, then
+    the compiled ones in the order of their completion.
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.process import compilations, run_all

@@ -91,20 +91,12 @@ class Loaded:
     def __init__(self, code: bytes, symbol: str, signature: Signature) -> None:
         """Load an object file into memory and prepare the calls of its function.
 
-        Parameters
-        ----------
-        code : bytes
-            Contents of the object file.
-        signature : Signature
-            Types of the arguments and of the result.
-
         Raises
         ------
         RuntimeError, ValueError
             The object cannot be loaded, or does not contain the function.
         """
-        # LLVM loads the object into an engine that otherwise contains an empty module. The engine
-        # owns the memory of the function.
+        # The engine owns the memory of the function.
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
@@ -114,9 +106,9 @@ class Loaded:
         result_type: Any = _NUMBERS[signature.returns.name][0]
         types, self._converters = _converters(signature.arguments)
         self._result_type = result_type
-        # C function in the calling convention of numba: the result is an error code (0 without an
-        # error). The first two arguments are the address for the result of the kernel and the
-        # address for a description of an exception. The arguments of the kernel follow.
+        # In the calling convention of numba, the result is an error code (0 without an error). The
+        # first two arguments are the addresses for the result of the kernel and for a description
+        # of an exception.
         prototype = ctypes.CFUNCTYPE(
             ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types
         )
@@ -143,25 +135,19 @@ class Loaded:
 def _converters(
     arguments: Sequence[Argument],
 ) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
-    """Return the C types of the arguments of a kernel, and functions that convert them.
+    """Return the C types of the arguments of a kernel, and for each argument a function (value,
+    flat) that appends its parts to the list `flat`.
 
     In the calling convention of numba, an array is passed as several numbers and addresses, its
     parts. A kernel is passed by its address.
-
-    Returns
-    -------
-    types : list
-        C types of all parts, in order.
-    converters : list of function
-        For each argument, a function (value, flat) that appends its parts to the list `flat`.
     """
     types: list[Any] = []
     converters: list[Callable[[Any, list[Any]], None]] = []
     for argument in arguments:
         match argument:
             case ArrayOf(dimensions):
-                # numba passes an array as meminfo, parent, number of items, bytes per item, address
-                # of the data, and one number per dimension for the shape and for the strides.
+                # Meminfo, parent, number of items, bytes per item, address of the data, and one
+                # number per dimension for the shape and for the strides
                 types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)
                 converters.append(_table(dimensions))
@@ -176,11 +162,8 @@ def _converters(
 
 
 def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
-    """Return a function that converts an array argument to the parts that numba expects.
-
-    The function (array, flat) appends the parts to the list `flat`: two empty addresses, number of
-    items, bytes per item, address of the data, shape and strides. `dimensions` is the number of
-    dimensions that the signature requires.
+    """Return a function (array, flat) that appends the parts of an array argument that numba
+    expects to the list `flat`.
     """
     number = np.dtype(np.float64)
 

@@ -58,12 +58,11 @@ class Compilation:
     def settings(self) -> dict[str, str]:
         """Environment variables of the process that compiles the kernel.
 
-        Kernels with equal settings can be compiled by the same process. NUMBA_CPU_NAME and
-        NUMBA_CPU_FEATURES specify the processor for which numba optimizes (`Target.optimized_for`).
+        Kernels with equal settings can be compiled by the same process.
         """
         # The first target represents all targets. `compilations` combines targets only if they have
-        # the same `optimized_for`, or if the optimization does not depend on the processor because
-        # the kernel is not vectorized.
+        # the same `optimized_for`, or if the kernel is not vectorized, so that the optimization
+        # does not depend on the processor.
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
             "TDINT_KERNELS_VARIANT": self.variant.text,
@@ -105,38 +104,21 @@ class Compilation:
         )
 
     def reason(self, text: list[str]) -> str:
-        """Return the reason why this compilation failed, from the error output of the process.
+        """Return the reason why this compilation failed, `FILE:LINE: message`, from the error
+        output of the process.
 
         The message is the first line that is not empty after the last "Failed in nopython" in the
-        output of numba, without leading blanks. If this line ends with a colon, the message
-        includes the next line that is not empty. Without "Failed in nopython", the message is the
-        last line of the output.
-
-        External files are the files of plug-ins: of the laws of the variant, and of the kernel if
-        it is not part of tdint. The source files of the kernel are these files and the files of all
-        modules that its object file depends on (`closure`). The position in the source files is
-        determined as follows:
+        output of numba, otherwise the last line; empty without output. External files are the files
+        of plug-ins: of the laws of the variant, and of the kernel if it is not part of tdint. The
+        source files are these files and the files of all modules that the object file depends on
+        (`closure`). The position is determined as follows:
 
         1. If the message reports an undefined name, numba gives no position. The position is the
-           first line that uses the name. The external files are searched first.
-        2. Otherwise, the position is read from the output. The lines after the last "Failed in
-           nopython" are searched first, from the first to the last. Then all lines of the output
-           are searched, from the last to the first. The result is the first position that is found
-           in an external file, or otherwise the first position in any source file.
-        3. If no position is found and there are external files, the position is an external file
-           without a line: the file of the kernel, or otherwise the file of the last law. The
-           position is omitted if the message contains the name of an external file.
-
-        Parameters
-        ----------
-        text : list of str
-            Lines of the standard error output of the process.
-
-        Returns
-        -------
-        str
-            `FILE:LINE: message`, `FILE: message` if the line is unknown, or only the message.
-            Empty if the output contains no message.
+           first line that uses the name, in the external files first.
+        2. Otherwise, the lines after the last "Failed in nopython" are searched, then all lines of
+           the output, from the last to the first. A position in an external file is preferred.
+        3. If no position is found, the position is an external file without a line, the file of the
+           kernel before that of a law, unless the message contains the name of an external file.
         """
         failures = [i for i, line in enumerate(text) if "Failed in nopython" in line]
         lines_after = text[-1:]
@@ -149,23 +131,21 @@ class Compilation:
         if not message:
             return ""
         external_files = [Path(file) for _, file in self.plugins.values()]
-        # `request[1]` is the file of a kernel that is not part of tdint.
+        # The file of a kernel that is not part of tdint
         if self.request[1]:
             external_files.append(Path(self.request[1]))
         files = list(external_files)
         files += [
             file for file in closure(self.module, self.variant.laws).values() if file not in files
         ]
-        # Case 1: `undefined[1]` is the undefined name.
+        # Case 1
         if undefined := _MISSING.search(message):
             position = next(
                 (f"{file}:{line}" for file in files if (line := _line_of(undefined[1], file))), ""
             )
         else:
-            # Case 2: `match[1]` is the name of a file without its directory, `match[2]` the line.
-            # `text[::-1]` contains all lines, from the last to the first.
-            # If several files have the same name, the first file is used: `reversed` lets the
-            # first file overwrite the others.
+            # Case 2. If several files have the same name, the first file is used: `reversed` lets
+            # the first file overwrite the others.
             files_by_name = {file.name: file for file in reversed(files)}
             matches = filter(None, map(_POSITION.search, (*lines_after, *text[::-1])))
             positions = [
@@ -179,17 +159,15 @@ class Compilation:
             position = next(
                 (f"{file}:{line}" for file, line in [*external_positions, *positions]), ""
             )
-        # Case 3: the last file is the file of the kernel, if the kernel is not part of tdint.
+        # Case 3
         if not position and not any(str(file) in message for file in external_files):
             position = str(external_files[-1]) if external_files else ""
         return f"{position}: {message}" if position else message
 
 
 def _line_of(name: str, file: Path) -> int:
-    """Return the first line of a source file that reads the variable `name`; 0 if no line reads it.
-
-    Assignments to the variable and attributes with this name (`module.name`) are ignored. The
-    result is also 0 for a file that is not a Python source file.
+    """Return the first line of a source file that reads the variable `name`; 0 if no line reads it,
+    or for a file that is not a Python source file.
     """
     if file.suffix != ".py":
         return 0
@@ -205,9 +183,8 @@ class _Process:
     is compiled once."""
 
     def __init__(self, settings: Mapping[str, str]) -> None:
-        """Start the process, and a thread that reads its error output.
-
-        `settings` contains the environment variables of the process (`Compilation.settings`).
+        """Start the process with the environment variables `settings`, and a thread that reads its
+        error output.
 
         Raises
         ------
@@ -228,8 +205,8 @@ class _Process:
                 "PYTHONHASHSEED": "0",  # equal object code: numba iterates over sets of names
             },
         )
-        # A thread reads the error output, so that the process never waits for a full pipe. A
-        # temporary file would need a writable directory.
+        # The process must never wait for a full pipe. A temporary file would need a writable
+        # directory.
         self._reader = ThreadPoolExecutor(1)
         try:
             self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
@@ -239,8 +216,6 @@ class _Process:
 
     def compile(self, compilation: Compilation) -> list[bytes]:
         """Compile a kernel in the process; return the contents of the object file for each target.
-
-        The object files are in the order of `compilation.targets`.
 
         Raises
         ------
@@ -253,8 +228,7 @@ class _Process:
             requests.flush()
         except OSError:  # the process has ended, and its output contains the reason
             pass
-        # Output of `tdint.kernels.build`: an object for each target, or fewer objects after a
-        # failure.
+        # An object for each target, or fewer objects after a failure
         objects = self._pipe(self._process.stdout)
         packed: list[bytes] = []
         while len(packed) < len(compilation.targets) and (size_of_object := objects.readline()):
@@ -275,8 +249,8 @@ class _Process:
         """Kill the process, and close its pipes and the thread that reads its error output."""
         self._process.kill()
         self._reader.shutdown()
-        # Leaving the context of the process closes the pipes. An OSError is ignored: it reports
-        # that a request in the buffer cannot be delivered to a process that has ended.
+        # Leaving the context of the process closes the pipes. An OSError reports that a request in
+        # the buffer cannot be delivered to a process that has ended.
         with suppress(OSError), self._process:
             pass
 
@@ -290,20 +264,15 @@ class _Process:
 def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
     """Return the compilations of kernels for named targets; targets with equal optimization are
     combined.
-
-    Parameters
-    ----------
-    requested : iterable of (Compilable, Variant, str)
-        Kernel, variant and name of the target (see `tdint.kernels.building.target.named`).
     """
     groups: dict[Any, dict[str, Target]] = {}
     for kernel, variant, name in requested:
         target = named(name)
-        # Targets with an equal value of `optimization` share a compilation by numba. A vectorized
-        # kernel is optimized for the processor of the target. A kernel that is not vectorized has
-        # the same code for all processors, so that its targets share the value None. The target of
-        # this machine does not share it: its object file is written by the code generator of numba,
-        # which generates code for the processor in the settings of the process (NUMBA_CPU_NAME).
+        # A vectorized kernel is optimized for the processor of the target. A kernel that is not
+        # vectorized has the same code for all processors, so that its targets share the value None.
+        # The target of this machine does not share it: its object file is written by the code
+        # generator of numba, which generates code for the processor in the settings of the process
+        # (NUMBA_CPU_NAME).
         optimization = target.optimized_for if kernel.vectorized or target == native() else None
         groups.setdefault((kernel, variant, optimization), {})[name] = target
     return [
@@ -313,22 +282,9 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
     """Run one process for each processor in parallel, and yield each compilation with its object
-    files when it is completed.
+    files (one for each target) when it is completed.
 
     Each process is controlled by a thread, which takes the next compilation from a common list.
-
-    Parameters
-    ----------
-    compilations : sequence of Compilation
-        Kernels to compile, in any order.
-
-    Yields
-    ------
-    compilation : Compilation
-        Completed compilation, in the order of completion.
-    objects : list of bytes
-        Contents of the object files with the compiled code of the kernel: one file for each target
-        of the compilation, in the order of `compilation.targets`.
 
     Raises
     ------
@@ -354,7 +310,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
                         raise _nothing_started(compilations[0], error) from None
                     break
             for _ in compilations:
-                # `packed` is the list of object files, or the exception that ended the compilation.
+                # Object files, or the exception that ended the compilation
                 compilation, packed = processes.done.get()
                 if isinstance(packed, BaseException):
                     raise packed
@@ -387,8 +343,7 @@ class _ProcessPool:
     def __init__(self, compilations: Sequence[Compilation]) -> None:
         """Sort the compilations by their estimated time, the longest first; start no process yet.
 
-        The estimate is the size of the sources of the kernel (`size`). A long compilation that
-        starts last would delay the end, while the other processes are idle.
+        A long compilation that starts last would delay the end, while the other processes are idle.
         """
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
         self._lock = Lock()
@@ -403,14 +358,14 @@ class _ProcessPool:
         """Compile the waiting kernels with one process at a time, until no kernel is left.
 
         Each thread of `run_all` calls this function. A kernel with other settings requires a new
-        process. After an error the function ends; the error is added to the queue `done`.
+        process. An error ends the function and is added to the queue `done`.
         """
         process, compilation = None, None
         while compilation := self._next(compilation):
             try:
                 if process is None or process.settings != compilation.settings:
-                    # If `_start` fails, `process` is still the ended process. The second call of
-                    # `_end` has no effect on an ended process.
+                    # If `_start` fails, `process` is still the ended process; `_end` then has no
+                    # effect.
                     self._end(process)
                     process = self._start(compilation)
                     if process is None:
@@ -438,16 +393,16 @@ class _ProcessPool:
 
         The longest compilation of the first of these groups that is not empty is selected:
 
-            1. the same settings and the same module as `previous`: the process of the thread
-               compiles it, and compiles code that both kernels share only once
-            2. the same settings, of a module that no other process is compiling; if no waiting
-               compilation has the same settings, any settings
-            3. all waiting compilations
+        1. the same settings and the same module as `previous`: the process of the thread compiles
+           code that both kernels share only once
+        2. the same settings, of a module that no other process is compiling; if no waiting
+           compilation has the same settings, any settings
+        3. all waiting compilations
         """
         with self._lock:
             if previous:
                 self._modules_in_progress.remove(previous.module)
-            # `_waiting` and the selected lists are sorted from the longest to the shortest.
+            # The lists are sorted from the longest to the shortest.
             same_settings = [
                 waiting
                 for waiting in self._waiting

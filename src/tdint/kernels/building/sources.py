@@ -50,18 +50,11 @@ _QUOTES = b'"' * 3  # begins and ends a docstring
 
 @cache
 def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
-    """Return the hash of the sources of a kernel: of its module and of all modules that it imports.
+    """Return the hash of the sources of a kernel, 12 hexadecimal digits: of its module and of all
+    modules that it imports.
 
     The hash is part of the name of an object file, so that a kernel is compiled again after a
-    change. It has 12 hexadecimal digits. The result is cached.
-
-    Parameters
-    ----------
-    kernel : str
-        Name of the kernel, `package.module:function`.
-    laws : tuple of str
-        Names of the drift laws for which the kernel is compiled. The modules of other laws are
-        ignored. Empty for all laws.
+    change. The modules of other laws than `laws` are ignored; empty for all laws.
     """
     hash_value = hashlib.sha256()
     for name, file in sorted(closure(kernel.partition(":")[0], laws).items()):
@@ -99,35 +92,25 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     (_COMPILING), which affect the object file. Imports of other modules of `building` (_BUILDING)
     are ignored, because a change of these modules does not require a new compilation.
 
-    For a module of tdint, the source file follows from its name. For a module of a plug-in and the
-    modules that it imports, it is the file from which the module was loaded. The module of a law of
-    tdint has the name of the law, with underscores instead of hyphens. The dictionary OUTSIDE
-    contains the module of each law of a plug-in, by the name of the law.
-
-    Parameters
-    ----------
-    laws : tuple of str
-        Names of the drift laws for which the kernel is compiled; the modules of other laws are
-        omitted. Empty for all laws.
+    The file of a module of a plug-in is the file from which the module was loaded. The modules of
+    other laws than `laws` are omitted; empty for all laws.
     """
-    # Modules in the package _LAWS that the kernel needs: the module `law`, which declares the types
-    # of laws, and the module of each law in the argument `laws`.
+    # The module `law` declares the types of laws; the module of a law has its name.
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
     queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while queue:
         name = queue.pop()
         file = _file(name)
-        # A name without a file is a function or constant of a module, not a module.
+        # A name without a file is a function or constant of a module.
         if name in files or file is None:
             continue
         files[name] = file
-        # Imports of a module of tdint are found by a fast search in the text (second result of
-        # `_read`). The files of plug-ins can import in any form and are parsed (`_imported`).
+        # Imports of a module of tdint are found by a fast search in the text. The files of plug-ins
+        # can import in any form and are parsed.
         imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
         for imported in imports:
-            # The package _LAWS imports the modules of all laws of tdint. If `laws` is not empty,
-            # only the modules in `law_modules` are used.
+            # The package _LAWS imports the modules of all laws of tdint.
             is_other_law = laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules
             if not imported.startswith(_BUILDING) and not is_other_law:
                 queue.append(imported)
@@ -207,15 +190,9 @@ def laws_in(module: ModuleType) -> Iterator[DriftLaw]:
 def module_of_law(law: DriftLaw, modules: Iterable[str]) -> str:
     """Return the name of the first module that contains a law, for the dictionary OUTSIDE.
 
-    Without such a module, the first name is returned, and the law cannot be compiled.
-
-    Parameters
-    ----------
-    law : DriftLaw
-        Law of a plug-in.
-    modules : iterable of str
-        Names of modules, or empty names: the module of the functions of the law, which depends on
-        the fewest other modules, and the module of the plug-in that lists the law.
+    `modules` contains the module of the functions of the law, which depends on the fewest other
+    modules, and the module of the plug-in that lists the law; names can be empty. If neither
+    contains the law, the first name is returned, and the law cannot be compiled.
     """
     first, *others = modules
     for name in (first, *others):
@@ -229,17 +206,16 @@ def module_of_law(law: DriftLaw, modules: Iterable[str]) -> str:
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return the SHA-256 of a source file, and the modules of kernels and methods that it imports.
 
-    The hash is binary. Docstrings and comments of tdint are not hashed; the files of plug-ins may
-    contain any string and are hashed completely. A name in the result can also be a function or
-    constant of a module, because the text of an import does not distinguish them; `_own_file`
-    returns None for such a name.
+    Docstrings and comments of tdint are not hashed; the files of plug-ins may contain any string
+    and are hashed completely. A name in the result can also be a function or constant of a module,
+    because the text of an import does not distinguish them.
     """
     text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout on Windows can contain CR LF
     names: list[str] = []
     for package, imported_names in _IMPORT.findall(text):
         base = package.decode()
         items = _COMMENT.sub(b"", imported_names).strip(b"() \t\r\n").split(b",")
-        # An imported name can be a module or a name in the module `base`; both are listed.
+        # An imported name can be a module or a name in the module `base`.
         names.append(base)
         names += [f"{base}.{item.split()[0].decode()}" for item in items if item.strip()]
     hashed = code_of_text(text) if file.is_relative_to(_PACKAGE) else text
@@ -267,12 +243,8 @@ def code_of_text(text: bytes) -> bytes:
 def _imported(file: Path, module: str) -> tuple[str, ...]:
     """Return the names of the modules that an external module (a plug-in) imports.
 
-    The standard library, NumPy, SciPy and numba are omitted. Imports at any indentation are
-    included. For `from base import name`, both `base` and `base.name` are returned, because the
-    name can be a module. A name of `tdint.plugin` is replaced by the module that defines it.
-
-    `module` is the name of the module, which has been imported; relative imports refer to its
-    package.
+    For `from base import name`, both `base` and `base.name` are returned, because the name can be a
+    module. A name of `tdint.plugin` is replaced by the module that defines it.
     """
     if file.suffix != ".py":  # a compiled module has no imports that can be read
         return ()
@@ -290,8 +262,6 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
             if base != _PUBLIC or any(alias.name == "*" for alias in node.names):
                 names.append(base)
             names += [f"{base}.{alias.name}" for alias in node.names]
-    # A public name is replaced by the module that defines it, or by all such modules if the
-    # complete public module is imported (`import tdint.plugin`, `from tdint.plugin import *`).
     homes, resolved = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")

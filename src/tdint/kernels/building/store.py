@@ -63,24 +63,14 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
 def find_object(
     name: str, variant: str, targets: tuple[Target, ...]
 ) -> tuple[Path, bytes, str] | None:
-    """Return the path of the object file of a kernel, its code, and the name of its function.
+    """Return the path of the object file of a kernel, its code, and the name of its function; None
+    without an object file.
 
-    The first directory with a valid object file for a target is used. If this directory contains
-    object files for several targets, the first of these targets is used. Without an object file in
-    any directory, None is returned.
-
-    Corrupt files are ignored. In the cache, files of other users are also ignored, except files of
-    the owner of the package.
-
-    Parameters
-    ----------
-    variant : str
-        Features that the compiled code supports, as text (`Variant.text`).
-    targets : tuple of Target
-        Processors of one platform, in order of preference.
+    The first directory with a valid object file for a target is used, and in it the first of the
+    targets, which are processors of one platform in order of preference. Corrupt files are ignored.
+    In the cache, files of other users are also ignored, except files of the owner of the package.
+    `variant` is the text of the variant.
     """
-    # Each directory is a pair: path, and True for the cache. `filter(None, ...)` skips the results
-    # None of directories without object file.
     directories = _search_path(targets[0].platform)
     return next(
         filter(None, (_find_in(*directory, name, variant, targets) for directory in directories)),
@@ -100,40 +90,24 @@ def origin(file: Path) -> str:
 
 
 def has(name: str, variant: str, target: Target, directory: Path | None = None) -> bool:
-    """Return True if a directory contains a valid object file of a kernel.
+    """Return True if a directory (default: the cache of this user) contains a valid object file of
+    a kernel.
 
-    Only this directory is searched. In the cache, files of other users are ignored, except files of
-    the owner of the package. False is returned if there is no cache. A file that is found in the
-    cache is regarded as used: its modification time is updated, at most once a day.
-
-    Parameters
-    ----------
-    variant : str
-        Features that the compiled code supports, as text (`Variant.text`).
-    target : Target
-        Processor.
-    directory : Path, optional
-        Shared directory (a value of TDINT_KERNELS_DIR). Default: cache of this user.
+    A file that is found in the cache is regarded as used: its modification time is updated, at most
+    once a day.
     """
     root = directory or cache_home()
     if root is None:
         return False
-    # The second argument is True for the cache: files of other users are then ignored.
+    # True for the cache: files of other users are ignored.
     return bool(
         _find_in(root / folder_name(target.platform), directory is None, name, variant, (target,))
     )
 
 
 def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
-    """Yield the directories that are searched for object files, in order.
-
-    These are the shared directory (TDINT_KERNELS_DIR), the cache of the user and the directory of
-    the package.
-
-    Yields
-    ------
-    Path, bool
-        Directory, and True if files of other users are ignored in it (the cache).
+    """Yield the directories that are searched for object files, in order, each with True if files
+    of other users are ignored in it (the cache).
 
     Raises
     ------
@@ -157,16 +131,7 @@ def _find_in(
 ) -> tuple[Path, bytes, str] | None:
     """Return path, code and function name of the object file of a kernel in a directory, or None.
 
-    The modification time of a used file is updated, at most once a day, if `check` is True.
-
-    `directory` is the directory with object files for one platform; it need not exist. `variant`
-    contains the features that the compiled code supports, as text (`Variant.text`).
-
-    Returns
-    -------
-    (Path, bytes, str) or None
-        Path of the file, compiled code, and name of the function in the code. None if no target has
-        a valid object file.
+    The directory need not exist. If `check` is True (the cache), files of other users are ignored.
     """
     for target in targets:
         path = directory / file_name(name, variant, target)
@@ -180,8 +145,8 @@ def _find_in(
                 code, description = unpack(stream.read())
         except (OSError, ValueError):
             continue
-        # Use the object if its description contains the expected identity. The modification time is
-        # updated at most once a day; files that are not used for a month are removed.
+        # Files that are not used for a month are removed; the modification time is updated at most
+        # once a day.
         if description.items() >= identity(name, variant, target).items():
             if check and file.st_mtime < time.time() - _DAY:
                 with suppress(OSError):
@@ -193,24 +158,11 @@ def _find_in(
 def save(
     data: bytes, name: str, variant: str, target: Target, directory: Path | None = None
 ) -> Path | None:
-    """Write an object file atomically and return its path.
+    """Write an object file atomically and return its path; None if it cannot be written to the
+    cache of the user.
 
-    If the file cannot be written to the cache of the user, None is returned. After a file has been
-    written to the cache, files and directories of the cache that have not been used for _DAYS_KEPT
-    days are removed. A shared directory is never cleaned.
-
-    Parameters
-    ----------
-    data : bytes
-        Contents of the file.
-    name : str
-        Name of the kernel.
-    variant : str
-        Features that the compiled code supports, as text (`Variant.text`).
-    target : Target
-        Processor.
-    directory : Path, optional
-        Shared directory, for later use as TDINT_KERNELS_DIR. Default: cache of this user.
+    After a file has been written to the cache, files and directories of the cache that have not
+    been used for _DAYS_KEPT days are removed. A shared directory (`directory`) is never cleaned.
 
     Raises
     ------
@@ -224,8 +176,8 @@ def save(
     if cached := cache_subfolder(folder_name(target.platform)):
         with suppress(OSError):
             path = _write(data, cached / file_name(name, variant, target))
-            # Remove unused kernels of the current versions of compiler and Python, then unused
-            # directories of other versions. `remove_unused` ignores files that it cannot remove.
+            # Unused kernels of the current versions of compiler and Python, then unused directories
+            # of other versions
             remove_unused("*.object", _DAYS_KEPT, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
@@ -296,9 +248,7 @@ def file_name(name: str, variant: str, target: Target) -> str:
 def _write(data: bytes, path: Path) -> Path:
     """Write a file atomically, readable by all users, and return its path.
 
-    `data` are the contents of the file. A temporary file in the same directory is written and
-    renamed, so that other processes never read an incomplete file. The directory is created if
-    necessary. OSError is raised if it cannot be written to.
+    OSError is raised if the directory cannot be created or written to.
     """
     import tempfile
 

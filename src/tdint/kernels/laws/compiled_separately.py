@@ -45,21 +45,11 @@ if COMPILES:
 
     @inline
     def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
-        """Call the compiled kernel of a law at its address.
+        """Call the function with the number `hook` of a law (`_all_hooks`) at the address of its
+        kernel.
 
-        The kernel executes the function with the number `hook` of the law (`_all_hooks`). The
-        address is stored as a float64 in the table of law states. This is exact because addresses
-        have at most 48 bits.
-
-        `x` is the last argument of the function: drift (m) for `force`, event for `switch`,
-        otherwise 0.
-
-        Returns
-        -------
-        float
-            Result of the function: the tangent stiffness (N/m) for `force`, the energy (J) for
-            `strain_energy` and `hysteretic_energy`, and 0 for `keep`, `enter` and `switch`, which
-            only change `law_state`.
+        The address is stored as a float64 in the table of law states. This is exact because
+        addresses have at most 48 bits.
         """
         return _call_at(int(address), hook, law_parameters, law_state, i, previous, trial, x)
 
@@ -87,12 +77,8 @@ else:
 
 @inline
 def _force(law_parameters, law_state, i, previous, trial, drift):
-    """Compute the force of a separately compiled law at a drift; return the tangent stiffness, N/m.
-
-    The force and the other rows of the new state are written to block `trial`. The compiled code of
-    the law is called at the address in row ADDRESS of the table of law states.
-
-    `drift` is the drift, m.
+    """Compute the force of a separately compiled law at a drift; return the tangent stiffness,
+    N/m.
     """
     return _call(
         law_state[rows.ADDRESS, i], _FORCE, law_parameters, law_state, i, previous, trial, drift
@@ -101,12 +87,7 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
 
 @inline
 def _strain_energy(law_parameters, law_state, i):
-    """Return the strain energy of the separately compiled law of story `i`, J.
-
-    The compiled code of the law is called at the address in row ADDRESS of the table `law_state`.
-    It receives `law_parameters`, `law_state` and `i`. The last three arguments of `_call` (two
-    blocks and x) are 0, because the function concerns the committed state only.
-    """
+    """Return the strain energy of the separately compiled law of story `i`, J."""
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -114,12 +95,7 @@ def _strain_energy(law_parameters, law_state, i):
 
 @inline
 def _hysteretic_energy(law_parameters, law_state, i):
-    """Return the dissipated energy of the separately compiled law of story `i`, J.
-
-    The compiled code of the law is called at the address in row ADDRESS of the table `law_state`.
-    It receives `law_parameters`, `law_state` and `i`. The last three arguments of `_call` (two
-    blocks and x) are 0, because the function concerns the committed state only.
-    """
+    """Return the dissipated energy of the separately compiled law of story `i`, J."""
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -127,38 +103,19 @@ def _hysteretic_energy(law_parameters, law_state, i):
 
 @inline
 def _keep(law_parameters, law_state, i, previous, trial):
-    """Commit the rows of a trial state that are specific to a separately compiled law.
-
-    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    The last argument, 0, is not used.
-    """
+    """Commit the rows of a trial state that are specific to a separately compiled law."""
     _call(law_state[rows.ADDRESS, i], _KEEP, law_parameters, law_state, i, previous, trial, 0.0)
 
 
 @inline
 def _enter(law_parameters, law_state, i):
-    """Set the first branch of story `i` with a separately compiled law.
-
-    The compiled code of the law is called at the address in row ADDRESS of the table `law_state`.
-    It receives `law_parameters`, `law_state` and `i`. The last three arguments of `_call` (two
-    blocks and x) are 0, because the function concerns the committed state only.
-    """
+    """Set the first branch of story `i` with a separately compiled law."""
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
 
 @inline
 def _switch(law_parameters, law_state, i, block, event):
-    """Set the branch that follows the current branch, for a separately compiled law.
-
-    The compiled code of the law is called at the address in row ADDRESS of the table of law states.
-    The argument 0 between `block` and `event` is not used.
-
-    Parameters
-    ----------
-    event : float
-        Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
-        below the lower limit) or REVERSED (the drift rate changes its sign).
-    """
+    """Set the branch that follows the current branch, for a separately compiled law."""
     _call(law_state[rows.ADDRESS, i], _SWITCH, law_parameters, law_state, i, block, 0, event)
 
 
@@ -180,8 +137,8 @@ SEPARATE_LAW_FUNCTIONS = branch_first(
 call."""
 
 
-# Placeholders for the functions of one law, which `_all_hooks` calls. For each law, `_kernel`
-# creates a copy of `_all_hooks` with these names replaced by the functions of the law.
+# Placeholders for the functions of one law. For each law, `_kernel` creates a copy of `_all_hooks`
+# with these names replaced by the functions of the law.
 force: Any = None
 strain_energy: Any = None
 hysteretic_energy: Any = None
@@ -191,27 +148,12 @@ switch: Any = None
 
 
 def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
-    """Execute one function of a law, selected by its number.
+    """Execute one function of a law, selected by its number; return the tangent stiffness (N/m) or
+    the energy (J), 0 for functions without a result.
 
     This is the only kernel of a separately compiled law, so that one address per law is sufficient.
-    `force`, `strain_energy` and the other functions that are called here are placeholders:
-    `_kernel` creates a copy of this function for each law, with the functions of the law.
-
-    `x` is the last argument of the function: drift (m) for `force`, event for `switch`, otherwise
-    0.
-
-    Parameters
-    ----------
-    previous, trial : int
-        First rows of the blocks of `law_state` with the states at the start and at the end of the
-        path, for `force` and `keep`. For `switch`, `previous` is the block with the state that
-        changes its branch. The other functions do not use these arguments.
-
-    Returns
-    -------
-    float
-        Tangent stiffness (N/m) that `force` returns; energy (J) that an energy function returns; 0
-        for the functions without a result.
+    `x` is the drift (m) for `force`, the event for `switch`, otherwise 0. For `switch`, `previous`
+    is the block with the state that changes its branch.
     """
     if hook == _FORCE:
         return force(law_parameters, law_state, i, previous, trial, x)
@@ -230,11 +172,8 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 
 @cache
 def _kernel(code: int) -> Kernel:
-    """Return the kernel with all functions of the law with number `code`.
-
-    It is a copy of `_all_hooks`, which calls placeholders (`force`, `strain_energy` and the further
-    names in `_HOOKS`). The copy has the name of the law. Its namespace defines the placeholders as
-    the functions of the law. The result is cached: each law has one kernel per process.
+    """Return the kernel with all functions of the law with number `code`: a copy of `_all_hooks`
+    whose namespace defines the placeholders. Each law has one kernel per process.
     """
     functions = LAWS[code].functions()
     namespace = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
@@ -287,14 +226,8 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a new table of law states filled with zeros, except for the addresses of separately
     compiled laws and the values that mark a failed law.
 
-    The function compiles the laws that are not yet compiled.
-
-    Returns
-    -------
-    ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra_rows, columns)
-        States of the laws. EXTRA_ROWS is the number of rows that all laws have: the blocks of the
-        committed state and of the trial states, and the address. Each of the LAW_STATE_BLOCKS
-        blocks then has extra_rows further rows, the maximum of `DriftLaw.extra_rows` of the laws.
+    The function compiles the laws that are not yet compiled. After EXTRA_ROWS rows, the table has
+    further rows for each block, the maximum of `DriftLaw.extra_rows` of the laws.
     """
     codes = law_parameters[rows.CODE].astype(int)
     used_codes = _used_codes(law_parameters)
@@ -302,7 +235,7 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     law_state = np.zeros(
         (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
     )
-    # Store the address of a law for all its columns. The row is a view of the table.
+    # The row is a view of the table.
     for code in used_codes:
         if LAWS[code].compiled_separately:
             law_state[rows.ADDRESS][codes == code] = _address(code)

@@ -80,11 +80,10 @@ def peak_oriented_switch(unloading_stiffness: Any, set_backbone: Any) -> Any:
                 law_state, i, block, slope, min(drift, zero_drift), max(drift, zero_drift), 0.0
             )
             return
-        # The branch ended in the direction of `event` (ABOVE is 1, BELOW is -1). Loading continues
-        # on that side, towards the point of maximum drift or on the backbone curve.
+        # ABOVE is 1, BELOW is -1: loading continues on the side of `event`.
         row = rows.HIGH_DRIFT if event > 0.0 else rows.LOW_DRIFT
         target = law_state[block + row, i]
-        # Reload if this point is not yet reached; 1e-12 covers rounding errors.
+        # 1e-12 covers rounding errors.
         if event * (target - drift) > 1e-12 * abs(target):
             law_state[block + rows.INTERNAL, i] = event * RELOADING
             slope = (law_state[block + row + 1, i] - force) / (target - drift)
@@ -98,44 +97,27 @@ def peak_oriented_switch(unloading_stiffness: Any, set_backbone: Any) -> Any:
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the peak-oriented law.
-
-    The backbone curve is bilinear. Unloading has the stiffness ku (`unloading_stiffness`), and
-    reloading is directed towards the point of maximum drift on the other side.
-    """
+    """Return the compiled functions of the peak-oriented law."""
     from tdint.kernels.compiling import inline
     from tdint.kernels.laws.branch_following import follow_branches, set_branch
 
     @inline
     def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """Return the unloading stiffness ku of one side, N/m.
-
-        It is the maximum of three values:
-
-            k (dy / dmax)^unloading                    degradation by the maximum drift
-            F / dmax                                   line from the point (dmax, F) to the origin
-            k min(1, hardening / (1 - unloading / 2))
-
-        with the initial stiffness k, the yield drift dy, the maximum drift dmax of the side, the
-        force F of the backbone curve at dmax, and the law parameters `hardening` and `unloading`.
-        The second and the third value are lower bounds that ensure that no branch creates energy;
-        the docstring of this module contains the proof. Before the first yielding, dmax is dy, and
-        the result is k.
+        """Return the unloading stiffness ku of one side, N/m, with the lower bounds of the
+        docstring of this module.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         unloading = law_parameters[_EXPONENT, i]
-        # Positive maximum drift of the side; LOW_DRIFT is negative. While the story yields, the
-        # current drift is the maximum drift.
+        # While the story yields, the current drift is the maximum drift.
         drift = law_state[block + rows.DRIFT, i]
         max_drift = (
             max(law_state[block + rows.HIGH_DRIFT, i], drift)
             if side > 0.0
             else -min(law_state[block + rows.LOW_DRIFT, i], drift)
         )
-        # `drift_ratio` is dy / dmax, and `to_origin` is F / (k dmax), because the bilinear backbone
-        # curve has the force F = hardening k dmax + (1 - hardening) k dy.
+        # dy / dmax, and F / (k dmax) with F = hardening k dmax + (1 - hardening) k dy
         drift_ratio = strength / (k * max_drift)
         to_origin = hardening + (1.0 - hardening) * drift_ratio
         return k * max(
@@ -144,27 +126,14 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy F^2 / (2 ku), J, released by unloading from force F to zero.
-
-        The unloading stiffness ku belongs to the side of the force F.
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
-        """
+        """Return the stored energy F^2 / (2 ku), J, released by unloading from force F to zero."""
         force = law_state[rows.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the limits of the first branch, elastic between the two yield points.
-
-        The yield points are also the points towards which reloading is directed as long as the
-        story has not yielded (rows HIGH_DRIFT to LOW_FORCE).
-        The caller has already set SLOPE to the initial stiffness and RATE_SIGN to 0 (valid in both
-        directions). FORCE and INTERNAL (type of the branch) are 0 at the start of a run.
-
-        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
-        the first rows of column `i` of `law_state`, is changed.
+        """Set the limits of the first branch, elastic between the two yield points, towards which
+        reloading is directed as long as the story has not yielded.
         """
         strength = law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]

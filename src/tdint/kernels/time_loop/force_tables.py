@@ -93,13 +93,9 @@ def initialize_lines(forces, points):
 
 @inline
 def _locate_step(forces, points, j, t, h):
-    """Return the position of the step [t, t + h] in table `j`.
-
-    Returns
-    -------
-    int, bool, float, float
-        Number of points until the start of the step. True if no point is inside the step. Start and
-        end of the step as fractions of the interval that contains the start; 0 outside the table.
+    """Return the position of the step [t, t + h] in table `j`: the number of points until its
+    start, True if no point is inside, and start and end as fractions of the interval that contains
+    the start (0 outside the table).
     """
     tolerance = _tolerance(t + h, h)
     count = int(forces[j, rows.POINTS])
@@ -139,8 +135,8 @@ def _fit_line(forces, points, j, t, h):
     count = int(forces[j, rows.POINTS])
     k = int(forces[j, rows.NEXT_POINT])
     last = t + h - _tolerance(t + h, h)  # points from this time on are not inside the step
-    # Sum the impulse and the first moment about the middle over the pieces. Times of this loop are
-    # relative to the start of the step.
+    # Impulse and first moment about the middle. Times of this loop are relative to the start of the
+    # step.
     impulse = moment = largest = begin = 0.0
     value = _before(forces, points, j, k, t)
     while True:
@@ -243,17 +239,13 @@ def _has_equal_times(forces, j, other):
 
 @outlined
 def start_step(scene, points, h, load, shifts, memory, seen):
-    """Fit the lines of all tables over a step and shift the state to their values at its start.
+    """Fit the lines of all tables over a step and shift the state to their values at its start;
+    return True if a table deviates from its line within the step (`Span.kinked`).
 
     The lines of the last step end, and those of this step start with different values. Velocities v
     and displacements do not change; the acceleration a of a loaded floor changes by the jump of the
     line, divided by the mass. In the totals, the power of the forces p v and its rate p' v + p a
     change, and the rates of the powers of dampers, which are linear in a.
-
-    Returns
-    -------
-    bool
-        True if a table deviates from its line within the step (`Span.kinked`).
     """
     forces, state = scene.forces, memory.state
     observer_state, totals = seen.observer_state, seen.totals
@@ -320,7 +312,7 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
     linear_terms, _, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
     ground = load[rows.GROUND_0]
-    below = 0.0  # jump of the acceleration of the floor below
+    below = 0.0  # of the floor below
     for i in range(linear_terms.shape[1] - 1):
         jump = observer_state[rows.ACCELERATION_JUMP, i]
         for row in range(shifts.shape[0]):
@@ -345,7 +337,7 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
             * (jump - linear_terms[rows.LINK, i] * below)
         )
         below = jump
-    # START_FORCE contains the tables only; add the power of the harmonic forces.
+    # START_FORCE contains the tables only.
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] == 0.0:
             totals[rows.RATE_INPUT] += (
