@@ -70,8 +70,6 @@ def draw(
     ----------
     rows : sequence of sequence
         Values of each row, in the order of `columns`. None is an empty cell.
-    width : int
-        Width of the screen in characters.
     units : mapping, optional
         Unit of each column name. The default unit is 1.
     """

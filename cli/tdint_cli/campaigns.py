@@ -182,8 +182,6 @@ class Profiles:
 
         Parameters
         ----------
-        plan : Plan
-            Buildings, motions and settings of the campaign.
         floors : sequence of FloorSuite
             Floor spectra of the suite; empty by default.
         """
@@ -379,12 +377,6 @@ def execute_campaign(
 
     Parameters
     ----------
-    plan : Plan
-        Buildings, motions and settings of the campaign.
-    engine : Engine
-        Executes the runs.
-    request : SuiteRequest
-        Common options of the command line.
     shard : Shard, optional
         Part of the campaign to execute. By default, the complete campaign.
     max_runs : int, optional
@@ -523,13 +515,6 @@ def _report_progress(advance: Advance) -> None:
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     """Report the default treatment of component pairs, unless the user has selected a treatment.
 
-    Parameters
-    ----------
-    plan : Plan
-        Buildings, motions and settings of the campaign.
-    request : SuiteRequest
-        Common options of the command line.
-
     Raises
     ------
     UsageError
@@ -551,13 +536,7 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
 
 
 def warn_of_plan(plan: Plan) -> None:
-    """Warn of unusual values of the buildings first, then of assumptions on the motions.
-
-    Parameters
-    ----------
-    plan : Plan
-        Buildings, motions and settings of the campaign.
-    """
+    """Warn of unusual values of the buildings first, then of assumptions on the motions."""
     warn(*plan.warnings)
     warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
 
@@ -573,8 +552,6 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     ----------
     folder : Path or None
         Output directory; None without -o.
-    request : SuiteRequest
-        Common options of the command line.
 
     Raises
     ------
@@ -602,25 +579,13 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 
 
 def unfinished(store: Store) -> str:
-    """Return the number of finished runs as text, or an empty text if all runs are done.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    """
+    """Return the number of finished runs as text, or an empty text if all runs are done."""
     run_count, done = int(store.meta("runs")), sum(store.statuses().values())
     return f"{done} of {pluralize(run_count, 'run')} are done" if done < run_count else ""
 
 
 def warn_unfinished(store: Store) -> None:
-    """Warn that the following results use only the finished runs, unless all runs are done.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
-    """
+    """Warn that the following results use only the finished runs, unless all runs are done."""
     if progress := unfinished(store):
         warn(f"{store.name}: {progress}; the following results use only these runs")
 
@@ -638,8 +603,6 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
 
     Parameters
     ----------
-    folder : Path
-        Output directory.
     stories, profiles : bool
         True if the campaign writes stories.csv and profiles.csv, respectively.
     overwrite : bool
@@ -671,12 +634,6 @@ def advance_with_bar(
 
     Parameters
     ----------
-    plan : Plan
-        Buildings, motions and settings of the campaign.
-    store : Store
-        Store of the results.
-    engine : Engine
-        Executes the runs.
     shard : Shard, optional
         Part of the campaign to execute. By default, the complete campaign.
     max_runs : int, optional
@@ -713,8 +670,6 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     ----------
     profiles : Profiles
         Store of the campaign, with the options of the command line.
-    folder : Path
-        Output directory.
     plan : Plan, optional
         Buildings, motions and settings of the campaign. Floor spectra, the report and intensity
         measures are written only with a plan.
@@ -785,13 +740,6 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
 
     Parquet files are written also if pyarrow is installed. They and the SimCenter file use SI
     units.
-
-    Parameters
-    ----------
-    profiles : Profiles
-        Store and options of the command line.
-    folder : Path
-        Output directory.
 
     Raises
     ------
@@ -958,11 +906,6 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
 def report_outcomes(store: Store) -> None:
     """Report the numbers of runs that failed, collapsed, were repeated, have no error estimate, or
     did not come to rest.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign.
     """
     from tdint.analysis.run.outcome import FAILED
     from tdint.campaign.store import FILE

@@ -39,8 +39,6 @@ class MapRequest:
 
         Parameters
         ----------
-        store : Store
-            Store of the campaign.
         by : str
             Column of the inventory; buildings with the same value form a district.
 
@@ -77,10 +75,6 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
-    maps : MapRequest
-        Maps to write.
     by : str or None
         Column of the districts; None without a map of districts.
     complete : bool

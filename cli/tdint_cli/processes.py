@@ -69,11 +69,6 @@ class Workers(Generic[Result]):
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Result | Lost]]:
         """Yield the index and the outcome of each task, in the order of completion.
 
-        Parameters
-        ----------
-        tasks : sequence of Task
-            Tasks to which the function is applied.
-
         Raises
         ------
         Exception

@@ -256,8 +256,6 @@ def counted(
 
     Parameters
     ----------
-    items : iterable
-        Items to process.
     to_terminal : bool
         True if the data are written to standard output.
     """

@@ -111,8 +111,6 @@ class CsvTable:
 
         Parameters
         ----------
-        name : str
-            Name of the column.
         empty : bool
             True (the default) to allow empty cells; otherwise an empty cell is an error.
         """
@@ -146,8 +144,6 @@ class CsvTable:
 
         Parameters
         ----------
-        name : str
-            Name of the column.
         empty : bool
             True to return nan for empty cells; by default they are errors.
         positive : bool
@@ -197,8 +193,6 @@ class CsvTable:
 
         Parameters
         ----------
-        name : str
-            Name of the column.
         valid : iterable of bool
             For each row, True if the cell is valid.
         requirement : str
@@ -213,8 +207,6 @@ class CsvTable:
 
         Parameters
         ----------
-        name : str
-            Name of the column.
         empty : bool
             True (the default) to allow empty cells; otherwise an empty cell is an error.
         """

@@ -104,8 +104,6 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
         Path, or `-` for standard input.
     most : int
         Maximum size, bytes.
-    error : type
-        Type of the exception.
 
     Raises
     ------
@@ -141,8 +139,6 @@ def read_whole(
     ----------
     source : str or Path
         Path, or `-` for standard input.
-    error : type
-        Type of the exceptions.
     messages : mapping of type to str
         Messages for exceptions of the operating system, by the type of the exception. Other
         exceptions are reported with the message of the operating system.
@@ -246,8 +242,6 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
 
     Parameters
     ----------
-    files : iterable of Path
-        All outputs of a command.
     overwrite : bool
         Allow to replace existing files.
 
@@ -465,8 +459,6 @@ def check_disk_space(file: Path, least: float) -> None:
 
     Parameters
     ----------
-    file : Path
-        File that will be written.
     least : float
         Minimum free space of its disk, bytes.
 

@@ -104,11 +104,6 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     text : str
         Lines in the form NAME: TEXT, separated by semicolons: `Project: Bridge 7; Author: A. B.`.
 
-    Returns
-    -------
-    tuple of (str, str)
-        Name and text of each line.
-
     Raises
     ------
     UsageError

@@ -138,8 +138,6 @@ def is_trusted(file: os.stat_result, trusted_user: int) -> bool:
 
     Parameters
     ----------
-    file : os.stat_result
-        Status of the file.
     trusted_user : int
         Identifier of a user that is trusted in addition to the current user and root.
     """
@@ -352,8 +350,6 @@ def is_running(process: int, start: int) -> bool:
 
     Parameters
     ----------
-    process : int
-        Identifier of the process.
     start : int
         Start time of the process from `process_start`, which distinguishes it from a later process
         with the same identifier; 0 if unknown. If the system does not report whether the process is
@@ -415,11 +411,6 @@ def die_with_parent(parent: int) -> None:
 
 def spawn_detached(arguments: list[str], folder: Path) -> None:
     """Start a program with low priority that continues when this process ends, without output.
-
-    Parameters
-    ----------
-    folder : Path
-        Working directory of the program.
 
     Raises
     ------

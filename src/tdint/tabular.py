@@ -41,8 +41,6 @@ def import_optional(package: str, purpose: str, extra: str = "notebook") -> Any:
         Name of the module to import.
     purpose : str
         Option or method that requires the package, for the message.
-    extra : str
-        Extra of tdint that installs the package.
 
     Raises
     ------
@@ -178,11 +176,6 @@ class Tabular:
         """Write the table in SI units as a Parquet file with the units of the columns as metadata.
 
         An existing file is replaced.
-
-        Parameters
-        ----------
-        file : str or Path
-            Name of the file, ending in .parquet.
 
         Raises
         ------

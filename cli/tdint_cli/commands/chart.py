@@ -133,8 +133,6 @@ class Request(options.record.RecordRequest):
 
         Parameters
         ----------
-        model : str
-            Model file.
         record : str or None
             Record file; None if the command line specifies no record.
         """

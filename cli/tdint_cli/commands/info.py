@@ -172,11 +172,6 @@ def _exported_files(request: Request) -> list[Path]:
 def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     """Write the processed ground motions to the file of --export, and their JSON file.
 
-    Returns
-    -------
-    tuple of str
-        Notes about the export; empty without --export.
-
     Raises
     ------
     UsageError

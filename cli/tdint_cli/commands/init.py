@@ -242,11 +242,6 @@ def _laws(request: Request) -> list[FittedLaw]:
 
     `request` contains the options of the command line, with --from-pushover and --weights.
 
-    Returns
-    -------
-    list of FittedLaw
-        Law of each story, from the ground up.
-
     Raises
     ------
     UsageError

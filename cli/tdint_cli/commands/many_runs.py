@@ -40,8 +40,6 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
     Parameters
     ----------
-    request : Request
-        The options of the command line.
     records : tuple of str
         The record files; if empty, the record of the model is used.
 

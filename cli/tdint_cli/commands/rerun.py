@@ -167,11 +167,6 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
 
     `changed` is True to allow changed inputs, and warn of them.
 
-    Returns
-    -------
-    dict of str to str
-        Message about each changed input, by its name.
-
     Raises
     ------
     UsageError

@@ -27,11 +27,6 @@ def _ranges(
 
     `ctx` and `parameter` are the arguments of a click callback; not used.
 
-    Returns
-    -------
-    dict of str to (float, float)
-        Low and high value of each parameter.
-
     Raises
     ------
     UsageError

@@ -70,8 +70,6 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 
     Parameters
     ----------
-    request : TablesRequest
-        The options of the command line.
     table_type : TableType
         The type of table, such as elastic spectra.
 

@@ -85,34 +85,14 @@ class TableType(Protocol):
     mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation.
-
-        Parameters
-        ----------
-        request : Any
-            Options of the command line.
-        """
+        """Raise UsageError for options that cannot be used together, before any computation."""
 
     def gather(self, request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
-        """Group the files by record; by default each file is a separate record.
-
-        Parameters
-        ----------
-        request : Any
-            Options of the command line.
-        files : sequence of str
-            Names of the files.
-        """
+        """Group the files by record; by default each file is a separate record."""
         return [(file,) for file in files]
 
     def compute(self, request: Any, records: Sequence[Record]) -> Results:
-        """Compute the results of the components of one record.
-
-        Parameters
-        ----------
-        request : Any
-            Options of the command line.
-        """
+        """Compute the results of the components of one record."""
 
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
         """Return the table of results; by default the columns that their class declares, with a row
@@ -120,8 +100,6 @@ class TableType(Protocol):
 
         Parameters
         ----------
-        request : Any
-            Options of the command line.
         lines : sequence
             Results of one record, from `compute`.
         """
@@ -132,8 +110,6 @@ class TableType(Protocol):
 
         Parameters
         ----------
-        request : Any
-            Options of the command line.
         lines : sequence
             Results, one for each line of the figure.
         """
@@ -144,8 +120,6 @@ class TableType(Protocol):
 
         Parameters
         ----------
-        request : Any
-            The options of the command line.
         interval : float
             Maximum sampling interval of all records, s.
         """
@@ -459,15 +433,7 @@ class Elastic(_OscillatorSpectra):
     )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the spectrum of each component for each damping ratio.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        records : sequence of Record
-            Components of one record.
-        """
+        """Compute the spectrum of each component for each damping ratio."""
         from tdint.analysis.spectra.elastic import spectrum
 
         periods = request.chosen_periods()
@@ -483,8 +449,6 @@ class Elastic(_OscillatorSpectra):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of Spectrum
             Spectra, one for each component and damping ratio.
         """
@@ -495,8 +459,6 @@ class Elastic(_OscillatorSpectra):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of Spectrum
             Spectra, one for each component and damping ratio.
         """
@@ -513,26 +475,13 @@ class Inelastic(_OscillatorSpectra):
     mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        """
+        """Raise UsageError for options that cannot be used together, before any computation."""
         if request.ductility and request.strength:
             raise UsageError("--ductility and --strength cannot be used together; omit one of them")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectrum of each component for each damping ratio and each ductility or
         strength.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        records : sequence of Record
-            Components of one record.
         """
         from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 
@@ -556,8 +505,6 @@ class Inelastic(_OscillatorSpectra):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of InelasticSpectrum
             Spectra, one for each component, damping ratio, and ductility or strength.
         """
@@ -570,15 +517,7 @@ class Fourier(TableType):
     mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the spectrum of each component.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        records : sequence of Record
-            Components of one record.
-        """
+        """Compute the spectrum of each component."""
         from tdint.analysis.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
@@ -588,8 +527,6 @@ class Fourier(TableType):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of FourierSpectrum
             Fourier spectra, one for each component.
         """
@@ -602,13 +539,7 @@ class Histories(TableType):
     mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        """
+        """Raise UsageError for options that cannot be used together, before any computation."""
         if request.history != BESIDE:
             raise UsageError(
                 f"--history {request.history}: --history must be given without a file, because the "
@@ -616,15 +547,7 @@ class Histories(TableType):
             )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the response of each oscillator for each damping ratio and each component.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        records : sequence of Record
-            Components of one record.
-        """
+        """Compute the response of each oscillator for each damping ratio and each component."""
         from tdint.analysis.spectra.elastic import oscillator_motion
 
         lines = [
@@ -649,11 +572,6 @@ class Rotated(_OscillatorSpectra):
         The order is the order of the first file of each ground motion. If only two files are given
         and each has a single horizontal component, they are one ground motion, whatever their
         names.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
         """
         from tdint.ground_motion.horizontals import USUAL, files_of_motions
 
@@ -674,8 +592,6 @@ class Rotated(_OscillatorSpectra):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         records : sequence of Record
             Components of one ground motion, two of which are horizontal.
         """
@@ -701,8 +617,6 @@ class Rotated(_OscillatorSpectra):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of RotatedSpectrum
             Spectra of one ground motion, one for each damping ratio.
         """
@@ -713,8 +627,6 @@ class Rotated(_OscillatorSpectra):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of RotatedSpectrum
             Spectra, one for each ground motion and damping ratio.
         """
@@ -730,11 +642,6 @@ class Against(TableType):
 
     def check(self, request: SpectrumRequest) -> None:
         """Check the options and the file of the published spectrum before any computation.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
 
         Raises
         ------
@@ -753,13 +660,6 @@ class Against(TableType):
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectra of each component for each damping ratio, with the published
         values.
-
-        Parameters
-        ----------
-        request : SpectrumRequest
-            Options of the command line.
-        records : sequence of Record
-            Components of one record.
         """
         from tdint.analysis.spectra.target import differences
 
@@ -791,8 +691,6 @@ class Against(TableType):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of SpectrumDifference
             Computed and published spectra, one pair for each component and damping ratio.
         """
@@ -803,8 +701,6 @@ class Against(TableType):
 
         Parameters
         ----------
-        request : SpectrumRequest
-            Options of the command line.
         lines : sequence of SpectrumDifference
             Computed and published spectra, one pair for each component and damping ratio.
         """

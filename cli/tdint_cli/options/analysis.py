@@ -269,8 +269,6 @@ def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
 
     Parameters
     ----------
-    integrators : list of Integrator
-        Requested methods.
     law : str
         Value of --law, for the error message.
 
@@ -333,11 +331,6 @@ def warn_of(model: Model) -> None:
 def check_motion(request: BuildingRequest) -> None:
     """Check the ground-motion options before any computation.
 
-    Parameters
-    ----------
-    request : BuildingRequest
-        Options of the command line.
-
     Raises
     ------
     UsageError
@@ -353,13 +346,6 @@ def check_motion(request: BuildingRequest) -> None:
 
 def with_motion(model: Model, request: BuildingRequest) -> Model:
     """Return the model with the ground motion that the command line specifies.
-
-    Parameters
-    ----------
-    model : Model
-        Building.
-    request : BuildingRequest
-        Options of the command line.
 
     Raises
     ------

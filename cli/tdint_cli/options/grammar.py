@@ -162,13 +162,7 @@ class ListOf(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete the text after the last comma.
-
-        Parameters
-        ----------
-        ctx : click.Context
-            Context of the command.
-        """
+        """Complete the text after the last comma."""
         first_values, comma, last_value = incomplete.rpartition(",")
         items = self.item.shell_complete(ctx, param, last_value)
         return [
@@ -359,15 +353,7 @@ class PairsType(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete the measure of a pair of horizontal components, such as rotd50.
-
-        Parameters
-        ----------
-        ctx : click.Context
-            Context of the command.
-        incomplete : str
-            Incomplete text of the value.
-        """
+        """Complete the measure of a pair of horizontal components, such as rotd50."""
         return self.measures.shell_complete(ctx, param, incomplete)
 
 
@@ -405,13 +391,7 @@ class Name(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Return the names that start with the incomplete text.
-
-        Parameters
-        ----------
-        ctx : click.Context
-            Context of the command.
-        """
+        """Return the names that start with the incomplete text."""
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
@@ -476,15 +456,7 @@ class FileName(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Return an item that requests completion of paths by the shell.
-
-        Parameters
-        ----------
-        ctx : click.Context
-            Context of the command.
-        incomplete : str
-            Incomplete text of the value.
-        """
+        """Return an item that requests completion of paths by the shell."""
         return [CompletionItem(incomplete, type=self.path_type)]
 
 
@@ -632,8 +604,6 @@ def option(
         recorded, because the author of a JSON file must not choose it for other users.
     behind : sequence of callable
         Declarations of further options that follow this option in the help.
-    **settings
-        Keyword arguments for click.
     """
     # Subclasses of ListOf are options that are not repeated.
     value_type = settings.get("type")
@@ -651,8 +621,6 @@ def argument(metavar: str, **settings: Any) -> Declaration:
     ----------
     metavar : str
         Name of the argument in the help text.
-    **settings
-        Keyword arguments for click.
     """
     return Declaration(click.argument, (), settings | {"metavar": metavar})
 
@@ -664,11 +632,6 @@ def request(request_class: type[RequestT]) -> type[RequestT]:
     A field whose default is the declaration of an option receives the value of this option. The
     decorator `of` adds these options to a command, in the order of the fields. Fields without such
     a default are filled by other declarations of the command.
-
-    Parameters
-    ----------
-    request_class : type
-        Class with annotated fields.
     """
     declarations = {
         name: value for name, value in vars(request_class).items() if isinstance(value, Declaration)
@@ -843,8 +806,6 @@ class HelpAsData(click.Command):
 
         Parameters
         ----------
-        ctx : click.Context
-            Context of the command.
         formatter : click.HelpFormatter
             Formatter to which the help is written.
         """
@@ -1077,13 +1038,7 @@ class Mode:
 
 
 def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
-    """Raise UsageError if the command line has an option without an effect in its mode.
-
-    Parameters
-    ----------
-    mode : Mode
-        Mode of the current command line.
-    """
+    """Raise UsageError if the command line has an option without an effect in its mode."""
     context = click.get_current_context()
     # An option that is listed for no mode has an effect in all modes, so that only options of other
     # modes are refused.
@@ -1150,8 +1105,6 @@ def flag(
     ----------
     callback : callable
         Function of the context, the parameter and the value; click calls it during parsing.
-    text : str
-        Help text.
     """
     return HeadedOption(
         names,

@@ -46,8 +46,6 @@ def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> 
     metavar : str
         FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes
         either of them.
-    text : str
-        Help text of the option.
     tables : bool
         True if the output consists of tables that `tdint rerun` may write again.
     """
@@ -129,8 +127,6 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     ----------
     _ : click.Context
         Context of the command; not used.
-    parameter : click.Parameter
-        Option with this value.
     value : str or None
         Value of the option; None if it is not specified.
     """
@@ -348,8 +344,6 @@ class Outputs:
         summarize : callable, optional
             Returns the contents of the summary in addition to the command line, the files that
             were read and the meanings of the columns.
-        page : callable, optional
-            Returns the HTML page of --report.
 
         Raises
         ------

@@ -201,8 +201,6 @@ class FloorRequest:
 
         Parameters
         ----------
-        store : Store
-            The results of the campaign.
         jobs : int or None
             Number of processes; None for one per processor.
         units : OutputUnits
@@ -267,8 +265,6 @@ class FloorRequest:
 
         Parameters
         ----------
-        folder : Path
-            The directory of the files.
         units : OutputUnits
             Units of the tables and of the figure.
         plot : bool

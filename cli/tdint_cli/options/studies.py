@@ -145,8 +145,6 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     ----------
     records : sequence of str
         Names of files and directories.
-    choice : RecordChoice
-        Reading options and processing steps.
     pairs : PairWish or None
         Requested treatment of pairs of horizontal components; None reads single components.
 

@@ -304,8 +304,6 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
 
     Parameters
     ----------
-    numbers : list of float
-        Values of the parameter.
     value : float
         Item of `numbers` that the body of the context checks. The items are checked in order, so
         that no item before it is an invalid nan.

@@ -189,11 +189,6 @@ class Event:
         label : str
             Name of the recording in error messages.
 
-        Returns
-        -------
-        slice
-            Range of the samples of the base.
-
         Raises
         ------
         RecordError
@@ -611,8 +606,6 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
 
     Parameters
     ----------
-    model : Model
-        Model of the building.
     method : str, optional
         Method; default is the method of the model, otherwise `exact` for a linear building.
     """
@@ -638,8 +631,6 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
 
     Parameters
     ----------
-    case : Case
-        Model under the base motion.
     dt : float or None
         Time step, s. None for the sampling interval of the base, or a fraction of the interval that
         is short for all modes in the band, so that the discretization error is negligible.
@@ -815,8 +806,6 @@ def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> 
 
     Parameters
     ----------
-    comparison : Comparison
-        Computed and recorded response.
     requirements : sequence of (str, float)
         Names of compared values (`correlation`, `peak_ratio` or `rms_difference`) with their
         limits, as from `parse_requirement`, which accepts only positive limits.

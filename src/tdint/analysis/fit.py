@@ -150,10 +150,6 @@ def fit(
 
     Parameters
     ----------
-    model : Model
-        Model of the building.
-    event : Event
-        Recorded event.
     names : sequence of str
         Values to be fitted, from `FITTED`: the stiffness of each story (yield forces do not
         change), or one factor on all stiffnesses; and the values of `damping` of the model.
@@ -210,10 +206,6 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     first, and the fits of the histories start from the `_CONTINUED_FITS` best of these fits.
 
     `is_stiffness_fitted` is True if a value is a stiffness; see `_start_values`.
-
-    Returns
-    -------
-    scipy.optimize.OptimizeResult
     """
     event, free_values = problem.event, problem.free_values
     bounds = np.log([value.bounds for value in free_values]).T
@@ -429,11 +421,6 @@ def _start_values(
     spectral difference are used.
 
     `fits_stiffness` is True if stiffnesses are fitted.
-
-    Returns
-    -------
-    list of ndarray, shape (n,)
-        Logarithms of the start values.
     """
     if not fits_stiffness:
         return [model_logarithms]

@@ -122,13 +122,7 @@ class RunsRequest:
                     damped_by(subject.model, 0.0)  # raises an error if damping cannot be varied
 
     def out_of_range(self) -> dict[tuple[int, int], str]:
-        """Return the samples in which a parameter value is out of range.
-
-        Returns
-        -------
-        dict of (int, int) to str
-            Message by the indices of building and sample.
-        """
+        """Return the samples in which a parameter value is out of range."""
         invalid = dict[tuple[int, int], str]()
         for model, draw in combined(range(len(self.subjects)), range(self.draws)):
             try:
@@ -157,8 +151,6 @@ def plan_runs(
 
     Parameters
     ----------
-    request : RunsRequest
-        Buildings, ground motions and samples.
     scales : float or iterable of float
         Factors on the ground accelerations.
     zip_records : bool

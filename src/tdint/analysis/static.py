@@ -284,8 +284,6 @@ def path_test(
 
     Parameters
     ----------
-    model : Model
-        Model of the building.
     story : int
         Number of the story, from 1.
     drifts : sequence of float
@@ -295,11 +293,6 @@ def path_test(
     element : str, optional
         Name of an element of the story, which is tested alone and without P-delta. Default: the
         complete story.
-
-    Returns
-    -------
-    CyclicTest
-        Forces and energies at the drifts.
 
     Raises
     ------
@@ -383,8 +376,6 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
     ----------
     size : DriftSize
         Length, drift ratio (multiple of the story height) or multiple of the yield drift.
-    building : Building
-        Building, for heights and yield drifts.
     story : int
         Number of the story, from 1.
 

@@ -372,8 +372,6 @@ def building_step(
 
     Parameters
     ----------
-    subject : Subject
-        The building and its method.
     records : mapping of int to Record
         Ground motions by number.
     tolerance : float
@@ -754,16 +752,6 @@ class ChunkResult:
 
 def run_chunk(chunk: Chunk) -> ChunkResult:
     """Integrate the runs of a chunk.
-
-    Parameters
-    ----------
-    chunk : Chunk
-        Runs with their complete input.
-
-    Returns
-    -------
-    ChunkResult
-        Rows of the runs, and processor time.
 
     Raises
     ------

@@ -105,8 +105,6 @@ def on_cluster(
 
     Parameters
     ----------
-    cluster : Cluster
-        Scheduler address.
     chunk : callable
         Creates the chunk with a given number; called when the chunk is submitted.
 
@@ -132,8 +130,6 @@ def run_chunk_with_plugins(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk)
     ----------
     plugins : tuple of (str, bytes)
         File name and contents of each plug-in of the user.
-    chunk : Chunk
-        Runs with their complete input.
 
     Raises
     ------

@@ -209,11 +209,6 @@ class ParameterSweep:
         of stiffness and damping and the random ground motions of a grid are derived from the
         identifier, so that they are equal for all variations of a building.
 
-        Parameters
-        ----------
-        rows : InventoryRows
-            Inventory without variations.
-
         Raises
         ------
         UsageError

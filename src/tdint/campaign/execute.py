@@ -118,11 +118,6 @@ def execute_plan(
     on_chunk : callable
         Called with the progress after each completed chunk.
 
-    Returns
-    -------
-    Advance
-        Progress at the end.
-
     Raises
     ------
     AnalysisError
@@ -392,15 +387,8 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     ----------
     folders : sequence of Path
         Directories of the shards.
-    target : Path
-        Directory of the merged campaign.
     partial : bool
         True to accept missing runs.
-
-    Returns
-    -------
-    Store
-        Open store of the merged campaign.
 
     Raises
     ------

@@ -85,8 +85,6 @@ class IdaRun:
         ----------
         im : float
             Intensity of the run, in the unit of its measure.
-        row : RunRow
-            Results of the run.
         """
         # `row.errors` is empty if errors were not estimated.
         error_names = [column.name for column in RUN_WITH_ERROR]
@@ -396,11 +394,6 @@ class IdaCurve:
     def intensity_at(self, drift_ratios: Array) -> Array:
         """Return the intensities at which the curve reaches drift ratios.
 
-        Parameters
-        ----------
-        drift_ratios : ndarray, shape (k,)
-            Drift ratios.
-
         Returns
         -------
         ndarray, shape (k,)
@@ -498,11 +491,6 @@ def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
 
     `curve` is the curve with at least one run below its first collapse, unless `levels` is empty.
     `levels` is the levels up to the last level of the curve below its first collapse.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Drift ratio at each level.
     """
     if not levels:
         return np.empty(0)
@@ -530,15 +518,8 @@ def fractiles(
 
     Parameters
     ----------
-    drift_ratios : ndarray, shape (k,)
-        Drift ratios.
     fractions : sequence of float
         Fractions of the fractiles; by default 16 %, 50 % and 84 %.
-
-    Returns
-    -------
-    ndarray, shape (len(fractions), k)
-        Intensities.
     """
     used = [curve for curve in curves if curve.stable]
     result = np.full((len(fractions), drift_ratios.size), math.nan)
@@ -647,19 +628,12 @@ def damaged(
 
     Parameters
     ----------
-    subject : Subject
-        The building and its method.
     drift : float
         Maximum drift ratio that the mainshock has to cause.
     first_factor : float
         Scale factor at which the search starts; it continues with larger factors.
     dt : float or None
         Time step, s; None: the default of the building.
-
-    Returns
-    -------
-    DamagedState
-        Scaled mainshock and its effects.
 
     Raises
     ------

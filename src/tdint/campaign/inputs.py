@@ -102,11 +102,6 @@ class Inputs:
 def read_inputs(campaign: CampaignFile) -> Inputs:
     """Read all files that a campaign file lists.
 
-    Parameters
-    ----------
-    campaign : CampaignFile
-        Definition of the campaign.
-
     Returns
     -------
     Inputs
@@ -164,16 +159,6 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
 
 def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Model, ...]:
     """Read model files and apply the campaign's settings for all buildings.
-
-    Parameters
-    ----------
-    buildings : ModelFiles
-        Paths of the files.
-
-    Returns
-    -------
-    tuple of Model
-        Models in the order of the files.
 
     Raises
     ------
@@ -393,11 +378,6 @@ def _assignment(
 def read_motions(records: RecordFiles) -> CampaignMotions:
     """Read the records of files and directories.
 
-    Parameters
-    ----------
-    records : RecordFiles
-        Files, and the selection of components.
-
     Returns
     -------
     CampaignMotions
@@ -536,11 +516,6 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     """Read factors from a CSV file with the columns record, component (empty: all components) and
     factor.
 
-    Parameters
-    ----------
-    factors_file : FactorsFile
-        Path of the file.
-
     Returns
     -------
     FactorTable
@@ -587,8 +562,6 @@ def read_listed_motions(
 
     Parameters
     ----------
-    table : FactorTable
-        Factors by record and component.
     records : RecordFiles
         Selection of components and processing of the records; its list of files is empty.
 

@@ -61,8 +61,6 @@ class SpectralIntensity:
 
         Parameters
         ----------
-        motion : Record or Horizontals
-            Ground motion.
         pair : str
             Combination of the components of a pair: a name of `PAIRS`.
 
@@ -100,8 +98,6 @@ class MotionIntensity:
 
         Parameters
         ----------
-        motion : Record or Horizontals
-            Ground motion.
         pair : str
             Combination of the components of a pair: a name of `PAIRS`.
 
@@ -293,12 +289,8 @@ def pseudo_accelerations(
 
     Parameters
     ----------
-    motion : Record or Horizontals
-        Ground motion.
     periods : ndarray, shape (k,)
         Periods, s.
-    damping : float
-        Damping ratio.
     pair : str
         Combination of the components of a pair: a name of `PAIRS`. It is not used for a single
         record.

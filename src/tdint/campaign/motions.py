@@ -109,8 +109,6 @@ class FieldMotions:
             Names of the events and of the sites.
         rows : tuple of four ndarray, shape (rows,)
             Index of the site, number of the event, index of the record, and value of each row.
-        motions, locations : sequence
-            As for the attributes.
         """
         # The rows of site i are start[i] to start[i + 1] - 1 of the sorted rows.
         site, event, record, value = rows

@@ -384,18 +384,6 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     """Return the plan of a campaign: its buildings, ground motions, scale factors and settings, and
     the notes and warnings that are shown before the runs.
 
-    Parameters
-    ----------
-    campaign : CampaignFile
-        Definition of the campaign.
-    inputs : Inputs
-        Contents of its files.
-
-    Returns
-    -------
-    Plan
-        Campaign with all its input in memory.
-
     Raises
     ------
     ModelError

@@ -469,11 +469,6 @@ class SuiteRules:
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
         """Group the runs of a building by intensity level, and yield the levels in ascending order
         of the absolute scale factors.
-
-        Parameters
-        ----------
-        store : Store
-            Store of the campaign.
         """
         query = (
             "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
@@ -697,8 +692,6 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
 
     Parameters
     ----------
-    choice : FloorChoice
-        Floors, periods and damping ratios.
     jobs : int
         Number of threads.
 
@@ -761,8 +754,6 @@ def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[Floo
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
     run_floors : sequence of RunFloors
         Floor spectra of all completed runs of the campaign.
     """

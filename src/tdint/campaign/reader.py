@@ -228,11 +228,6 @@ def load_campaign(source: str | Path) -> CampaignFile:
     source : str or Path
         YAML file; `-` is standard input. Relative paths in the file refer to its directory.
 
-    Returns
-    -------
-    CampaignFile
-        Definition of the campaign in SI units.
-
     Raises
     ------
     ModelError

@@ -180,8 +180,6 @@ def suite_spectra(
     ----------
     periods : ndarray, shape (k,)
         Periods, s.
-    damping : float
-        Damping ratio.
     pair : str
         Spectrum that represents a pair of components: a name of `PAIRS`.
     """

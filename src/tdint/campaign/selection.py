@@ -629,11 +629,6 @@ def _search(
 
     `deviations` is the ln of the scaled spectrum divided by the target, for each motion (row) and
     period. `events` is the event of each row.
-
-    Returns
-    -------
-    list of int
-        Rows of the selected motions, in ascending order.
     """
     # A fixed seed makes the selection reproducible.
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
@@ -724,11 +719,6 @@ class _Scores:
 
         `size` is the number of rows including the additional row. The standard deviation is part of
         the score only for more than two rows.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Scores.
         """
         deviations, events = self._deviations, self._events
         period_count = deviations.shape[1]

@@ -218,8 +218,6 @@ def plan_of(
     ----------
     ranges : mapping of str to (float, float)
         Low and high values of parameters.
-    motions : CampaignMotions
-        Ground motions.
     method : str or None
         Method; None: the method of the model.
     dt : float or None
@@ -253,8 +251,6 @@ def parameter_effects(
     ----------
     store : Store
         Store with the completed runs of `plan_of`.
-    name : str
-        Name of the building.
     ranges : mapping of str to (float, float)
         Low and high values of parameters.
     """
@@ -284,11 +280,6 @@ def parameter_effects(
 def rank_correlations(store: Store) -> list[RankCorrelation]:
     """Return the rank correlations of the varied parameters of a sweep with the peaks, at each
     scale factor.
-
-    Parameters
-    ----------
-    store : Store
-        Store of a campaign with a sweep.
 
     Returns
     -------

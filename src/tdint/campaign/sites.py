@@ -78,11 +78,6 @@ Value = TypeVar("Value")
 def read_grid(grid: GridFile) -> CampaignMotions:
     """Read the ground motions of a grid and the points to which they belong.
 
-    Parameters
-    ----------
-    grid : GridFile
-        Path and settings of the grid.
-
     Returns
     -------
     CampaignMotions
@@ -228,11 +223,6 @@ def _rows_as_events(
 
 def read_field(field_file: FieldFile) -> CampaignMotions:
     """Read the ground motions of fields, and the motion of each event at each site.
-
-    Parameters
-    ----------
-    field_file : FieldFile
-        Path and settings of the fields.
 
     Returns
     -------

@@ -118,8 +118,6 @@ class Identity:
 
         Parameters
         ----------
-        plan : Plan
-            Campaign with its buildings, motions and settings.
         building_numbers : sequence of int or None
             Numbers of the buildings that the store contains; None: all buildings.
         """
@@ -265,11 +263,6 @@ def all_differences(
         only buildings that both contain are compared.
     has_new_inventory : bool
         True if the files of the inventory differ.
-
-    Returns
-    -------
-    str
-        Lines without indentation; at least one line.
     """
     entry_types = ("setting", "building", "record", "plug-in")
     lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
@@ -460,11 +453,6 @@ class Store:
         identity : Identity, optional
             Campaign. Without it, only checksums are verified.
 
-        Returns
-        -------
-        int
-            Number of chunks removed.
-
         Raises
         ------
         UntrustedStoreError
@@ -552,11 +540,6 @@ class Store:
 
         The metadata are unused inputs, output units, damage states, limits, style of figures, files
         of models, and columns of an inventory. If they are unchanged, the store is not written.
-
-        Parameters
-        ----------
-        identity : Identity
-            The present campaign or study.
 
         Raises
         ------
@@ -945,8 +928,6 @@ def check_same(store: Store, identity: Identity) -> list[str]:
 
     Parameters
     ----------
-    store : Store
-        Open store.
     identity : Identity
         Campaign that the store must contain.
 

@@ -131,8 +131,6 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
     ----------
     name : str
         Path of the file, for messages.
-    statement : str
-        SQL statement.
 
     Raises
     ------
@@ -168,8 +166,6 @@ def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Connection for writing.
     name : str
         Path of the file, for messages.
 
@@ -408,8 +404,6 @@ class RowTable:
 
         Parameters
         ----------
-        connection : sqlite3.Connection
-            Connection to the store.
         rows : iterable of tuple
             Rows as returned by `plain`.
         """

@@ -114,11 +114,6 @@ def event_of(record: Record) -> Earthquake:
     earthquake. It is not used if it contradicts the date of the header by more than a day, because
     the clock of the recorder is then wrong.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion record.
-
     Returns
     -------
     Earthquake
@@ -141,11 +136,6 @@ def is_same_event(event: Earthquake, other: Earthquake) -> bool:
 
     If both files state the time of day, the times are compared. Otherwise the names and the dates
     must not contradict each other, and the names or the dates must be known in both files.
-
-    Parameters
-    ----------
-    event, other : Earthquake
-        Earthquakes identified by the two files.
     """
     if event.time and other.time and event.has_clock and other.has_clock:
         # A record may start minutes after the origin time, so that starts may differ more.

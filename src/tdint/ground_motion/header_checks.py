@@ -45,11 +45,6 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
     """Return the number of samples that a SAC header states, and the floating-point values of the
     header.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-
     Returns
     -------
     count : int
@@ -137,11 +132,6 @@ _CM6_LAST = re.compile(rb"[-+0-9A-T]")
 def look_at_gse(data: bytes) -> list[int]:
     """Check the compressed data of all sections of a GSE file; return the number of samples that
     the header of each section states.
-
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
 
     Raises
     ------
@@ -354,13 +344,6 @@ def look_at(format_name: str, data: bytes) -> Any:
     """Return the values stated in the headers of a file, for `compare_with_statements`; None if the
     format has no check.
 
-    Parameters
-    ----------
-    format_name : str
-        ObsPy name of the format.
-    data : bytes
-        Content of the file.
-
     Raises
     ------
     Damaged
@@ -375,8 +358,6 @@ def compare_with_statements(format_name: str, looked_at: Any, traces: list[Any])
 
     Parameters
     ----------
-    format_name : str
-        ObsPy name of the format.
     looked_at
         Result of `look_at`.
 

@@ -216,11 +216,6 @@ def check_components(first: Record, second: Record) -> None:
     """Raise RecordError if two components, which are a pair by their file names, are not from the
     same recording.
 
-    Parameters
-    ----------
-    first, second : Record
-        Horizontal components.
-
     Raises
     ------
     RecordError
@@ -518,8 +513,6 @@ def files_of_motions(
 
     Parameters
     ----------
-    files : sequence of str
-        File names.
     names : PairNames
         File names of pairs. Default: the usual names.
 
@@ -556,8 +549,6 @@ def with_component(record: Record, *, in_degrees: bool = False) -> Record:
 
     Parameters
     ----------
-    record : Record
-        Ground motion record.
     in_degrees : bool
         True to accept also a direction in degrees at the end of the file name, for files that
         `motion_names` has recognized as a pair by their directions. The default is False.

@@ -136,11 +136,6 @@ class Measures:
 def measure(record: Record) -> Measures:
     """Compute the intensity measures of a record that do not require a response spectrum.
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-
     Returns
     -------
     Measures
@@ -185,11 +180,6 @@ def integrate(record: Record) -> Motion:
     The ground is at rest at the first sample, and the acceleration is linear between samples. The
     integrals and the maxima between samples are exact for this acceleration. The baseline is not
     corrected.
-
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
 
     Returns
     -------
@@ -327,8 +317,6 @@ def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
 
     Parameters
     ----------
-    record : Record
-        Ground motion.
     energy : ndarray, shape (samples,)
         Result of `cumulative_energy`.
     fraction : float
@@ -371,13 +359,10 @@ def cumulative_absolute_velocity(record: Record) -> float:
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
-    """Return the integral over time of the absolute acceleration, while it is at least
-    a threshold.
+    """Return the integral over time of the absolute acceleration, while it is at least a threshold.
 
     Parameters
     ----------
-    record : Record
-        Ground motion.
     threshold : float
         Acceleration threshold, m/s^2.
 
@@ -422,11 +407,6 @@ def a95(record: Record) -> float:
     """Return A95, the acceleration level below which 95 % of the Arias intensity is contained
     (Sarma and Yang 1987).
 
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-
     Returns
     -------
     float
@@ -462,8 +442,6 @@ def bracketed_duration(record: Record, threshold: float) -> float:
 
     Parameters
     ----------
-    record : Record
-        Ground motion.
     threshold : float
         Acceleration threshold, m/s^2, positive.
 
@@ -503,11 +481,6 @@ def mean_period(record: Record) -> float:
 
     It is the mean of the periods at frequencies from 0.25 to 20 Hz, weighted by the squared Fourier
     amplitudes.
-
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
 
     Returns
     -------

@@ -275,16 +275,6 @@ class DataRecord:
 def look_at_mseed(data: bytes) -> list[DataRecord]:
     """Check all records of a MiniSEED or SEED file, and return the headers of its data records.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-
-    Returns
-    -------
-    list of DataRecord
-        Headers in the order of the file.
-
     Raises
     ------
     Damaged
@@ -477,11 +467,6 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     """Read the header of a data record, and check it against the bytes of the record.
 
     `number` is the number of the record, counted from 1.
-
-    Returns
-    -------
-    DataRecord
-        Header of the record.
 
     Raises
     ------

@@ -106,8 +106,6 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
     ----------
     samples : ndarray, shape (n,)
         Samples of the motion, which is zero at all samples before and after them.
-    parts : int
-        Number of parts of each sampling interval.
     for_lines : bool
         Compensate the attenuation of linear interpolation between the points. Default False.
 
@@ -158,8 +156,6 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
 
     Parameters
     ----------
-    samples : ndarray, shape (n,)
-        Samples of the motion.
     dt : float
         Sampling interval, s.
     new : float

@@ -306,11 +306,6 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
     Linear interpolation does not change the ground motion, which tdint assumes to be linear between
     samples.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        At least one record.
-
     Returns
     -------
     list of Record

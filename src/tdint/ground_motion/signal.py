@@ -92,15 +92,8 @@ def without_offset(samples: Array, quantity: str) -> Array:
 
     Parameters
     ----------
-    samples : ndarray, shape (samples,)
-        Samples of the quantity.
     quantity : str
         `acceleration`, `velocity` or `displacement`.
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Samples without the value at rest.
     """
     if quantity != "displacement":
         return np.asarray(samples - np.median(samples))
@@ -180,13 +173,11 @@ def in_band(
 
 
 def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:
-    """Evaluate the band-limited motion through samples at the times 0, interval, ...,
-    (count - 1) interval.
+    """Evaluate the band-limited motion through samples at the times 0, interval, ..., (count - 1)
+    interval.
 
     Parameters
     ----------
-    samples : ndarray, shape (samples,)
-        Samples of the motion.
     dt : float
         Sampling interval, s.
     first : float

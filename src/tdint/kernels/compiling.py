@@ -175,11 +175,6 @@ else:
         signature : Signature
             Signature of the kernel. Not used here, because Python functions need no signature; the
             function of the same name for compiled kernels requires it.
-
-        Returns
-        -------
-        function
-            (kernel, *arguments) -> result of the kernel.
         """
         return lambda kernel, *arguments: kernel(*arguments)
 

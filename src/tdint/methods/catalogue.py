@@ -272,11 +272,6 @@ def parse(text: str) -> Integrator:
     ------
     UsageError
         Unknown method or parameter, or a value that is not a number or is out of range.
-
-    Returns
-    -------
-    Integrator
-        Method with the values of all its parameters.
     """
     if not isinstance(text, str):
         raise UsageError(f"a method must be a text such as 'impulse4', got {text!r}")

@@ -159,8 +159,6 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
 
     Parameters
     ----------
-    building : Building
-        Heights, laws and P-delta of the stories.
     collapse_drift : float
         Drift ratio above which a story has collapsed.
     """

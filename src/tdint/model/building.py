@@ -617,8 +617,6 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
 
     Parameters
     ----------
-    model : Model
-        The model that is varied.
     base : Building
         The building of the unchanged model.
     values : mapping of str to ndarray, shape (draws,)

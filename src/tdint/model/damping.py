@@ -26,8 +26,8 @@ def add_damping(
     rows.
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
-    each floor to the ground and a damper parallel to each story. Modal damping is
-    C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes phi.
+    each floor to the ground and a damper parallel to each story. Modal damping is C = sum 2 xi
+    omega (M phi)(M phi)^T over mass-normalized modes phi.
 
     Parameters
     ----------
@@ -35,10 +35,6 @@ def add_damping(
         Table of linear terms; the damper rows are modified.
     stiffness : ndarray, shape (n,)
         Initial stiffness of the stories without P-delta, N/m.
-    model : Model
-        The model that specifies the damping.
-    vibration : FreeVibration
-        Undamped vibration of the building.
 
     Returns
     -------

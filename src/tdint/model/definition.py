@@ -792,8 +792,6 @@ def simple_story(
     ----------
     mass : float
         Mass of the floor, kg.
-    law : Law
-        Hysteretic law.
     stiffness : float, optional
         Initial stiffness, N/m. Default: the stiffness that the law defines.
     dashpot : float
@@ -820,8 +818,6 @@ def simple_model(
     ----------
     stories : sequence of Story
         Stories from the ground up.
-    forces : sequence of Force
-        Harmonic forces on floors.
     displacement, velocity : sequence of float
         Initial state of the floors, m and m/s. Default: at rest.
     """
@@ -1105,8 +1101,6 @@ def changes_of(model: Model, name: str) -> list[Change]:
 
     Parameters
     ----------
-    model : Model
-        Model that is varied.
     name : str
         Name of the parameter, as for `Model.replace`.
 

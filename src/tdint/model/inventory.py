@@ -453,8 +453,6 @@ class InventoryRows(LazySequence[InventoryRow]):
 
         Parameters
         ----------
-        name : str
-            Name of the column.
         message : callable
             Receives the number of a row in these rows, from 0, and the text of its cell. Returns an
             error message, or an empty string if the cell is valid.

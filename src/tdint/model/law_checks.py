@@ -307,11 +307,6 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 
     `yield_drift` is the drift at first yield, m. Fixed path sizes are used if it is not positive
     and finite.
-
-    Returns
-    -------
-    list of str
-        The message; empty if the law is correct.
     """
     law, functions = story.law, story.functions
     if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:

@@ -159,8 +159,6 @@ def check_limits(
         `tdint.analysis.run.outcome.StoryValues`.
     height : ndarray, shape (n,)
         Story heights, m; nan for isolators.
-    motions : sequence of str
-        Names of the motions.
 
     Returns
     -------
@@ -307,8 +305,6 @@ def check_level(limits: Iterable[Limit], level: str, name: str) -> None:
 
     Parameters
     ----------
-    level : str
-        Name of the requested performance level.
     name : str
         Name of the building, for the message.
     """
@@ -343,8 +339,6 @@ def isolator_limits(isolators: Iterable[int], stories: int) -> tuple[Limit, ...]
     ----------
     isolators : iterable of int
         Numbers of the stories that are isolators, from 1. Without isolators the result is empty.
-    stories : int
-        Number of stories of the building.
     """
     numbers = set(isolators)
     values = tuple(math.inf if number in numbers else math.nan for number in range(1, stories + 1))

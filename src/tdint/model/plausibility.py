@@ -182,8 +182,6 @@ def plausibility_warnings(
     ----------
     model : Model
         The building as read from its model file.
-    building : Building
-        The same building, assembled to arrays.
     pga : float
         Peak ground acceleration, m/s^2; nan by default, if unknown.
     has_motion : bool
@@ -233,8 +231,6 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     ----------
     model : Model
         The building as read from its model file.
-    building : Building
-        The same building, assembled to arrays.
     pga : float
         Peak ground acceleration, m/s^2; nan if unknown.
     """

@@ -404,8 +404,6 @@ def declared(plugin: Any, attribute: str, expected_type: type, where: str) -> It
         measure, or a sequence.
     attribute : str
         Name of the variable in a module: `LAWS`, `METHODS` or `MEASURES`.
-    expected_type : type
-        Required type of the objects.
     where : str
         Origin for messages.
 

@@ -111,8 +111,6 @@ def story_model(
 
     Parameters
     ----------
-    name : str
-        Name of the building.
     period : float
         Period of the first mode, s; not used if `laws` are specified.
     system : str
@@ -236,10 +234,6 @@ def type_model(
 
     Parameters
     ----------
-    structure : str
-        Structural type of Hazus.
-    year : int
-        Year of construction.
     area : float
         Area of one floor, m^2 or ft^2.
     system : str

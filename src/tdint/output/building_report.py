@@ -54,12 +54,8 @@ def pushover_page(
 
     Parameters
     ----------
-    result : Pushover
-        Pushover curve of the building.
     targets : sequence of TargetDisplacement
         Target displacements under a design spectrum; may be empty.
-    page_text : PageText
-        Verdict, warnings and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
     """
@@ -115,10 +111,6 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
 
     Parameters
     ----------
-    result : ModalResponse
-        Combined modal responses of the linear building.
-    page_text : PageText
-        Verdict, warnings and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
     """
@@ -208,8 +200,6 @@ def mode_page(
         Modes, longest period first (`mode_table`).
     draw : callable
         Function that draws the shapes.
-    page_text : PageText
-        Notes and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
     record : Record, optional
@@ -351,12 +341,6 @@ def comparison_page(
 
     Parameters
     ----------
-    comparisons : sequence of Comparison
-        Comparisons of the building with its recordings.
-    draw : callable
-        Function that draws the figure.
-    page_text : PageText
-        Verdict, warnings and inputs of the report.
     fitted : Table or None
         Values that were fitted to one of the recordings.
     """

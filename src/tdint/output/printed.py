@@ -80,8 +80,6 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
         Roman',title=no,label:moment4=present method`.
     of : str
         Source of the text, for error messages.
-    before : PrintedAs
-        Previous settings, which the text overrides.
 
     Raises
     ------

@@ -193,8 +193,6 @@ def run_page(
     ----------
     response : Response
         Result of the run, with its response history if the report has its figure.
-    page_text : PageText
-        Verdict, warnings and inputs of the report.
     floors : sequence of FloorSpectrum
         Requested floor spectra; none by default.
     units : OutputUnits
@@ -363,8 +361,6 @@ def suite_page(
         Store of the campaign, in which all runs of the plan are completed.
     profiles : sequence of Profile
         Statistics over the ground motions, for each building and intensity level.
-    page_text : PageText
-        Verdict, warnings and inputs of the report.
     limit : float, optional
         Limit of the drift ratio, which the figure shows.
     ratios : Table, optional
@@ -826,10 +822,6 @@ def motion_chapter(
 
     Parameters
     ----------
-    levels : sequence of sequence of (Record, float)
-        Records and scale factors of each level.
-    units : OutputUnits
-        Units of the report.
     scaled : sequence of Part
         Description of the scaling. If it contains a figure, the spectra are not drawn again.
     periods : sequence of (str, float)
@@ -872,8 +864,6 @@ def assumptions(step: str, more: Sequence[str]) -> Chapter:
 
     Parameters
     ----------
-    step : str
-        Method and time step of the integration.
     more : sequence of str
         Further assumptions of the analysis, without capitals and periods.
     """

@@ -162,14 +162,8 @@ def run_summary(
 
     Parameters
     ----------
-    response : Response
-        Result of the run.
-    inputs : sequence of Input
-        Input files.
     wall_time : float
         Wall time since the start of the command, s.
-    first : FirstMode, optional
-        First mode of the building.
     settings : mapping, optional
         Options of the command line that are not part of the model.
     limits : sequence of LimitCheck
@@ -237,16 +231,10 @@ def failure_summary(
     ----------
     failure : FailedRun
         Error of the run, with the last time that it reached.
-    model : Model
-        The building.
     record : Record or None
         Ground motion of the run; None without ground motion.
-    inputs : sequence of Input
-        Input files.
     wall_time : float
         Duration of the computation, s.
-    first : FirstMode, optional
-        First mode of the building.
     settings : mapping, optional
         Options of the command line that are not part of the model.
     """

@@ -93,12 +93,6 @@ def ida_page(
     ----------
     study : IdaStudy
         Curves of the building, in the units of the report (`IdaStudy.in_units`).
-    settings : IdaSettings
-        Settings of the levels and runs.
-    page_text : PageText
-        Warnings, head and inputs of the report.
-    damping : float
-        Damping ratio of spectral intensity measures.
     """
     units = page_units(units)
     measure, unit = measure_words(study.im_name), study.measure.unit
@@ -413,8 +407,6 @@ def fragility_page(
     ----------
     functions : sequence of Fragility
         Functions of one fit; at least one.
-    draw : callable
-        Function that draws the figure of functions.
     source : str
         Table or directory with the observations.
     page_text : PageText

@@ -77,8 +77,6 @@ def table_summary(
 
     Parameters
     ----------
-    command : str
-        Command that wrote the table.
     settings : dict
         Options of the command line and defaults.
     records : sequence of dict
@@ -164,8 +162,6 @@ def in_units(
     ----------
     content : dict
         Summary in SI units.
-    units : OutputUnits
-        Units of the result.
     keys : mapping of str to str
         SI unit of the number of each key, in addition to `pga_m_s2` and `pgv_m_s`, which all
         summaries share.
@@ -357,18 +353,10 @@ def chart_summary(
 
     Parameters
     ----------
-    charts : sequence of Chart
-        Measured charts.
-    model : Model
-        The building.
-    record : Record, optional
-        The ground motion.
     target : str
         Quantity whose error is compared.
     advice : sequence of Advice
         Recommended points for each error limit.
-    notes : sequence of str
-        Notes of the command.
     meanings : mapping
         Units and meanings of the columns of the table.
     """
@@ -426,8 +414,6 @@ def field_summary(
 
     Parameters
     ----------
-    notes : sequence of str
-        Notes of the command.
     meanings : mapping
         Units and meanings of the columns of the table.
     """

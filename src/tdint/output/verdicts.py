@@ -43,8 +43,6 @@ def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) 
         Comparisons of the demands of the run with the limits.
     status : str
         Status of the run; a collapsed building does not meet any limit.
-    units : OutputUnits
-        Units of the sentences.
     """
     verdicts = []
     status_text = "" if status == "done" else f", status {status}"
@@ -96,12 +94,8 @@ def suite_verdicts(
     ----------
     checks : sequence of LimitCheck
         Comparisons of the mean demands over the ground motions with the limits.
-    lost : LostMotions
-        Number of motions that the means exclude.
     pair_demand : str
         Rule that combines the components of pairs; empty without pairs.
-    units : OutputUnits
-        Units of the sentences.
     """
     verdicts = []
     pair_text = f" Demand of pairs: {pair_demand}." if pair_demand else ""

@@ -211,8 +211,6 @@ def softening_motion(dt: float, steps: int) -> Array:
     ----------
     dt : float
         Time step of the solution that is compared with the reference, s.
-    steps : int
-        Number of these time steps.
 
     Returns
     -------
@@ -674,8 +672,6 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
     ----------
     integrators : sequence of Integrator
         Methods that will be tested.
-    hard : iterable of HardProblem
-        Problems on which they will be tested.
     """
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:
@@ -695,13 +691,6 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
 
 def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
     """Integrate a problem by a method with each of the time steps of the problem.
-
-    Parameters
-    ----------
-    integrator : Integrator
-        Method to be tested.
-    problem : HardProblem
-        Problem to be integrated.
 
     Returns
     -------

@@ -297,15 +297,8 @@ def observed_order(
 
     Parameters
     ----------
-    problem : OrderProblem
-        Oscillator with its load and exact motion.
     halvings : int
         Number of times that the largest time step is halved.
-
-    Returns
-    -------
-    ObservedOrder
-        Errors for each time step.
 
     Raises
     ------
@@ -560,8 +553,6 @@ def check_law(model: Model, story: int) -> list[str]:
 
     Parameters
     ----------
-    model : Model
-        A building.
     story : int
         Number of the story, from 1. The amplitudes of the cycles are 0.5, 1 and 2 % of the story
         height, or 5, 10 and 20 mm if the story has no height.
@@ -600,11 +591,6 @@ def _branch_faults(model: Model, story: int) -> list[str]:
     The model is executed in plain Python with checks of array bounds (`path_faults`).
 
     `story` is the story with the hysteresis model, from 1.
-
-    Returns
-    -------
-    list of str
-        One message for each difference.
 
     Raises
     ------

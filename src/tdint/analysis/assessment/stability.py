@@ -245,11 +245,6 @@ def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.com
 
     `omega_h` contains the products of the circular frequency and the time step, rad. The time step
     is 1 s.
-
-    Returns
-    -------
-    ndarray, shape (k, m)
-        Complex eigenvalues, in no specified order.
     """
     matrices = amplification(method, omega_h, np.full_like(omega_h, damping), 1.0)
     return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
@@ -266,8 +261,6 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
 
     Parameters
     ----------
-    method : Integrator
-        Method whose limit is measured.
     damping : float
         Damping ratio. The default is 0.
 
@@ -559,8 +552,6 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
 
     Parameters
     ----------
-    method : Integrator
-        Method that was measured.
     both : sequence of two Overshoots
         Responses of the method to an initial displacement and to an initial velocity.
 

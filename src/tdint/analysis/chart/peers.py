@@ -159,9 +159,9 @@ def openseespy_points(
 ) -> tuple[list[Point], list[str]]:
     """Return the points of OpenSeesPy: average acceleration, HHT and generalized-alpha.
 
-    The methods have the default parameters of tdint, and the building is the same: each story is
-    a zeroLength element with a material of `_MATERIALS`, in parallel with Viscous for a dashpot
-    and Elastic for P-delta. Rayleigh damping uses the initial stiffness. The record is a Path time
+    The methods have the default parameters of tdint, and the building is the same: each story is a
+    zeroLength element with a material of `_MATERIALS`, in parallel with Viscous for a dashpot and
+    Elastic for P-delta. Rayleigh damping uses the initial stiffness. The record is a Path time
     series, and the initial acceleration satisfies equilibrium. Newton's method (for linear
     buildings Linear, factorized one time) iterates until the unbalanced forces are 1e-9 of the
     maximum inertia force; the system of equations is BandSPD. Only `analyze` is timed. Peaks are
@@ -169,8 +169,6 @@ def openseespy_points(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     dts : sequence of float
         Time steps, s.
     reference : Reference
@@ -244,16 +242,12 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     """Return the relative difference between OpenSees' average acceleration and the reference.
 
     The difference is the larger of the errors of the drift and acceleration histories (L2). Time
-    steps are halved, and the histories are extrapolated to a time step of 0 (Richardson), until
-    the difference is at most `goal` or the smallest step has been used. A small difference shows
-    that OpenSees integrates the same building.
+    steps are halved, and the histories are extrapolated to a time step of 0 (Richardson), until the
+    difference is at most `goal` or the smallest step has been used. A small difference shows that
+    OpenSees integrates the same building.
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
-    reference : Reference
-        Our reference solution.
     goal : float
         Relative difference at which no smaller steps are tried.
 
@@ -519,16 +513,14 @@ def solve_ivp_points(
 ) -> tuple[list[Point], list[str]]:
     """Return the points of solve_ivp: one line per method, one point per relative tolerance.
 
-    Each point is one run. Only linear and bilinear stories are supported. The hysteretic force z
-    of a bilinear story is a state variable. Its rate is (1 - a) k times the drift rate (stiffness
-    k, stiffness ratio after yield a), and zero during yielding; the events of solve_ivp are not
-    used. The absolute tolerance is the relative tolerance times the maximum value of the
-    reference. The motion is computed at the samples, and its peaks are the maxima over the samples.
+    Each point is one run. Only linear and bilinear stories are supported. The hysteretic force z of
+    a bilinear story is a state variable. Its rate is (1 - a) k times the drift rate (stiffness k,
+    stiffness ratio after yield a), and zero during yielding; the events of solve_ivp are not used.
+    The absolute tolerance is the relative tolerance times the maximum value of the reference. The
+    motion is computed at the samples, and its peaks are the maxima over the samples.
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     reference : Reference
         Reference solution of the errors.
     seconds : float
@@ -733,10 +725,6 @@ def with_plugins(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
-    chart : Chart
-        Chart to which the points are added.
     progress : callable
         Function that receives, before each peer is run, the name of its plug-in and the fraction of
         the peers that are completed.
@@ -845,16 +833,10 @@ def with_peers(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
-    chart : Chart
-        Chart to which the points are added.
     dts : sequence of float
         Time steps of OpenSeesPy, s.
     repeats : int
         Number of times that each run is timed.
-    progress : callable
-        Callback for progress reports.
 
     Returns
     -------

@@ -256,8 +256,6 @@ def pose(
 
     Parameters
     ----------
-    model : Model
-        Model of the building.
     record : Record, optional
         Ground motion; default is the record of the model.
     duration : float, optional
@@ -310,8 +308,6 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     dts : iterable of float
         Time steps, s.
     """
@@ -434,8 +430,6 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
 
     Parameters
     ----------
-    motion : FloorMotion
-        Motion at some or all samples.
     reference : FloorMotion
         Reference at all samples; it is compared at the times of the motion.
     """
@@ -510,8 +504,6 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     samples : int
         Number of intervals.
     cached : bool
@@ -607,11 +599,6 @@ def _solve_once(
 
 def _motion(problem: Problem, samples: int, method: str, steps_per_interval: int) -> FloorMotion:
     """Integrate a problem by a method with several time steps in each sampling interval.
-
-    Returns
-    -------
-    FloorMotion
-        Motion at all samples.
 
     Raises
     ------

@@ -440,8 +440,6 @@ def measure_problem(
 
     Parameters
     ----------
-    problem : FieldProblem
-        Building under a ground motion.
     integrators : sequence of Integrator
         Methods; methods that cannot integrate the building are omitted.
     repeats : int
@@ -451,8 +449,6 @@ def measure_problem(
         steps chosen for it are added, if these methods are selected.
     peers : bool
         True to include OpenSeesPy, if it is installed and supports the building.
-    progress : callable
-        Callback for progress reports.
 
     Raises
     ------
@@ -844,11 +840,6 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     ----------
     source : str or Path
         YAML file with the keys `records` and `problems`, or the text `standard`.
-
-    Returns
-    -------
-    list of FieldProblem
-        Each building under each of its ground motions.
 
     Raises
     ------

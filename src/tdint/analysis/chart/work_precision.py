@@ -281,8 +281,6 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     repeats : int
         Number of times that each run is timed.
     """
@@ -345,8 +343,6 @@ def measure(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     integrators : sequence of Integrator
         Methods that can integrate the building; see `suited`.
     dts : sequence of float
@@ -360,8 +356,6 @@ def measure(
         Function that receives all points and returns a result of interest, for example the cheapest
         point. After `repeats` repetitions, the runs are timed again until one more repetition does
         not change this result, or up to four times `repeats`.
-    progress : callable
-        Callback for progress reports.
 
     Raises
     ------
@@ -416,12 +410,6 @@ def with_tolerances(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
-    chart : Chart
-        Chart to which the lines are added.
-    tolerances : sequence of float
-        Relative tolerances of the peak drifts.
     repeats : int
         Number of times that each run is timed.
     """
@@ -448,8 +436,6 @@ def by_tolerance(
 
     Parameters
     ----------
-    problem : Problem
-        Building with its excitation.
     tolerances : iterable of float
         Relative tolerances of the peak drifts, one point each.
     judge : callable
@@ -666,8 +652,6 @@ def alternative(points: Sequence[Point], quantity: str, limit: float, best: Poin
 
     Parameters
     ----------
-    points : sequence of Point
-        All points of the chart.
     quantity : str
         Name of the error, for example `peak_drift`.
     """
@@ -690,11 +674,6 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
         Name of the error, for example `peak_drift`.
     limit : float
         Maximum error.
-
-    Returns
-    -------
-    list of Point
-        Points in the order of increasing time step.
     """
     line_points = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(line_points)))
@@ -715,11 +694,6 @@ def performance_ratios(costs: Array, is_reference: Sequence[bool]) -> Array:
         Costs; nan if a solver does not solve the problem.
     is_reference : sequence of bool
         True for each solver that is a reference solver, here the methods of tdint.
-
-    Returns
-    -------
-    ndarray, shape (problems, solvers)
-        Ratios.
     """
     is_unsolved = np.isnan(costs)
     minimum_cost = np.min(

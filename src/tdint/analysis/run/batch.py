@@ -145,8 +145,6 @@ class Outcomes:
         building : Building
             Building of the runs. If each run has its own building, the first axis of its arrays is
             the run.
-        batch : BatchResult
-            Arrays of the runs.
         to_rest : bool
             True if the runs continue until free vibration has decayed.
         """
@@ -195,8 +193,6 @@ class Outcomes:
 
         Parameters
         ----------
-        i : int
-            Index of the run.
         attempt : callable
             Function without arguments that integrates or evaluates the run. If it raises FailedRun,
             the failure is recorded instead.
@@ -241,10 +237,6 @@ def run_batch(
 
     Parameters
     ----------
-    subject : Subject
-        Building and method.
-    motions : Motions
-        Ground motions by their numbers.
     runs : sequence of (int, float, Steps)
         Number of the ground motion, scale factor and time steps of each run.
     check : bool, default False
@@ -332,15 +324,9 @@ def run_sampled(
 
     Parameters
     ----------
-    subject : Subject
-        Nominal building and method.
-    motions : Motions
-        Ground motions by their numbers.
     runs : sequence of (int, (int, float, Steps))
         Index of the sampled building, and the number of the ground motion, scale factor and time
         steps, of each run.
-    drawn : DrawnBuildings
-        Arrays of the sampled buildings.
     subjects : sequence of callable
         One function without arguments for each sample, which assembles its building. It is called
         for runs that collapse or fail.

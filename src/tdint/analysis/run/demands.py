@@ -357,11 +357,6 @@ def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
     ----------
     stories : StoryPeaks
         Peaks of the runs, shape (runs, n).
-
-    Returns
-    -------
-    dict of str to ndarray, shape (runs,)
-        Columns by name, SI units.
     """
     largest = demands_of_runs(stories)
     return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}

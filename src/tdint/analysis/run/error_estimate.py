@@ -183,12 +183,6 @@ def run_with_error_estimate(
 
     Parameters
     ----------
-    case : Case
-        Building, ground motion and method.
-    steps : Steps
-        Time steps.
-    history : bool, default False
-        Keep the response history.
     history_errors : bool, default False
         Estimate the errors of the history also.
 
@@ -291,10 +285,6 @@ def with_error_estimate(
     ----------
     case : Case
         Building, ground motion and method of the response.
-    steps : Steps
-        Time steps of the response.
-    response : Response
-        Result of the run.
     history_errors : bool, default False
         Estimate the errors of the history also: of `response.history` if it was kept, and of the
         chunks that `response.history_chunks` yields.
@@ -362,8 +352,6 @@ def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks
     ----------
     case : Case
         Building, ground motion and method of the run.
-    steps : Steps
-        Time steps of the run.
     last : int, optional
         Number of steps of the first event of a sequence; the default is the complete run.
 
@@ -429,12 +417,8 @@ def story_errors(
 
     Parameters
     ----------
-    response : Response or EventResponse
-        Result with the peaks.
     other : Response or EventResponse
         Result of the additional run for the same time.
-    by : EstimateFactors
-        Factors of the terms of the estimate.
     start : StoryPeaks, optional
         Peaks in the first steps of a building that moves at the start (`start_peaks`); None if the
         building is at rest at the start.

@@ -85,8 +85,6 @@ def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Arra
         Derivatives whose errors are estimated; the last axis is the story.
     others : ndarray, shape (..., n)
         The same derivatives with half the time step.
-    by : EstimateFactors
-        Factors for the method of the run.
 
     Returns
     -------
@@ -109,8 +107,6 @@ def number_at(model: Model, name: str) -> float:
 
     Parameters
     ----------
-    model : Model
-        Building.
     name : str
         Parameter, as in `vary` of `run_many`.
 
@@ -156,8 +152,6 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    model : Model
-        Building.
     name : str
         Parameter, as in `vary` of `run_many`.
     value : float

@@ -287,11 +287,6 @@ def history_arrays(
     out : ndarray, mapping of str to ndarray, or None
         Arrays of the caller; None allocates arrays.
 
-    Returns
-    -------
-    dict of str to ndarray
-        Array of each quantity.
-
     Raises
     ------
     UsageError

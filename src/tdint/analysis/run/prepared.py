@@ -372,19 +372,12 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
         ground : ndarray, shape (samples,), optional
             Ground acceleration at the samples, m/s^2; linear between samples and zero after the
             last sample. None means that the ground is at rest.
         history_rows : int, default 0
             Number of rows of the history after the row of t = 0. It must divide the number of
             steps: with all steps every step is stored, with 0 no history.
-
-        Returns
-        -------
-        IntegrationResult
-            Arrays, code of a failed step, and duration.
 
         Raises
         ------
@@ -412,10 +405,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
-        steps : Steps
-            Time steps.
         ground : ndarray
             Ground acceleration at the samples, m/s^2.
         every : int
@@ -459,10 +448,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
-        steps : Steps
-            Time steps.
         ground : ndarray
             Ground acceleration at the samples, m/s^2.
         firsts : sequence of int
@@ -508,8 +493,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
         h : float
             Time step, s.
         samples : ndarray
@@ -550,8 +533,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
         h : float
             Time step, s.
         samples : ndarray
@@ -706,8 +687,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
         h : float
             Time step, s.
         motions : sequence of (ndarray, float, Steps)
@@ -767,8 +746,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
         h : float
             Time step, s.
         row_count : int
@@ -799,8 +776,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        integrator : Integrator
-            Method.
         h : float
             Time step, s.
         ground : ndarray, shape (samples,)
@@ -933,8 +908,6 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
     ----------
     methods : sequence of Integrator
         Method of the run and method of its error estimate.
-    steps : int
-        Total number of time steps.
     """
     building = prepared.building
     if (

@@ -572,11 +572,6 @@ def _integrate_with_histories(
 ) -> BatchResult:
     """Integrate runs of one building with one time step, and write the requested histories to
     `result`.
-
-    Returns
-    -------
-    BatchResult
-        Peaks and energies of the runs.
     """
     prepared, h = subject.prepared, runs[0].steps.h
     time = (

@@ -185,10 +185,6 @@ def event_responses(
 
     Parameters
     ----------
-    joined : Case
-        Case under the joined record.
-    steps : Steps
-        Time steps of the completed run.
     check : bool, default False
         Estimate the errors by one additional run.
     """

@@ -81,8 +81,6 @@ def choose_step(
 
     Parameters
     ----------
-    case : Case
-        Building, ground motion and method.
     tolerance : float
         Maximum estimated error of the peak drift of any story, divided by this peak drift.
     dt : float, optional

@@ -226,11 +226,6 @@ def number_of_stories(
     story_height : float
         Approximate story height, m.
 
-    Returns
-    -------
-    ndarray of int, shape (k,)
-        Numbers of stories.
-
     Raises
     ------
     UsageError

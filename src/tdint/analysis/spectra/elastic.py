@@ -203,8 +203,6 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
         Natural circular frequencies, rad/s.
     damping : float
         Damping ratio, in [0, 1).
-    maxima : Maxima
-        Times at which maxima are evaluated.
 
     Returns
     -------
@@ -233,8 +231,6 @@ def groups(
     ----------
     omega : ndarray, shape (k,)
         Natural circular frequencies, rad/s.
-    damping : float
-        Damping ratio of all oscillators.
     dt : float
         Sampling interval, s.
     maxima : Maxima
@@ -710,8 +706,6 @@ def first_mode(building: Building, record: Record | None) -> FirstMode:
 
     Parameters
     ----------
-    building : Building
-        Building, with its initial stiffness.
     record : Record or None
         Ground motion; None without ground motion.
     """

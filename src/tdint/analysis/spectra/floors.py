@@ -46,8 +46,6 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
     ----------
     names : sequence of str
         Numbers of floors, from 1 at the bottom, or `roof`.
-    stories : int
-        Number of stories of the building.
 
     Raises
     ------
@@ -81,8 +79,6 @@ def floor_motion(response: Response, floor: int) -> Record:
 
     Parameters
     ----------
-    response : Response
-        Response with its history.
     floor : int
         Floor, from 1 at the bottom.
 

@@ -492,11 +492,6 @@ def _maximum(ductility: Callable[[float], float], target: float, low: float, hig
     The search ends early at the first point that reaches the target.
 
     `ductility` is the function that receives a strength ratio and returns the ductility.
-
-    Returns
-    -------
-    tuple of float
-        Strength ratio and ductility.
     """
     from scipy.optimize import minimize_scalar
 

@@ -107,11 +107,6 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         Design spectrum, or its text: the name of a code with parameters, or a file. The spectrum is
         used for all modes without conversion to another damping ratio.
 
-    Returns
-    -------
-    ModalResponse
-        Peak drifts, shears, displacements, forces and overturning moments.
-
     Raises
     ------
     ModelError
@@ -182,8 +177,6 @@ def correlations(omega: Array, damping: float) -> Array:
     ----------
     omega : ndarray, shape (n,)
         Circular frequencies of the modes, rad/s.
-    damping : float
-        Damping ratio of all modes.
 
     Returns
     -------

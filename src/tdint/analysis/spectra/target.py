@@ -715,8 +715,6 @@ def read_published(
         The file. It needs a column of periods (`period_s`, `T (s)`) and a column of values
         (`psa_g`, `PSA (cm/s^2)`, `sd_cm`) whose quantity is a key of `QUANTITIES`. If the file has
         a column `damping`, only the rows with the requested damping ratio are used.
-    damping : float
-        Damping ratio.
     column : str, optional
         Name of the column of values. Required if the file contains several columns of values.
 

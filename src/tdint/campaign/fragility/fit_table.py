@@ -219,8 +219,6 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     ----------
     source : str
         Path of the table (`-`: standard input), or the directory of a study.
-    request : FragilityRequest
-        Settings.
 
     Returns
     -------

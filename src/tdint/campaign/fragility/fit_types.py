@@ -104,10 +104,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
 
     Parameters
     ----------
-    folder : Path
-        Directory of the campaign.
-    request : FragilityRequest
-        Settings.
     by : str
         One of `BY`; default by type.
 
@@ -316,8 +312,6 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     ----------
     runs : TypeRuns
         Runs of the buildings of a type, or of a building.
-    request : FragilityRequest
-        Settings.
 
     Returns
     -------

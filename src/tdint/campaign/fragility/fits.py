@@ -139,8 +139,6 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
 
     Parameters
     ----------
-    observations : Observations
-        Observations of a linear model.
     start : ndarray, shape (k,)
         Initial parameters, with a positive 1 / sigma.
 
@@ -435,11 +433,6 @@ class Fragility:
         ----------
         im : ndarray, shape (k,)
             Intensities in the unit of theta.
-
-        Returns
-        -------
-        tuple of ndarray, shape (k,)
-            z, and its standard error.
         """
         z = np.log(np.asarray(im) / self.theta) / self.beta
         # The differential of z is -(d ln theta + z d beta) / beta, which leads to the variance
@@ -662,11 +655,6 @@ def extrapolated(functions: Sequence[Fragility]) -> list[str]:
 
     Each reason for an extrapolation has one message, which lists the functions that the reason
     concerns.
-
-    Parameters
-    ----------
-    functions : sequence of Fragility
-        All functions of a table.
     """
     # The reason for an extrapolation is empty if the observations cover the median.
     names_by_reason: dict[str, list[str]] = {}
@@ -1133,8 +1121,6 @@ def fit_at_threshold(
         Demand that is exceeded; NaN if unknown.
     names : tuple of two str
         Name and unit of the intensity measure.
-    fit : callable
-        Function without arguments that fits the function.
     """
     try:
         return fit().named(threshold, *names)

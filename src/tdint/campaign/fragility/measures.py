@@ -900,11 +900,6 @@ def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
 
     The store in the directory of the table states which components were read as a pair. Other
     intensities are not changed.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Intensities.
     """
     with _store_of_table(table) as store:
         records = store.records() if store is not None else {}

@@ -130,8 +130,6 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     ----------
     demand : ndarray, shape (runs,)
         Demands, SI units.
-    status : sequence of str
-        Status at the end of each run.
 
     Returns
     -------
@@ -181,8 +179,6 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
     ----------
     stories : StoryPeaks
         Peak responses of the run, in arrays of shape (1, stories).
-    status : str
-        Status at the end of the run.
 
     Raises
     ------
@@ -221,8 +217,6 @@ def building_damages(
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
     common_states : DamageStates, optional
         States of all buildings, by maximum drift ratios, instead of the stored states of the types.
     """
@@ -559,8 +553,6 @@ def group_damages(
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
     by_building : bool
         True for one group per building.
     by : str, optional

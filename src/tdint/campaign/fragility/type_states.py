@@ -384,8 +384,6 @@ def damage_of(
 
     Parameters
     ----------
-    request : DamageRequest or None
-        Settings of the campaign file.
     classes : ClassDamage
         Thresholds and loss ratios by building class, read from the CSV files of `request`.
 

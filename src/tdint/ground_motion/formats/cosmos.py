@@ -148,11 +148,6 @@ def _read_announcement(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
 
     `pattern` is the pattern of the line; its first group is the number.
 
-    Returns
-    -------
-    re.Match
-        Match of the line.
-
     Raises
     ------
     RecordError

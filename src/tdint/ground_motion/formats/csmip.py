@@ -78,8 +78,6 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     ----------
     lines : Lines
         Lines of the file; the next line is the first row of pairs.
-    texts : list of str
-        Lines of text of the channel.
 
     Raises
     ------

@@ -208,13 +208,6 @@ class _Numbers:
 def find_table(data: bytes, layout: TextLayout) -> FreeTable | None:
     """Find the accelerogram in a text file of unknown format.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    layout : TextLayout
-        Description of the table by the user.
-
     Returns
     -------
     FreeTable or None

@@ -419,8 +419,6 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
 
     Parameters
     ----------
-    line : str
-        Line of a file.
     width : int, optional
         Characters per number, for lines without separators. Default: the numbers must be separated
         by blanks or signs.
@@ -469,8 +467,6 @@ def read_lines(file: Any, *, text_only: bool = False) -> Lines:
 
     Parameters
     ----------
-    file : str, Path or object open for reading bytes
-        File to read.
     text_only : bool
         Raise RecordError if the file starts with binary data. Default False.
 

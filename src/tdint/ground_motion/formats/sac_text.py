@@ -48,8 +48,6 @@ def read_sac_text(file: Any, headonly: bool = False, **_: Any) -> Any:
 
     Parameters
     ----------
-    file : str, Path or object open for reading bytes
-        File to read.
     headonly : bool
         Omit the samples. Default False.
 

@@ -354,8 +354,6 @@ def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None
     ----------
     pattern : re.Pattern
         Pattern with groups named after the parameters of `moment`.
-    texts : sequence of str
-        Lines of text.
     """
     match = first_match(pattern, texts)
     return (

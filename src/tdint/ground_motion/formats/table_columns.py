@@ -355,8 +355,6 @@ def read_header(lines: list[str], width: int) -> TableHeader:
 
     Parameters
     ----------
-    lines : list of str
-        All lines above the numbers.
     width : int
         Number of columns of the table.
 

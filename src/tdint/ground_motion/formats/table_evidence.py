@@ -303,8 +303,6 @@ def check_first_value(lines: Sequence[str], number: int, layout: TextLayout) -> 
 
     Parameters
     ----------
-    lines : sequence of str
-        First lines of the column.
     number : int
         Number of the first of these lines, counted from 1.
     layout : TextLayout

@@ -93,8 +93,6 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
 
     Parameters
     ----------
-    file : str, Path or object open for reading bytes
-        File to check.
     layout : TextLayout
         Description of the table by the user. Default: none.
     """
@@ -135,13 +133,6 @@ def _is_table(widths: list[int]) -> bool:
 def table_in(data: bytes, layout: TextLayout) -> str:
     """Describe the table in a file of unknown format and the options that are required to read it.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of the file.
-    layout : TextLayout
-        Description of the table by the user.
-
     Returns
     -------
     str
@@ -181,8 +172,6 @@ def read_text(
 
     Parameters
     ----------
-    file : str, Path or object open for reading bytes
-        File to read.
     headonly : bool
         Omit the samples. Default False.
     layout : TextLayout
@@ -235,10 +224,6 @@ def table_series(
     ----------
     columns : list of ndarray
         All columns of the table, including the times.
-    header : TableHeader
-        Declarations and column names.
-    layout : TextLayout
-        Description of the table by the user.
     times : ndarray, shape (samples,), or None
         Times in the first column, s; None if the table has no column of times.
 

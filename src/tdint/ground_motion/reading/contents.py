@@ -94,11 +94,6 @@ def read_bytes(source: str | Path) -> bytes:
     source : str or Path
         File name, or `-` for standard input.
 
-    Returns
-    -------
-    bytes
-        Content of the file, at least one byte.
-
     Raises
     ------
     RecordError
@@ -391,8 +386,6 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
 
     Parameters
     ----------
-    data : bytes
-        Content of the file.
     source : str
         Name of the file, for messages.
     layout : TextLayout

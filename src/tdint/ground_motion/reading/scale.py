@@ -105,10 +105,6 @@ def to_acceleration(trace: Any, format_name: str, specified: Units | None, label
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
-    format_name : str
-        ObsPy name of the format.
-    specified : Units or None
-        Units specified by the user.
     label : str
         File and channel, for messages.
 
@@ -129,15 +125,13 @@ def to_acceleration(trace: Any, format_name: str, specified: Units | None, label
 def to_motion(trace: Any, format_name: str, specified: Units | None, label: str) -> Motion:
     """Convert the samples of a trace to SI units, without differentiation.
 
-    Units are stated by the format, by the file or by the user. Otherwise
-    `assumed_units` returns the only permitted assumption, or raises an error.
+    Units are stated by the format, by the file or by the user. Otherwise `assumed_units` returns
+    the only permitted assumption, or raises an error.
 
     Parameters
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
-    format_name : str
-        ObsPy name of the format.
     label : str
         File and channel, for messages.
 
@@ -213,8 +207,6 @@ def declared_units(
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
-    format_name : str
-        ObsPy name of the format.
     label : str
         File and channel, for messages.
 
@@ -380,8 +372,6 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
-    format_name : str
-        ObsPy name of the format.
     label : str
         File and channel, for messages.
 

@@ -65,8 +65,6 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     ----------
     arguments : sequence of str
         Names of files and directories; `-` is standard input.
-    choice : RecordChoice
-        Units and layout.
 
     Returns
     -------
@@ -178,8 +176,6 @@ def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
     ----------
     file : str
         File name, or `-` for standard input.
-    choice : RecordChoice
-        Reading options and processing steps.
 
     Raises
     ------
@@ -196,8 +192,6 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     ----------
     named : sequence of str
         Names of files and directories.
-    choice : RecordChoice
-        Reading options and processing steps.
     pairs : PairNames or None
         File names of pairs; None (default) reads single horizontal components.
 
@@ -257,13 +251,6 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
 
     A vertical component is read only if the user selects it by name. A file that cannot be read is
     reported in the failures of the suite; the other files are still read.
-
-    Parameters
-    ----------
-    files : sequence of str
-        File names.
-    choice : RecordChoice
-        Reading options and processing steps.
     """
     records: list[GroundMotion] = []
     failures: list[RecordError] = []
@@ -308,10 +295,6 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
 
     Parameters
     ----------
-    files : sequence of str
-        File names.
-    choice : RecordChoice
-        Reading options and processing.
     names : PairNames
         File names of pairs. Default: the usual names.
 
@@ -376,11 +359,6 @@ def suite_motions(motions: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
     """Return the components of ground motions in order, with their names in tables.
 
     Components of one file with the same name are named by their full ids.
-
-    Parameters
-    ----------
-    motions : sequence of Record or Horizontals
-        Ground motions with one or two components.
     """
     records = [record for motion in motions for record in components(motion)]
     names = iter(component_names(records))

@@ -28,8 +28,6 @@ def pack(code: bytes, description: dict[str, Any]) -> bytes:
 
     Parameters
     ----------
-    code : bytes
-        Compiled object.
     description : dict
         Properties of the object, including `symbol`, the name of its function. The format and the
         SHA-256 of description and code are added.

@@ -125,8 +125,6 @@ def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
 
     Parameters
     ----------
-    modules : iterable of str
-        Names of imported modules.
     package : str
         Prefix of the file names in the result.
 

@@ -230,8 +230,6 @@ def file_name(name: str, variant: str, target: Target) -> str:
         Name of the kernel, `package.module:function`.
     variant : str
         Features that the compiled code supports (`Variant.text`).
-    target : Target
-        Processor and system.
 
     Returns
     -------

@@ -246,8 +246,6 @@ def can_fall(law: DriftLaw, stiffness: float, values: Sequence[float]) -> bool:
     ----------
     stiffness : float
         Initial stiffness, N/m.
-    values : sequence of float
-        Parameter values.
     """
     if law.falls(stiffness, values):
         return True

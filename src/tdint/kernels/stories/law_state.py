@@ -422,8 +422,6 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     ----------
     law_parameters, law_state : ndarray
         Parameters and states of the hysteretic laws: one row per quantity, one column per story.
-    i : int
-        Index of the story.
     trial : int
         First row of the block with the trial state.
     """
@@ -573,8 +571,6 @@ def follow(law_parameters, i, drifts, law_state, result):
         Drifts of the path, m.
     law_state : ndarray
         States of the laws; receives the state at the end of the path.
-    result : ndarray, shape (drifts, RESULT_COLUMNS)
-        Result, one row per drift.
 
     Returns
     -------

@@ -35,8 +35,6 @@ def ground_at(ground, step, per_sample, stride):
 
     Parameters
     ----------
-    step : int
-        Index of the step.
     per_sample, stride : int
         `per_sample` steps have the length of `stride` sampling intervals.
     """

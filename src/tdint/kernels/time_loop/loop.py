@@ -610,11 +610,6 @@ def integrate_many(
                                complete window; 0 if the run failed during the ground motion
             AT_REST            1 if the building is at rest at the end of a window, or, also for a
                                failed run, if `max_windows` is 0; otherwise 0
-
-    Returns
-    -------
-    int
-        Number of runs that failed.
     """
     kernels = _Kernels(integrate, step, initialize_laws, sum_law_energies, update_shear_peaks)
     common = _CommonData(max_halvings, h, coefficients, shifts, load, ground, points)

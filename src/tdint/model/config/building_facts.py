@@ -92,8 +92,6 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     ----------
     value : Value
         Value of the key `building`.
-    unit : ModelUnits
-        Units of the model file.
     """
     section = value.section(BUILDING)
     if section is None:

@@ -88,8 +88,6 @@ def read_damage_states(section: Section, demand: str, thresholds: Value) -> Dama
         Section with the keys `dispersion` and `losses`.
     demand : str
         Response quantity, a key of `DEMANDS`.
-    thresholds : Value
-        Median demand of each state.
     """
     entries = _entries_by_state(thresholds, "the demand of each state, such as {slight: 0.5%}")
     if entries is None or demand not in DEMANDS:
@@ -114,8 +112,6 @@ def read_threshold(value: Value, demand: str) -> float:
 
     Parameters
     ----------
-    value : Value
-        Threshold in the file.
     demand : str
         Response quantity, a key of `DEMANDS`.
     """
@@ -136,8 +132,6 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
     ----------
     value : Value or None
         Loss ratio of each state; None without losses.
-    states : sequence of str
-        Names of the damage states.
     """
     if value is None:
         return ()
@@ -167,8 +161,6 @@ def losses_in_order(losses: Mapping[str, float], states: Sequence[str]) -> tuple
     ----------
     losses : mapping of str to float
         Loss ratio of each state and, optionally, of collapse.
-    states : sequence of str
-        Names of the damage states.
     """
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 

@@ -110,8 +110,6 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
     ----------
     value : Value
         Value of the key `limits`.
-    unit : ModelUnits
-        Units of the file.
     stories : sequence of Story
         Stories of the model; empty after an error.
     """

@@ -210,8 +210,6 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     ----------
     value : Value or None
         Value of the key `excitation`; None if it is missing.
-    unit : ModelUnits
-        Units of the model file.
     count : int or None
         Number of stories; None if it is unknown after an error.
     """
@@ -483,8 +481,6 @@ def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
     ----------
     value : Value
         Mapping with the keys of a model file.
-    origin : SourceText
-        File that contains the mapping.
     """
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None

@@ -154,8 +154,6 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     ----------
     value : Value or None
         Value of the key `law`; None for a linear story.
-    unit : ModelUnits
-        Units of the model file.
     """
     if value is None:
         return LINEAR, None
@@ -471,8 +469,6 @@ def read_stories(
     ----------
     value : Value or None
         Value of the key `stories`; None if it is missing.
-    unit : ModelUnits
-        Units of the model file.
     p_delta : bool
         Require the height of every story.
     """

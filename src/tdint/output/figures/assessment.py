@@ -212,11 +212,6 @@ def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
     """Plot a line, also if no point of it is finite.
 
     `x` and `y` are the points; nan is allowed.
-
-    Returns
-    -------
-    list of Line2D
-        The line.
     """
     # Without a finite point, matplotlib cannot compute the distances of markers along the line.
     if not np.any(np.isfinite(x) & np.isfinite(y)):
@@ -225,15 +220,7 @@ def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
 
 
 def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
-    """Plot the spectral radius of each curve over dt/T, with a legend.
-
-    Parameters
-    ----------
-    axes : Axes
-        The panel.
-    curves : sequence of StabilityCurve
-        Curves of methods.
-    """
+    """Plot the spectral radius of each curve over dt/T, with a legend."""
     styles = [
         style | {"label": label}
         for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
@@ -253,8 +240,6 @@ def accuracy_picture(
         Curves of methods, with a line for each curve.
     quantity : str
         `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`.
-    title : str
-        Title of the figure.
     thin : int
         Number of curves at the end that have thin lines; 0 by default.
     """
@@ -302,11 +287,6 @@ def _draw_quantity(
 
     `quantity` is the name of an attribute of the curves: `spectral_radius`, or a key of
     `_ACCURACY_AXES`, which is plotted in percent.
-
-    Returns
-    -------
-    list of Line2D
-        The line of each curve.
     """
     lines = []
     for curve, style in zip(curves, styles, strict=True):

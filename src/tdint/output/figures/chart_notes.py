@@ -46,8 +46,6 @@ def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: 
 
     Parameters
     ----------
-    chart : Chart
-        Measurements.
     target : str
         Quantity whose error is shown, such as `peak-drift`.
     has_triangles : bool

@@ -310,8 +310,6 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     test : CyclicTest
         Cyclic test of the story. If it exceeds the yield drift, the yield drift is marked.
     """
@@ -344,8 +342,6 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
 
     Parameters
     ----------
-    result : Pushover
-        Result of a pushover analysis.
     units : OutputUnits
         Units of displacements and forces; SI by default.
     """
@@ -366,10 +362,6 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     ----------
     axes : Axes
         The panel. If the model has heights, an axis of the roof drift ratio is added on top.
-    result : Pushover
-        Result of a pushover analysis.
-    units : OutputUnits
-        Units of displacements and forces.
     """
     factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
@@ -637,12 +629,8 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     matched : Match
         Result of the matching. For a pair, the spectra of both components are plotted also.
-    units : OutputUnits
-        Unit of the accelerations.
     """
     shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
     periods = matched.shown_periods
@@ -701,8 +689,6 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
 
     Parameters
     ----------
-    axes : Axes
-        The panel, which becomes logarithmic.
     spectra : sequence of FourierSpectrum
         Spectra of the components of one or several records.
     units : OutputUnits
@@ -728,13 +714,7 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
 
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
-    """Plot the acceleration of a record over the time in a panel with its peak as text.
-
-    Parameters
-    ----------
-    record : Record
-        Ground motion.
-    """
+    """Plot the acceleration of a record over the time in a panel with its peak as text."""
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
@@ -798,8 +778,6 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
 
     Parameters
     ----------
-    chart : FieldChart
-        Measurements of all problems.
     target : str
         Quantity of the error, a key of `PEAKS`.
     highlight : str
@@ -853,11 +831,6 @@ def _plot_profiles(
     `axes` is the panel; its x axis is the cost divided by the minimum cost. `plot_styles` is the
     line style of each method (`method_styles`). If a style has a line width, its method is
     emphasized instead of the methods in `_BOLD`.
-
-    Returns
-    -------
-    dict
-        Line of each method, for the legend.
     """
     line_widths = {
         method: plot_style["linewidth"]

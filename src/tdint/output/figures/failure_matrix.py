@@ -70,11 +70,6 @@ _EXPLANATION = (
 def failure_picture(trials: Sequence[Trial]) -> Figure:
     """Plot the results of methods on test problems as a matrix: a row per method, a column per
     problem and time step.
-
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Trials, one cell each.
     """
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))

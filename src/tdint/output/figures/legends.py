@@ -49,8 +49,6 @@ def add_legend(
 
     Parameters
     ----------
-    axes : Axes
-        Any panel of the figure.
     narrow : int
         Maximum number of characters of the labels for three columns; otherwise there are two. The
         available width can require fewer columns.

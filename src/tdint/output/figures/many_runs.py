@@ -47,8 +47,6 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     runs : Runs
         Results of many runs; at least one.
     units : OutputUnits
@@ -119,8 +117,6 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
 
     Parameters
     ----------
-    gradient : Gradient
-        Derivatives of a single run.
     units : OutputUnits
         Must be SI, the default.
 

@@ -58,8 +58,6 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     modes : Modes
         Modes of the building; at most `_MAX_MODES` are shown.
     norm : str
@@ -169,8 +167,6 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
 
     Parameters
     ----------
-    result : ModalResponse
-        Combined modal responses.
     units : OutputUnits
         Units of the axes; SI by default.
     """
@@ -202,10 +198,6 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
-    result : ModalResponse
-        Combined modal responses.
     units : OutputUnits
         Unit of the drifts, if they are lengths.
     """

@@ -381,8 +381,6 @@ def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    response : Response
-        Result of the run.
     units : OutputUnits
         Unit of the drifts, if they are lengths.
     """
@@ -400,15 +398,7 @@ def _frame_profile(axes: Any, response: Response) -> None:
 
 
 def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits) -> None:
-    """Plot peak drifts, absolute floor accelerations and shears over the height of a building.
-
-    Parameters
-    ----------
-    response : Response
-        Result of a run.
-    units : OutputUnits
-        Units of the panels.
-    """
+    """Plot peak drifts, absolute floor accelerations and shears over the height of a building."""
     drifts, accelerations, shears = panels
     stories = response.stories
     _draw_drifts(drifts, response, units)

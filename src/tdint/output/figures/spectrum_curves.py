@@ -186,13 +186,7 @@ def _draw_suite(
     panels: Sequence[Panel[Line]],
     variants: Sequence[Hashable],
 ) -> dict[str, Any]:
-    """Plot the lines of all results in gray, with median and fractiles of each variant.
-
-    Returns
-    -------
-    dict
-        Lines of the legend, by their labels.
-    """
+    """Plot the lines of all results in gray, with median and fractiles of each variant."""
     indices = _positive_periods(results[0].periods)
     periods = results[0].periods[indices]
     distinct_variants = list(dict.fromkeys(variants))
@@ -372,8 +366,6 @@ def draw_tripartite(
     ----------
     spectra : sequence of Spectrum
         Spectra; at least one.
-    labels : sequence of str
-        Label of each spectrum.
     """
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
@@ -476,10 +468,6 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     ----------
     spectra : sequence of Spectrum
         Spectra; at least one.
-    labels : sequence of str
-        Label of each spectrum.
-    units : OutputUnits
-        Units of the axes.
     """
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     axes = figure.subplots()
@@ -579,8 +567,6 @@ def low_picture(
 
     Parameters
     ----------
-    spectra : sequence of Spectrum
-        Response spectra.
     units : OutputUnits
         Units of the axes; SI by default.
     periods : sequence of (str, float)

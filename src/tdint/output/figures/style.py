@@ -328,13 +328,7 @@ class Picture:
         self.save(self.figure(), stream)
 
     def save(self, figure: Figure, stream: BinaryIO) -> None:
-        """Write a figure that the method `figure` has returned to a stream, in the file format.
-
-        Parameters
-        ----------
-        stream : BinaryIO
-            Output.
-        """
+        """Write a figure that the method `figure` has returned to a stream, in the file format."""
         printed = PRINTED.get()
         dpi = _PRINT_DPI if printed.width else _SCREEN_DPI
         # Only for PNG, the layout can be computed before the file is written: in vector formats,
@@ -722,8 +716,6 @@ def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
 
     Parameters
     ----------
-    text : str
-        Text of one or more lines.
     x, y : float
         Position of the upper right corner of the text as fractions of the width and the height of
         the panel.
@@ -869,8 +861,6 @@ def over_stories(axes: Any, values: Array, **style: Any) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        The panel.
     values : ndarray, shape (stories,)
         Values, from the first story.
     **style
@@ -890,8 +880,6 @@ def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
 
     Parameters
     ----------
-    axis : matplotlib.axis.Axis
-        The axis.
     every : bool
         True to label all minor ticks; by default, only ticks with the first digit 2 or 5 have
         labels.
@@ -931,12 +919,8 @@ def add_ratio_axis(axes: Any, height: float, label: str) -> None:
 
     Parameters
     ----------
-    axes : Axes
-        Panel with displacements on the x axis.
     height : float
         Height in the unit of the displacements. If it is nan (unknown), no axis is added.
-    label : str
-        Label of the added axis.
     """
     if math.isnan(height):
         return

@@ -128,8 +128,6 @@ def draw_drift_profiles(
     ----------
     profiles : sequence of Profile
         Statistics of each building and level.
-    units : OutputUnits
-        Units of the axes.
     member : str
         Noun for a motion of a profile.
     """

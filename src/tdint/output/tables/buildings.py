@@ -589,8 +589,6 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
 
     Parameters
     ----------
-    model : Model
-        The building.
     units : OutputUnits
         Units of the table; SI by default.
 
@@ -641,8 +639,6 @@ def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
 
     Parameters
     ----------
-    damping : ndarray, shape (n,)
-        Damping ratios of the modes.
     norm : str, optional
         Normalization of the mode shapes (`tdint.model.modes.Modes.normalized`). If it is specified,
         the table has a column with the ordinates of the mode shapes for each floor.
@@ -676,8 +672,6 @@ def comparison_spectra_table(
         Comparisons of a computed with a recorded response, one for each event.
     periods : ndarray
         Periods, s.
-    damping : float
-        Damping ratio.
     """
     return _by_event(
         COMPARISON_SPECTRA,

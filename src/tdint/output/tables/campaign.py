@@ -455,8 +455,6 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
 
     Parameters
     ----------
-    profile : Profile
-        Peaks of a building at one level.
     names : sequence of str
         Names of the quantities. A quantity that is zero or missing in all stories is omitted.
     """
@@ -500,8 +498,6 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
 
     Parameters
     ----------
-    profile : Profile
-        Peaks of a building at one level.
     names : sequence of str
         Names of the quantities. A quantity without estimated errors is omitted.
     """
@@ -535,10 +531,6 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
-    ratios : sequence of Ratios
-        Ratios of each building, level and quantity.
     stories : bool
         True for the ratios of each story and of the maxima over the stories; False for the ratios
         of the maxima only.
@@ -599,12 +591,8 @@ def write_rows(
 
     Parameters
     ----------
-    columns : iterable of Column
-        Columns of the table.
     rows : iterable of list
         Rows in SI units; texts were formatted by `cell_text`.
-    stream : BinaryIO
-        Output.
     units : OutputUnits
         Units of the output; SI by default.
     """

@@ -286,10 +286,6 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
 
     Parameters
     ----------
-    store : Store
-        Store of a campaign with losses.
-    stream : BinaryIO
-        Output.
     by : str, optional
         Column of the inventory, such as `district`.
 

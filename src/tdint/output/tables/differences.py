@@ -324,8 +324,6 @@ def json_differences(
 
     Parameters
     ----------
-    before, now : Path
-        JSON files of the same command.
     is_same_version : bool
         True if the same version of tdint has written both files. Keys that only one file has,
         descriptions and notes are then compared as well.

@@ -408,11 +408,6 @@ def vulnerability_model(
     single building at an intensity has a beta distribution with these means and coefficients of
     variation. Collapse counts as the heaviest state.
 
-    Parameters
-    ----------
-    name : str
-        Name of the campaign, for the description.
-
     Raises
     ------
     UsageError

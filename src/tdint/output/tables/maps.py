@@ -73,8 +73,6 @@ def write_geojson(
 
     Parameters
     ----------
-    stream : BinaryIO
-        Output.
     events : collection of str
         Events to write; all by default. The average annual loss includes all events.
     """
@@ -286,10 +284,6 @@ def write_districts(
 
     Parameters
     ----------
-    store : Store
-        Store of a campaign with losses.
-    stream : BinaryIO
-        Output.
     by : str
         Column of the inventory.
     polygons : mapping, optional

@@ -180,8 +180,6 @@ def history_columns(
 
     Parameters
     ----------
-    stories : int
-        Number of stories of the building.
     error : bool
         True to add the columns of the estimated errors at the end; false by default.
     elements : sequence of str
@@ -206,8 +204,6 @@ def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits
     ----------
     pieces : iterable of History
         Parts of the history in the order of time.
-    stream : BinaryIO
-        Output.
     units : OutputUnits
         Units of the columns; SI by default.
     """
@@ -222,8 +218,6 @@ def write_history(
 
     Parameters
     ----------
-    stream : BinaryIO
-        Output.
     units : OutputUnits
         Units of the columns; SI by default.
     header : bool

@@ -275,8 +275,6 @@ class Table:
 
         Parameters
         ----------
-        name : str
-            Name of the column.
         function : callable
             Receives a value and returns the new value.
         """
@@ -332,8 +330,6 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
 
     Parameters
     ----------
-    columns : mapping of str to ndarray or list
-        Cells of each column by its name.
     meanings : mapping
         Descriptions of the columns, as `describe` returns them; they become metadata.
 

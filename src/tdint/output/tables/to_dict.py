@@ -326,13 +326,7 @@ def _demand_errors(result: Runs) -> _Values:
 
 
 def _values_of_run(values: Any, run: int, story_count: int) -> Any:
-    """Return the peak responses, or their errors, of one of many runs.
-
-    Returns
-    -------
-    StoryPeaks or StoryErrors
-        Arrays of shape (story_count,).
-    """
+    """Return the peak responses, or their errors, of one of many runs."""
     return type(values)(
         **{field.name: getattr(values, field.name)[run, :story_count] for field in fields(values)}
     )
