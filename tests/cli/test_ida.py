@@ -117,6 +117,22 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     tdint(*call, "-o", "out", code=2)  # Without --check, it is another study.
 
 
+def test_the_collapse_drift_replaces_that_of_the_model(folder, tdint):
+    """The capacity of collapse at 0.5 % is that of the threshold 0.5 % of another study, within the
+    intervals of both; default thresholds above the collapse drift are omitted."""
+    call = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--component", "HNE")
+    tdint(*call, "--collapse-drift", "0.5%", "-o", "a", code=0)
+    tdint(*call, "--threshold", "0.5%", "-o", "b", code=0)
+    (collapse,) = rows("a/capacities.csv")
+    threshold, later_collapse = rows("b/capacities.csv")
+    assert float(collapse["threshold"]) == float(threshold["threshold"]) == 0.005
+    assert float(collapse["lower"]) <= float(threshold["upper"])
+    assert float(threshold["lower"]) <= float(collapse["upper"])
+    assert float(later_collapse["capacity"]) > 2.0 * float(collapse["capacity"])
+    statuses = [(float(row["scale"]), row["status"]) for row in rows("a/ida.csv")]
+    assert "collapsed" in {status for _, status in statuses}
+
+
 def test_a_study_and_its_files(studied, tdint):
     """The tables contain the levels of each record, and its capacities are between levels. The same
     call again performs no run."""

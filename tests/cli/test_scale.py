@@ -8,6 +8,7 @@ import pytest
 
 from csv_rows import rows
 from facts import states
+from tdint.campaign.intensity import AVERAGE
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -38,6 +39,45 @@ def test_factors_to_a_value_of_a_measure(folder, tdint):
     ]
     assert len(peaks) == 3 and all(g == pytest.approx(si / 9.80665, rel=1e-11) for g, si in peaks)
     assert (folder / "f" / "factors.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "column", "power"),
+    [
+        ("--pga", "2m/s^2", "pga_m_s2", 1),
+        ("--pgv", "20cm/s", "pgv_m_s", 1),
+        ("--arias", "0.2m/s", "arias_intensity_m_s", 2),
+        ("--cav", "3m/s", "cav_m_s", 1),
+    ],
+)
+def test_each_measure_reaches_its_value(folder, tdint, option, value, column, power):
+    """The Arias intensity increases with the square of the factor."""
+    target = {"2m/s^2": 2.0, "20cm/s": 0.2, "0.2m/s": 0.2, "3m/s": 3.0}[value]
+    call = ("motion.mseed", "--component", "HNE", *UNITS)
+    (row,) = rows(tdint("scale", *call, option, value, code=0).stdout)
+    (info,) = rows(tdint("info", *call, code=0).stdout)
+    scaled = float(row["factor"]) ** power * float(info[column])
+    assert scaled == pytest.approx(target, rel=1e-9)
+
+
+def test_spectral_accelerations_reach_their_values(folder, tdint):
+    """Sa_avg is the geometric mean over 50 periods from 0.2 to 3 times --at."""
+    call = ("motion.mseed", "--component", "HNE", *UNITS)
+    factors = [
+        float(
+            rows(tdint("scale", *call, option, "2m/s^2", "--at", "0.5", code=0).stdout)[0]["factor"]
+        )
+        for option in ("--sa", "--sa-avg")
+    ]
+    assert factors[0] * spectral_acceleration(tdint, call, ["0.5"]) == pytest.approx(2.0, rel=1e-6)
+    periods = [f"{0.5 * multiple:.12g}" for multiple in AVERAGE.values()]
+    assert factors[1] * spectral_acceleration(tdint, call, periods) == pytest.approx(2.0, rel=1e-6)
+
+
+def spectral_acceleration(tdint, call, periods):
+    """Return the geometric mean of Sa over periods, m/s^2."""
+    found = rows(tdint("spectrum", *call, "--period", ",".join(periods), code=0).stdout)
+    return np.exp(np.mean(np.log([float(row["psa_m_s2"]) for row in found])))
 
 
 def test_records_with_different_units_in_one_call(folder, tdint, make_record):

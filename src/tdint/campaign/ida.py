@@ -649,11 +649,11 @@ def _prepare(
 
 def _default_thresholds(model: Model, collapse_drift: float) -> tuple[float, ...]:
     """Return the drift ratios for which capacities are reported by default: the medians of the
-    damage states of the model, if these are drift ratios, otherwise `THRESHOLDS`. Medians above the
+    damage states of the model, if these are drift ratios, otherwise `THRESHOLDS`. Values above the
     collapse drift ratio are omitted."""
-    if model.damage and model.damage.demand == "drift_ratio":
-        return tuple(median for median in model.damage.medians if median <= collapse_drift)
-    return THRESHOLDS
+    is_by_drift = model.damage is not None and model.damage.demand == "drift_ratio"
+    drifts = model.damage.medians if is_by_drift and model.damage else THRESHOLDS
+    return tuple(drift for drift in drifts if drift <= collapse_drift)
 
 
 def _check_heights(model: Model) -> None:
