@@ -30,6 +30,7 @@ METHODS = {
     "explicit_alpha": ("explicit-alpha", "explicit-alpha:rho_b=0.3"),
     "rosenbrock": ("ros2",),
     "sdirk3": ("sdirk3",),
+    "backward_euler": ("backward-euler",),
 }
 STORIES = {
     "menegotto_pinto": {"type": "menegotto-pinto", "yield_force": 3e5, "hardening": 0.03},

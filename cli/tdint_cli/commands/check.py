@@ -141,6 +141,8 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     # Report the errors after the table that shows them.
     if checks:
         emit_table(Table.of_results(DECLARATION, checks))
+    for check in checks:
+        note(*check.notes)
     if law_names := [law.name for _, laws in definitions for law in laws]:
         note(f"to check the laws ({', '.join(law_names)}), add a model file that uses them")
     if errors := [AnalysisError(fault) for check in checks for fault in check.faults]:

@@ -25,6 +25,7 @@ from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.methods.step_check import (
     GuardedArray,
+    energy_balance,
     faults_in,
     faults_with_yielding,
     integrate_in_python,
@@ -469,6 +470,9 @@ class MethodCheck:
         Measured spectral radius at omega dt = 1e6; nan for a method with a stability limit.
     faults : tuple of str
         Differences from the declared properties, one line per fault.
+    notes : tuple of str
+        Measured properties that are not declared: the energy imbalance of bilinear stories and its
+        order, if the imbalance is not negligible.
     """
 
     integrator: Integrator
@@ -476,6 +480,7 @@ class MethodCheck:
     limit: float
     rho_inf: float
     faults: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def check_method(integrator: Integrator) -> MethodCheck:
@@ -494,13 +499,21 @@ def check_method(integrator: Integrator) -> MethodCheck:
         properties are nan, and the faults describe the failure.
     """
     yielding: dict[str, str] = {}
+    notes: list[str] = []
     # The following lines validate the step. Mark it as validated, because the compiled runs below
     # need no further validation. The mark is removed if the step or a declaration is wrong.
     step = integrator.family.step
     VALIDATED_STEPS.add(step)
     try:
         integrate_in_python("linear", integrator, 1)
-        yielding = {} if integrator.family.linear_only else faults_with_yielding(integrator)
+        if not integrator.family.linear_only:
+            yielding = faults_with_yielding(integrator)
+            balance = energy_balance(integrator, "bilinear")
+            if not (balance.fault or math.isnan(balance.order)):
+                notes.append(
+                    f"{integrator.label}: with stories of law {balance.law}, numerical damping is "
+                    f"missing from the energy balance: {balance.text}"
+                )
         observed = [
             observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")
         ]
@@ -543,7 +556,7 @@ def check_method(integrator: Integrator) -> MethodCheck:
     faults += yielding.values()
     if faults:
         VALIDATED_STEPS.discard(step)
-    return MethodCheck(integrator, order, limit, radius, tuple(faults))
+    return MethodCheck(integrator, order, limit, radius, tuple(faults), tuple(notes))
 
 
 def check_law(model: Model, story: int) -> list[str]:

@@ -19,6 +19,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws import LAWS
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
@@ -28,21 +29,35 @@ from tdint.methods.workspace import workspace
 from tdint.model.building import Building, oscillators
 from tdint.system import cache_subfolder
 
+LINEAR_OSCILLATORS = Variant(
+    laws=("linear",),
+    modal=False,
+    forces=False,
+    dashpots=False,
+    elements=False,
+    braces=False,
+    tangent_damping=False,
+)
+"""Variant of the kernels for linear oscillators."""
+
 VALIDATED_STEPS: set[Kernel] = set()
 """Steps of plug-ins that this process has executed in plain Python, or that are being executed."""
+
+STEPS_WITH_BALANCE: set[Kernel] = set()
+"""Steps of plug-ins of which this process has also validated the energies of yielding stories."""
 
 _VALIDATION_LOCK = threading.RLock()
 if hasattr(os, "register_at_fork"):  # the thread that holds the lock does not exist in the child
     os.register_at_fork(after_in_child=_VALIDATION_LOCK._at_fork_reinit)  # type: ignore[attr-defined]
 
 
-def validate_plugin_step(integrator: Integrator) -> None:
+def validate_plugin_step(integrator: Integrator, variant: Variant = LINEAR_OSCILLATORS) -> None:
     """Execute the step of a plug-in in plain Python before its first compiled run.
 
     An invalid compiled step could write outside its arrays or lose the state of a story without an
-    error. The check is executed one time for each version of the sources of the plug-in: after it,
-    an empty file is written to the cache directory. Steps of tdint are not checked, nor any step if
-    the kernels run in plain Python.
+    error. The energies are checked only for a variant with a law that accumulates its dissipated
+    energy, because all other results do not depend on them. Steps of tdint are not checked, nor any
+    step if the kernels run in plain Python.
 
     Raises
     ------
@@ -53,26 +68,48 @@ def validate_plugin_step(integrator: Integrator) -> None:
     if step.function.__module__.startswith("tdint.") or os.environ.get("TDINT_KERNELS") == "python":
         return
     with _VALIDATION_LOCK:
-        if step in VALIDATED_STEPS:
-            return
-        folder = cache_subfolder("plugins")
-        file = folder and folder / f"{digest(step.name)}-{integrator.method.name}"
-        if file is None or not file.exists():
-            # Imported here, because only plug-ins need the check.
-            from tdint.methods.step_check import faults_of_step
+        _validate(integrator, energies=False)
+        if _accumulates_energy(variant):
+            _validate(integrator, energies=True)
 
-            # The check executes the step, which calls this function again. Add the step first, so
-            # that the nested call returns immediately.
-            VALIDATED_STEPS.add(step)
-            if faults := faults_of_step(integrator):
-                VALIDATED_STEPS.remove(step)
-                raise AnalysisError(
-                    f"{'; '.join(faults)} (`tdint check --plugin` checks all declarations)"
-                )
-            if file is not None:
-                with suppress(OSError):
-                    file.touch()
-        VALIDATED_STEPS.add(step)
+
+def _validate(integrator: Integrator, *, energies: bool) -> None:
+    """Check the energies of a step, or everything else, once for each version of its sources.
+
+    After the check, an empty file is written to the cache directory.
+    """
+    step = integrator.family.step
+    validated = STEPS_WITH_BALANCE if energies else VALIDATED_STEPS
+    if step in validated:
+        return
+    # The check executes the step, which calls this function again. Add the step first, so that the
+    # nested call returns immediately.
+    validated.add(step)
+    folder = cache_subfolder("plugins")
+    suffix = "-energies" if energies else ""
+    file = folder and folder / f"{digest(step.name)}-{integrator.method.name}{suffix}"
+    if file is not None and file.exists():
+        return
+    # Imported here, because only plug-ins need the check.
+    from tdint.methods import step_check
+
+    check = step_check.energy_faults_of_step if energies else step_check.faults_of_step
+    if faults := check(integrator):
+        validated.remove(step)
+        raise AnalysisError(f"{'; '.join(faults)} (`tdint check --plugin` checks all declarations)")
+    if file is not None:
+        with suppress(OSError):
+            file.touch()
+
+
+def _accumulates_energy(variant: Variant) -> bool:
+    """Return True if the steps of a variant must accumulate the dissipated energy of a law."""
+    names = {name.partition("@")[0] for name in variant.laws}  # empty for all laws
+    return any(
+        law.functions().accumulate_dissipation is not None
+        for law in LAWS
+        if not names or law.name in names
+    )
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
@@ -84,7 +121,7 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
     AnalysisError
         The step of a plug-in is invalid (`validate_plugin_step`).
     """
-    validate_plugin_step(integrator)
+    validate_plugin_step(integrator, variant)
     return [
         (kernel, variant)
         for kernel in (
@@ -129,17 +166,6 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 
 # ---- Amplification matrices measured on the compiled steps, and the stability that follows from
 # them
-
-LINEAR_OSCILLATORS = Variant(
-    laws=("linear",),
-    modal=False,
-    forces=False,
-    dashpots=False,
-    elements=False,
-    braces=False,
-    tangent_damping=False,
-)
-"""Variant of the kernels for linear oscillators."""
 
 STABLE = 1e-9
 """Dimensionless. Excess of a spectral radius above 1 that is attributed to rounding."""

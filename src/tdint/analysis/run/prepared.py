@@ -757,7 +757,7 @@ class PreparedBuilding:
             A law or the method of a plug-in is invalid.
         """
         _verify_laws(self.building.law_parameters)
-        validate_plugin_step(integrator)
+        validate_plugin_step(integrator, self.variant)
         moments = integrator.family.moments
         columns = moments(self.building, h) if moments and self.points.size else 0
         # The kernels continue from these arrays, so that each run has its own copy of the forces.
