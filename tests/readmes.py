@@ -127,7 +127,7 @@ def _key(law: DriftLaw, parameter: LawParameter):
         )
         needed = parameter.default is None and parameter.without is None
         about = (
-            ("a number for all of " if parameter.shared else "")
+            (f"a number ({_dimension(parameter)}) for all of " if parameter.shared else "")
             + members
             + ("" if needed else "; may be left out")
         )

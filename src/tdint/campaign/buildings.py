@@ -151,6 +151,7 @@ def digest_of(model: Model, method: str) -> str:
         "label",
         "damage",
         "limits",
+        "weight_factor",
     ):
         del content[name]
     # Models without tables of forces keep the digest of earlier versions.

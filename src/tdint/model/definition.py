@@ -644,6 +644,9 @@ class Model:
         enabled.
     limits : tuple of Limit
         Limits of demands, in the order of the file.
+    weight_factor : float
+        Factor by which the masses are too large if the numbers of the key `mass` are weights in the
+        unit of force of the file; 1 if the file specifies weights or derives the stories.
     """
 
     name: str
@@ -664,6 +667,7 @@ class Model:
     damage: DamageStates | None = None
     plausibility_off: str = ""
     limits: tuple[Limit, ...] = ()
+    weight_factor: float = 1.0
 
     def replace(self, **changes: float | str) -> Model:
         """Return the building with changed parameters: `model.replace(damping=0.02)`.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from tdint.model.building import (
     yield_strength,
 )
 from tdint.model.definition import LAWS, ModalDamping, Model
-from tdint.number_parsing import abbreviate
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.units import STANDARD_GRAVITY
 
 _MAX_LISTED = 3
@@ -71,6 +71,18 @@ class UsualRange:
 
 _SECONDS, _METERS = "{:.3g} s", "{:.3g} m"
 
+_MIN_PERIOD_PER_STORY = 1.0 / 60.0  # s; stiff wall buildings have a period of n / 25 to n / 20
+_MAX_HEIGHT_PER_PERIOD = 200.0  # m/s; stiff wall buildings have 70 to 150 m/s
+_MAX_PERIOD_AT_GROUND = 0.42  # s
+_MAX_PERIOD_PER_HEIGHT = 0.092  # s/m
+_MAX_PERIOD_OF_LOW_BUILDINGS = 1.2  # s, up to 8 m: flexible halls, tanks and textbook frames
+"""Line above the periods of flexible buildings: Chopra's five-story frame with 2.00 s at 18.3 m,
+the SAC steel frames of Los Angeles and Seattle with 1.03 and 1.36 s at 11.9 m and 3.98 s at 80.8 m.
+A period of 1.5 s at 11 m is above the line."""
+
+_MAX_STORY_HEIGHT = 6.0
+"""Story height, m, from which the maximum period is computed if no heights are specified."""
+
 PERIOD = UsualRange(
     "fundamental period",
     0.03,
@@ -102,6 +114,50 @@ FLOOR = UsualRange(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
     "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg; check the unit of mass",
 )  # fmt: skip
+MASS_PER_HEIGHT = UsualRange(
+    "mass of a floor over the story height", 200.0, 5e6, "{:.3g} kg/m",
+    "a house has 1000 kg/m, a floor of 100 m by 100 m has 3e6 kg/m; check the units of mass and "
+    "height",
+)  # fmt: skip
+_MIN_TOWER_MASS = 0.16
+"""Minimum mass per story height over the square of the height of the building, kg/m^3: a building
+with 100 kg/m^3 that is 25 times as high as it is wide. The most slender towers are 24 times as
+high."""
+
+STIFFNESS_RATIO = UsualRange(
+    "ratio of the stiffness of neighboring stories",
+    0.0,
+    9.5,
+    "{:.3g}",
+    "a ground floor without infill has a ratio of 3 to 7; check the number of digits and the unit "
+    "of the stiffness",
+)
+YIELD_DRIFT = UsualRange(
+    "ratio of the yield drift to the story height",
+    0.0,
+    0.1,
+    "{:.3g}",
+    "frames yield at 0.003 to 0.02; check the units of the yield force, the stiffness and the "
+    "height",
+)
+ULTIMATE_DRIFT = UsualRange(
+    "ratio of the ultimate drift to the story height",
+    0.0,
+    1.0,
+    "{:.3g}",
+    "tests of stories end at 0.03 to 0.15; the ultimate drift is a length in the unit of the file",
+)
+DAMPER = UsualRange(
+    "ratio of the damper coefficient to the critical coefficient",
+    5e-4,
+    1.0,
+    "{:.3g}",
+    "dampers have 0.05 to 0.4, at a drift ratio of 1 % if the exponent is not 1; check the unit of "
+    "the coefficient, force (s/length)^exponent",
+)
+_REFERENCE_DRIFT = 0.01
+"""Amplitude of the drift ratio at which a power-law damper is compared with a linear damper."""
+
 STRENGTH = UsualRange(
     "ratio of the yield force to the weight above",
     0.005,
@@ -241,8 +297,9 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
     # positive ratio indicates damping that does not act on the first mode.
     checked_damping = damping if damping > 0.0 else math.nan
+    period_range = _period_range(building)
     checked_values = (
-        (PERIOD, period),
+        (period_range, period),
         (DAMPING, checked_damping),
         (COLLAPSE, model.collapse_drift),
     )
@@ -251,41 +308,192 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         for usual_range, value in checked_values
         if not usual_range.contains(value)
     ]
+    cause = _weights_as_masses(model, period, period_range)
+    is_period_unusual = not period_range.contains(period)
+    if is_period_unusual:
+        warnings[0] += cause
     warnings += peak_warnings(pga)
     # The strength is divided by the weight of the floors above, because codes specify base shears
     # in this form.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = np.array([yield_strength(story) for story in model.stories])
-    warnings += [
-        *unusual_stories(HEIGHT, building.heights),
-        *unusual_stories(STRENGTH, strength / weight),
-        *_unusual_floors(building, period),
-    ]
+    unusual_strengths = unusual_stories(STRENGTH, strength / weight)
     # Check the base shear at yield, because no code requires less than the minimum of its usual
     # range. It is not checked if the first story has no height (an isolator, or a model that is not
     # a building), or if a warning about the strength of this story exists.
     base_strength_ratio = float(strength[0] / weight[0])
     is_base_checked = math.isfinite(building.heights[0]) and STRENGTH.contains(base_strength_ratio)
     if is_base_checked and not BASE_STRENGTH.contains(base_strength_ratio):
-        warnings.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(base_strength_ratio)))
-    return warnings
+        unusual_strengths.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(base_strength_ratio)))
+    # Weights as masses make the ratio too small by the same factor as the masses are too large.
+    if unusual_strengths and not is_period_unusual:
+        if BASE_STRENGTH.contains(base_strength_ratio * model.weight_factor):
+            unusual_strengths[-1] += cause
+    return [
+        *warnings,
+        *unusual_stories(HEIGHT, building.heights),
+        *([] if is_period_unusual and cause else _unusual_floors(building, period)),
+        *unusual_strengths,
+        *_unusual_neighbors(building),
+        *_unusual_drifts(model, building),
+        *_unusual_dampers(model, building, omega),
+    ]
+
+
+def _usual_height(building: Building) -> float:
+    """Return the height of a building above its isolators, m.
+
+    It is nan if a story has no height or an unusual height: the model may then represent a
+    laboratory test or a textbook example, or another warning reports the height.
+    """
+    heights = np.delete(building.heights, building.isolators)
+    is_usual = len(heights) > 0 and all(HEIGHT.low <= height <= HEIGHT.high for height in heights)
+    return float(heights.sum()) if is_usual else math.nan
+
+
+def _period_range(building: Building) -> UsualRange:
+    """Return the usual range of the fundamental period for the height and the number of stories.
+
+    Without heights, the range follows from the number of stories if there are several and their
+    floors have usual masses; otherwise the model need not be a building, and the range is `PERIOD`.
+    Isolators lengthen the period.
+    """
+    count, height = building.stories - len(building.isolators), _usual_height(building)
+    low = _MIN_PERIOD_PER_STORY * count
+    if math.isfinite(height):
+        low = min(low, height / _MAX_HEIGHT_PER_PERIOD)
+        text = f"{pluralize(count, 'story')} and {height:.4g} m"
+    else:
+        has_heights = np.isfinite(building.heights).any()
+        if has_heights or count < 2 or unusual_stories(FLOOR, building.mass):
+            return PERIOD
+        text = pluralize(count, "story")
+    high = max(
+        _MAX_PERIOD_OF_LOW_BUILDINGS,
+        _MAX_PERIOD_AT_GROUND
+        + _MAX_PERIOD_PER_HEIGHT
+        * (height if math.isfinite(height) else _MAX_STORY_HEIGHT * count),
+    )
+    return replace(
+        PERIOD,
+        name=f"fundamental period of {text}",
+        low=max(PERIOD.low, low),
+        high=PERIOD.high if building.isolators else min(PERIOD.high, high),
+        reason="check the units of mass and stiffness",
+    )
+
+
+def _weights_as_masses(model: Model, period: float, period_range: UsualRange) -> str:
+    """Return the end of a warning: the probable cause, if the numbers of `mass` are weights.
+
+    The text is empty if the file specifies weights, or if the period (s) of the corrected masses
+    would be unusual as well.
+    """
+    factor = model.weight_factor
+    corrected_period = period / math.sqrt(factor)
+    # Without height and number of stories, the range is too wide for a conclusion. A factor of 1
+    # results from kgf, which have the same numbers as kg.
+    is_cause = period_range is not PERIOD and not math.isclose(factor, 1.0, rel_tol=1e-3)
+    if not is_cause or not period_range.contains(corrected_period):
+        return ""
+    size = f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
+    mass = model.page_units.text(model.stories[0].mass / factor, "kg")
+    return (
+        f"; probable cause: weights were entered as masses, which are then {size}; with `weight` "
+        f"instead of `mass`, the mass of floor 1 would be {mass} and the period "
+        f"{period_range.text(corrected_period)}"
+    )
 
 
 def _unusual_floors(building: Building, period: float) -> list[str]:
-    """Return a warning about floors that are unusually light or heavy.
+    """Return a warning about floors that are unusually light or heavy, also for their height.
 
     If mass and stiffness have wrong units of the same factor, for example kg instead of t and N/m
     instead of kN/m, the period is usual, so only the mass reveals this error. Stories without a
     usual height are skipped, because the model may represent a laboratory test or a textbook
     example.
 
-    `period` is the first natural period, s. If it is unusual, another warning reports this, and the
-    floors are not checked.
+    `period` is the first natural period, s. If it is unusual for any building, another warning
+    reports this, and the floors are not checked.
     """
     if not PERIOD.contains(period):
         return []
     has_usual_height = building.heights >= HEIGHT.low
-    return unusual_stories(FLOOR, np.where(has_usual_height, building.mass, math.nan))
+    if warnings := unusual_stories(FLOOR, np.where(has_usual_height, building.mass, math.nan)):
+        return warnings
+    height = _usual_height(building)
+    if math.isnan(height):
+        return []
+    low = max(MASS_PER_HEIGHT.low, _MIN_TOWER_MASS * height**2)
+    return unusual_stories(
+        replace(MASS_PER_HEIGHT, low=low),
+        np.where(has_usual_height, building.mass / building.heights, math.nan),
+    )
+
+
+def _unusual_neighbors(building: Building) -> list[str]:
+    """Return a warning about stories that are much stiffer or softer than the story below.
+
+    Isolators and stories without a height are not compared.
+    """
+    stiffness = np.where(building.heights >= HEIGHT.low, building.story_laws[rows.STIFFNESS], 0.0)
+    below, above = stiffness[:-1], stiffness[1:]
+    is_compared = (below > 0.0) & (above > 0.0)
+    ratios = np.divide(
+        np.maximum(below, above),
+        np.minimum(below, above),
+        out=np.full(len(below), math.nan),
+        where=is_compared,
+    )
+    if all(map(STIFFNESS_RATIO.contains, ratios.tolist())):
+        return []
+    return unusual(
+        STIFFNESS_RATIO,
+        {
+            f"stories {number} and {number + 1}": ratio
+            for number, ratio in enumerate(ratios.tolist(), start=1)
+        },
+    )
+
+
+def _unusual_drifts(model: Model, building: Building) -> list[str]:
+    """Return warnings about yield drifts and ultimate drifts that are large for the story height."""
+    ultimate_drift = np.full(building.stories, math.nan)
+    for i, story in enumerate(model.stories):
+        for spring in story.springs:
+            for name, value in spring.law.values.items() if spring.law.parameters else ():
+                if name.endswith("ultimate_drift") and math.isfinite(value):
+                    ultimate_drift[i] = np.fmax(ultimate_drift[i], value)
+    return [
+        *unusual_stories(YIELD_DRIFT, building.yield_drift / building.heights),
+        *unusual_stories(ULTIMATE_DRIFT, ultimate_drift / building.heights),
+    ]
+
+
+def _unusual_dampers(model: Model, building: Building, omega: float) -> list[str]:
+    """Return a warning about dampers whose coefficient is unusual for the critical coefficient.
+
+    The critical coefficient of a story is 2 k / omega, with its stiffness k and the first circular
+    frequency `omega` (rad/s). A power-law damper is replaced by the linear damper with the same
+    force at the maximum drift rate of a vibration with 1 % drift. A small linear dashpot is often
+    inherent damping and is not reported. Braces are omitted, and so are buildings on isolators,
+    whose frequency is not that of the dampers.
+    """
+    if building.isolators or not building.damped_by_devices:
+        return []
+    ratios = np.full(building.stories, math.nan)
+    for i, story in enumerate(model.stories):
+        coefficient, height = story.dashpot, building.heights[i]
+        if not (coefficient or story.power_dashpot) or not height >= HEIGHT.low:
+            continue
+        coefficient *= story.damper_factor**2
+        if damper := story.power_dashpot:
+            rate = omega * _REFERENCE_DRIFT * height
+            power = damper.coefficient * story.damper_factor ** (1.0 + damper.exponent)
+            coefficient += power * rate ** (damper.exponent - 1.0)
+        ratio = coefficient * omega / (2.0 * story.stiffness)
+        ratios[i] = ratio if damper else max(ratio, DAMPER.low)
+    return unusual_stories(DAMPER, ratios)
 
 
 _MIN_SAMPLES = 7.0

@@ -80,7 +80,7 @@ from tdint.model.keys.fields import (
 )
 from tdint.model.keys.nodes import Faults
 from tdint.number_parsing import parse_head
-from tdint.units import SI, OutputUnits, parse_output_units
+from tdint.units import SI, STANDARD_GRAVITY, OutputUnits, parse_output_units
 
 if TYPE_CHECKING:
     from tdint.model.damage_states import DamageStates
@@ -512,6 +512,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         damage=_read_damage(section.get("damage")),
         limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
+        weight_factor=_weight_factor(section, unit) if stories else 1.0,
     )
     # Standard input can be read only one time: it cannot contain both the model and the record.
     record = model.excitation.record
@@ -617,6 +618,14 @@ def _read_stories(
     count = len(derived.stories)
     stories = derived.stories
     return stories, count, _damping_of(damping, stories, count) if damping else derived.damping
+
+
+def _weight_factor(section: Section, unit: ModelUnits) -> float:
+    """Return `Model.weight_factor` of a file with valid stories."""
+    entries = section.get("stories")
+    if not entries or any(entry.peek("weight") for entry in entries.items("stories") or ()):
+        return 1.0
+    return unit.mass * STANDARD_GRAVITY / unit.force
 
 
 def _damping_of(value: Value | None, stories: Sequence[Story], count: int | None) -> Damping:

@@ -1,0 +1,266 @@
+"""Questions about unusual buildings: periods, masses, stiffnesses, drifts and dampers."""
+
+from __future__ import annotations
+
+import io
+import math
+from itertools import pairwise
+
+import pytest
+
+from tdint.model.building import assemble
+from tdint.model.config.model_file import load_model
+from tdint.model.plausibility import plausibility_warnings
+from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
+
+
+def warnings_of(text: str) -> tuple[str, ...]:
+    model = load_model(io.StringIO(text))
+    return plausibility_warnings(model, assemble(model))
+
+
+def uniform_frame(count: int, height: float, period: float, mass: float = 2e5) -> str:
+    """Return a model of equal stories with a first period, s.
+
+    The frequency of n equal stories is 2 sqrt(k / m) sin(pi / (2 (2 n + 1))).
+    """
+    angle = math.pi / (2 * (2 * count + 1))
+    stiffness = mass * (math.pi / period / math.sin(angle)) ** 2
+    return (
+        f"stories: [{{repeat: {count}, mass: {mass!r}, height: {height / count!r}, "
+        f"stiffness: {stiffness!r}}}]\ndamping: 3%"
+    )
+
+
+PUBLISHED = [
+    # stories, height (m), period (s)
+    # Gupta and Krawinkler (1999), SAC steel frames of Los Angeles and Seattle, centerline models
+    (3, 11.89, 1.03),
+    (3, 11.89, 1.36),
+    (9, 37.19, 2.34),
+    (9, 37.19, 3.17),
+    (20, 80.77, 3.98),
+    (20, 80.77, 3.46),
+    # Ohtori et al. (2004), benchmark control problem
+    (3, 11.89, 1.01),
+    (9, 37.19, 2.27),
+    (20, 80.77, 3.83),
+    # Chopra, section 13.2.6 (4 m) and 12.8 (12 ft)
+    (5, 20.0, 2.0),
+    (5, 18.29, 2.0),
+    # Hazus types W1, S1L, S1H, C1M, C2L, URML, MH: typical height and period
+    (1, 4.27, 0.35),
+    (2, 7.32, 0.50),
+    (13, 47.5, 2.21),
+    (5, 15.2, 0.75),
+    (2, 6.1, 0.35),
+    (1, 4.57, 0.35),
+    (1, 3.05, 0.35),
+    # Taipei 101, the World Trade Center of 1973
+    (101, 508.0, 6.8),
+    (110, 417.0, 11.2),
+]
+
+
+@pytest.mark.parametrize(("count", "height", "period"), PUBLISHED)
+def test_periods_of_published_buildings_are_usual(
+    count: int, height: float, period: float
+) -> None:
+    assert warnings_of(uniform_frame(count, height, period, mass=2e6)) == ()
+
+
+@pytest.mark.parametrize(
+    ("count", "height", "period", "limits"),
+    [
+        (3, 10.97, 9.41, "0.05 s to 1.43 s"),  # 0.42 + 0.092 * 10.97
+        (3, 10.98, 1.50, "0.05 s to 1.43 s"),
+        (10, 35.0, 0.13, "0.167 s to 3.64 s"),  # 10 / 60
+        (10, 30.0, 0.13, "0.15 s to 3.18 s"),  # 30 / 200
+        (1, 3.5, 1.3, "0.03 s to 1.2 s"),
+    ],
+)
+def test_period_is_compared_with_height_and_stories(
+    count: int, height: float, period: float, limits: str
+) -> None:
+    (line,) = warnings_of(uniform_frame(count, height, period))
+    name = f"unusual fundamental period of {count} stor{'y' if count == 1 else 'ies'} and "
+    assert line.startswith(name) and f"{period:.3g} s; usual values are {limits}" in line
+
+
+def test_period_without_heights_is_compared_with_the_number_of_stories() -> None:
+    """A single mass, or masses of a textbook example, need not be a building."""
+
+    def frame(count: int, mass: float, period: float) -> str:
+        text = uniform_frame(count, 3.0 * count, period, mass)
+        return text.replace(f"height: {3.0!r}, ", "")
+
+    (line,) = warnings_of(frame(10, 2e5, 0.13))
+    assert "of 10 stories: 0.13 s; usual values are 0.167 s to 5.94 s" in line  # .42 + .092 * 60
+    assert warnings_of(frame(10, 10.0, 0.13)) == warnings_of(frame(1, 2e5, 6.0)) == ()
+
+
+def test_isolators_lengthen_the_period() -> None:
+    isolator = "{mass: 3e5, stiffness: 1e6, isolator: true, dashpot: 1e5}"
+    floors = "{repeat: 3, mass: 3e5, height: 3.5, stiffness: 1e9}"
+    assert warnings_of(f"stories: [{isolator}, {floors}]\ndamping: 5%") == ()  # 6.9 s
+
+
+@pytest.mark.parametrize(
+    ("length", "force", "mass", "factor"),
+    [
+        ("m", "kN", "t", 9.80665),
+        ("m", "N", "kg", 9.80665),
+        ("in", "kip", "kip*s^2/in", 386.0886),
+        ("ft", "kip", "kip*s^2/ft", 32.17405),
+        ("in", "lbf", "blob", 386.0886),
+        ("mm", "N", "N*s^2/mm", 9806.65),
+        ("m", "kN", "kg", 0.00980665),
+    ],
+)
+def test_weights_entered_as_masses_are_named_with_the_resulting_period(
+    length: str, force: str, mass: str, factor: float
+) -> None:
+    """Three stories of 3.66 m and 1780 kN, with a period of 0.479 s; the numbers of the weights are
+    at the key `mass`."""
+    weight, stiffness, height = 1780e3 / FORCE[force], 1.576e8, 3.66 / LENGTH[length]
+    units = f"units: {{length: {length}, force: {force}, mass: '{mass}'}}\n"
+    story = (
+        f"repeat: 3, height: {height!r}, stiffness: {stiffness * LENGTH[length] / FORCE[force]!r}"
+    )
+    head = f"{units}damping: 3%\nstories: [{{{story}, "
+    assert warnings_of(f"{head}weight: {weight!r}}}]") == ()
+    (line,) = warnings_of(f"{head}mass: {weight!r}}}]")
+    assert MASS[mass] * STANDARD_GRAVITY / FORCE[force] == pytest.approx(factor, rel=1e-6)
+    times = f"{factor:.4g} times too large" if factor > 1 else f"{1 / factor:.4g} times too small"
+    assert f"; probable cause: weights were entered as masses, which are then {times};" in line
+    assert line.endswith("the period 0.479 s")
+    if force == "kN":
+        assert "the mass of floor 1 would be 181.5 t " in line
+
+
+def test_weights_as_masses_reduce_the_strength_ratio() -> None:
+    """0.15 of the weight and a period of 0.25 s: the period alone, 0.78 s, would be usual."""
+    mass = 1e5
+    stiffness = mass * (2.0 * math.pi / 0.25) ** 2
+    law = f"{{type: bilinear, yield_force: {0.15 * mass * STANDARD_GRAVITY!r}, hardening: 0}}"
+    story = f"height: 3.5, stiffness: {stiffness!r}, law: {law}"
+    assert warnings_of(f"stories: [{{mass: {mass!r}, {story}}}]") == ()
+    (line,) = warnings_of(f"stories: [{{mass: {mass * STANDARD_GRAVITY!r}, {story}}}]")
+    assert line.startswith("unusual ratio of the base shear at yield to the weight: 0.0153;")
+    assert line.endswith("the mass of floor 1 would be 1e+05 kg and the period 0.25 s")
+    # A file with weights cannot have this cause.
+    weak = f"stories: [{{weight: {mass * STANDARD_GRAVITY**2!r}, {story}}}]"
+    assert "probable cause" not in warnings_of(weak)[0]
+
+
+FRAME = "repeat: 3, mass: 2e5, height: 3.5, stiffness: 2e8"
+IMK = (
+    "type: imk, yield_force: 400e3, plastic_drift: 0.049, post_capping_drift: 0.1085, "
+    "capping_ratio: 1.162, residual_ratio: 0.01, ultimate_drift: 0.189"
+)
+ONE = "mass: 3e5, height: 3.5, stiffness: 3e7, law"
+
+
+@pytest.mark.parametrize(
+    ("usual", "implausible", "warning"),
+    [
+        # Mass over story height: 2e7 / 3.5 kg/m; a tower of 300 m with 1.05 t in each floor.
+        (
+            "repeat: 3, mass: 2e6, height: 3.5, stiffness: 2e9",
+            "repeat: 3, mass: 2e7, height: 3.5, stiffness: 2e10",
+            "mass of a floor over the story height: 5.71e+06 kg/m in story 1",
+        ),
+        (
+            "repeat: 80, mass: 1.05e6, height: 3.75, stiffness: 5e9",
+            "repeat: 80, mass: 1.05e4, height: 3.75, stiffness: 5e7",
+            "mass of a floor over the story height: 2.8e+03 kg/m in story 1",  # below .16 * 300^2
+        ),
+        # A digit too many, above and below
+        (
+            f"{FRAME}}}, {{mass: 2e5, height: 3.5, stiffness: 4e7",
+            f"{FRAME}}}, {{mass: 2e5, height: 3.5, stiffness: 2e7",
+            "ratio of the stiffness of neighboring stories: 10 in stories 3 and 4",
+        ),
+        (
+            f"{FRAME}}}, {{mass: 2e5, height: 3.5, stiffness: 1.5e9",
+            f"{FRAME}}}, {{mass: 2e5, height: 3.5, stiffness: 2e9",
+            "ratio of the stiffness of neighboring stories: 10 in stories 3 and 4",
+        ),
+        # Drifts: 0.4 m of 3.5 m; ultimate drifts of 3.6 m
+        (
+            f"{ONE}: {{type: bilinear, yield_force: 4e5, hardening: 0.02}}",
+            f"{ONE}: {{type: bilinear, yield_force: 1.2e7, hardening: 0.02}}",
+            "ratio of the yield force to the weight above: 4.08",
+        ),
+        (f"{ONE}: {{{IMK}}}", f"{ONE}: {{{IMK[:-5]}3.6}}", "ratio of the ultimate drift"),
+        (
+            f"{ONE}: {{{IMK}}}",
+            f"{ONE}: {{{IMK}, negative: {{ultimate_drift: 3.6}}}}",
+            "ratio of the ultimate drift to the story height: 1.03 in story 1",
+        ),
+        # Dampers: c / (2 sqrt(k m)) with k = 3e7, m = 3e5, critical 6e6
+        (
+            f"{ONE}: {{type: linear}}, dashpot: 1.1e6",
+            f"{ONE}: {{type: linear}}, dashpot: 1.8e7",
+            "ratio of the damper coefficient to the critical coefficient: 3 in story 1",
+        ),
+        (
+            f"{ONE}: {{type: linear}}, dashpot: {{coefficient: 6e5, brace: 1e8}}",
+            f"{ONE}: {{type: linear}}, dashpot: {{coefficient: 6e8, brace: 1e8}}",
+            "ratio of the damper coefficient to the critical coefficient: 100 in story 1",
+        ),
+        # kN instead of N: rate 10 * .01 * 3.5 = .35 m/s, 900 * .35^-.65 / 6e6 = 3e-4
+        (
+            f"{ONE}: {{type: linear}}, dashpot: {{coefficient: 9e5, exponent: 0.35, brace: 1e8}}",
+            f"{ONE}: {{type: linear}}, dashpot: {{coefficient: 900, exponent: 0.35, brace: 1e8}}",
+            "ratio of the damper coefficient to the critical coefficient: 0.000297 in story 1",
+        ),
+    ],
+)
+def test_values_are_compared_with_the_story(usual: str, implausible: str, warning: str) -> None:
+    assert warnings_of(f"stories: [{{{usual}}}]") == ()
+    assert any(warning in line for line in warnings_of(f"stories: [{{{implausible}}}]"))
+
+
+def test_yield_drift_beyond_a_tenth_of_the_height() -> None:
+    """A soft, strong story: 3e5 kg with 1e7 N/m (1.09 s), 0.36 m; the strength is 1.2 times the
+    weight."""
+    story = "{mass: 3e5, height: 3.5, stiffness: 1e7, law: {type: bilinear, yield_force: %s, "
+    assert warnings_of(f"stories: [{story % '3.4e6'}hardening: 0}}}}]") == ()
+    (line,) = warnings_of(f"stories: [{story % '3.6e6'}hardening: 0}}}}]")
+    assert line.startswith("unusual ratio of the yield drift to the story height: 0.103 in story 1")
+
+
+@pytest.mark.parametrize(
+    ("deterioration", "is_usual"),
+    # 65.1 is lambda; as a length it is 1329 plastic drifts, and as 65.1 mm 1.33 plastic drifts.
+    [("65.1", False), ("0.0651", False), ("3.19", True), ("{capping: 65.1}", False)],
+)
+def test_deterioration_is_a_length(deterioration: str, is_usual: bool) -> None:
+    lines = warnings_of(f"stories: [{{{ONE}: {{{IMK}, deterioration: {deterioration}}}}}]")
+    assert (lines == ()) is is_usual
+    assert all("is a length, lambda times plastic_drift" in line for line in lines)
+
+
+def test_questions_are_independent_of_the_hysteretic_law() -> None:
+    """A linear building gets the same questions as a building that yields."""
+    story = "repeat: 3, mass: 1.78e6, height: 3.66, stiffness: 1.576e8"
+    soft = "mass: 1.78e6, height: 3.66, stiffness: 1.576e7"
+    yielding = ", law: {type: bilinear, yield_force: 8e6, hardening: 0.02}"
+    linear = warnings_of(f"stories: [{{{story}}}, {{{soft}}}]\ndamping: 3%")
+    assert [line.partition(":")[0] for line in linear] == [
+        "unusual fundamental period of 4 stories and 14.64 m",
+        "unusual ratio of the stiffness of neighboring stories",
+    ]
+    nonlinear = warnings_of(f"stories: [{{{story}{yielding}}}, {{{soft}{yielding}}}]\ndamping: 3%")
+    assert set(linear) <= set(nonlinear)
+
+
+def test_limits_of_the_period_increase_with_height() -> None:
+    """A story more does not make a usual period unusual."""
+    limits = []
+    for count in range(1, 120):
+        (line,) = warnings_of(uniform_frame(count, 3.0 * count, 20.0, mass=1e7))[:1]
+        low, high = line.partition("usual values are ")[2].partition(" (")[0].split(" to ")
+        limits.append((float(low[:-2]), float(high[:-2])))
+    assert all(a <= b for lower, upper in pairwise(limits) for a, b in zip(lower, upper))
