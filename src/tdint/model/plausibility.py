@@ -147,6 +147,17 @@ ULTIMATE_DRIFT = UsualRange(
     "{:.3g}",
     "tests of stories end at 0.03 to 0.15; the ultimate drift is a length in the unit of the file",
 )
+DETERIORATION = UsualRange(
+    "ratio of deterioration to plastic_drift",
+    2.0,
+    200.0,
+    "{:.4g}",
+    "deterioration is a length, lambda times plastic_drift, in the unit of the file; omit it for a "
+    "story without deterioration",
+)
+"""The lambda of tests of steel and concrete members is 10 to 200. A lambda that is entered as a
+length in meters is above the range, and in millimeters below it."""
+
 DAMPER = UsualRange(
     "ratio of the damper coefficient to the critical coefficient",
     5e-4,
@@ -457,16 +468,25 @@ def _unusual_neighbors(building: Building) -> list[str]:
 
 
 def _unusual_drifts(model: Model, building: Building) -> list[str]:
-    """Return warnings about yield drifts and ultimate drifts that are large for the story height."""
-    ultimate_drift = np.full(building.stories, math.nan)
+    """Return warnings about unusual lengths in hysteretic laws: yield drifts and ultimate drifts
+    over the story height, and the lengths of deterioration over the plastic drift."""
+    ultimate_drift, deterioration = np.full((2, building.stories), math.nan)
     for i, story in enumerate(model.stories):
         for spring in story.springs:
-            for name, value in spring.law.values.items() if spring.law.parameters else ():
-                if name.endswith("ultimate_drift") and math.isfinite(value):
+            # Only laws with these keys have such lengths. An infinite length is a default.
+            values = {name: value for name, value in spring.law.values.items() if value < math.inf}
+            for name, value in values.items():
+                if name.endswith("ultimate_drift"):
                     ultimate_drift[i] = np.fmax(ultimate_drift[i], value)
+                elif name.startswith("deterioration.") and "plastic_drift" in values:
+                    ratio = value / values["plastic_drift"]
+                    # The unusual one of several lengths is reported.
+                    if math.isnan(deterioration[i]) or not DETERIORATION.contains(ratio):
+                        deterioration[i] = ratio
     return [
         *unusual_stories(YIELD_DRIFT, building.yield_drift / building.heights),
         *unusual_stories(ULTIMATE_DRIFT, ultimate_drift / building.heights),
+        *unusual_stories(DETERIORATION, deterioration),
     ]
 
 

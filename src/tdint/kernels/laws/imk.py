@@ -578,32 +578,6 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     return None
 
 
-_USUAL_CAPACITY = (2.0, 200.0)
-"""Range of the usual reference energies of deterioration, over yield force times plastic drift: the
-lambda of tests of steel and concrete members, from 10 to 200."""
-
-
-def _warning(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return a warning if a length of deterioration was probably entered as its ratio lambda.
-
-    The ratio is the length divided by the plastic drift. It has the same value in any unit, and in
-    millimeters it is a small length.
-    """
-    plastic_drifts = values[1], values[_SIDE + 1]
-    low, high = _USUAL_CAPACITY
-    for capacity in values[2 * _SIDE : 2 * _SIDE + 4]:
-        is_usual = low * min(plastic_drifts) <= capacity <= high * max(plastic_drifts)
-        if not is_usual and math.isfinite(capacity):
-            ratio = capacity / plastic_drifts[0]
-            return (
-                f"deterioration {capacity:.4g} m is {ratio:.4g} times plastic_drift "
-                f"{plastic_drifts[0]:.4g} m; usual values are {low:g} to {high:g} times. It is a "
-                "length, lambda times plastic_drift, in the unit of the file; omit it for a story "
-                "without deterioration"
-            )
-    return None
-
-
 _SIDE_PARAMETERS = (
     LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
     LawParameter("plastic_drift", length=1, low=0.0, low_allowed=False),
@@ -627,8 +601,8 @@ _CAPACITY = LawParameter(
 
 LAW = DriftLaw(
     "imk",
-    "Ibarra-Medina-Krawinkler: capping, residual force, cyclic deterioration (a length, lambda "
-    "times plastic_drift); peak-oriented or pinching",
+    "Ibarra-Medina-Krawinkler: capping, residual force, cyclic deterioration; peak-oriented or "
+    "pinching",
     _functions,
     parameters=(
         *_SIDE_PARAMETERS,
@@ -650,7 +624,6 @@ LAW = DriftLaw(
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=_slope_to_capping,
     fault=_fault,
-    warning=_warning,
     falls=lambda stiffness, values: True,
     failed=_FAILED,
 )
