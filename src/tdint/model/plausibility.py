@@ -328,7 +328,11 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     # in this form.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = np.array([yield_strength(story) for story in model.stories])
-    unusual_strengths = unusual_stories(STRENGTH, strength / weight)
+    # A light mass without a height is an oscillator of a textbook, such as a mass of 1 kg.
+    is_oscillator = np.isnan(building.heights) & (building.mass < FLOOR.low)
+    unusual_strengths = unusual_stories(
+        STRENGTH, np.where(is_oscillator, math.nan, strength / weight)
+    )
     # Check the base shear at yield, because no code requires less than the minimum of its usual
     # range. It is not checked if the first story has no height (an isolator, or a model that is not
     # a building), or if a warning about the strength of this story exists.
