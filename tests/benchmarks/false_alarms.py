@@ -1,8 +1,8 @@
 """Plausibility warnings of all models in files and directories: python false_alarms.py PATH...
 
-Models are YAML files, YAML blocks and one-line models of Markdown pages, and texts in JSON files and
-Python modules that contain `stories:` or `building:`. Loads and damage states, which may refer to
-other files, are removed from models that cannot be read without these files.
+Models are YAML files, YAML blocks and one-line models of Markdown pages, and texts in JSON files
+and Python modules that contain `stories:` or `building:`. Loads and damage states, which may refer
+to other files, are removed from models that cannot be read without these files.
 """
 
 from __future__ import annotations

@@ -63,9 +63,7 @@ PUBLISHED = [
 
 
 @pytest.mark.parametrize(("count", "height", "period"), PUBLISHED)
-def test_periods_of_published_buildings_are_usual(
-    count: int, height: float, period: float
-) -> None:
+def test_periods_of_published_buildings_are_usual(count: int, height: float, period: float) -> None:
     assert warnings_of(uniform_frame(count, height, period, mass=2e6)) == ()
 
 

@@ -386,8 +386,7 @@ def _period_range(building: Building) -> UsualRange:
     high = max(
         _MAX_PERIOD_OF_LOW_BUILDINGS,
         _MAX_PERIOD_AT_GROUND
-        + _MAX_PERIOD_PER_HEIGHT
-        * (height if math.isfinite(height) else _MAX_STORY_HEIGHT * count),
+        + _MAX_PERIOD_PER_HEIGHT * (height if math.isfinite(height) else _MAX_STORY_HEIGHT * count),
     )
     return replace(
         PERIOD,
@@ -411,7 +410,9 @@ def _weights_as_masses(model: Model, period: float, period_range: UsualRange) ->
     is_cause = period_range is not PERIOD and not math.isclose(factor, 1.0, rel_tol=1e-3)
     if not is_cause or not period_range.contains(corrected_period):
         return ""
-    size = f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
+    size = (
+        f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"
+    )
     mass = model.page_units.text(model.stories[0].mass / factor, "kg")
     return (
         f"; probable cause: weights were entered as masses, which are then {size}; with `weight` "
