@@ -341,9 +341,11 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     if is_base_checked and not BASE_STRENGTH.contains(base_strength_ratio):
         unusual_strengths.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(base_strength_ratio)))
     # Weights as masses make the ratio too small by the same factor as the masses are too large.
-    if unusual_strengths and not is_period_unusual:
-        if BASE_STRENGTH.contains(base_strength_ratio * model.weight_factor):
-            unusual_strengths[-1] += cause
+    is_corrected = not BASE_STRENGTH.contains(base_strength_ratio) and BASE_STRENGTH.contains(
+        base_strength_ratio * model.weight_factor
+    )
+    if unusual_strengths and is_corrected and not is_period_unusual:
+        unusual_strengths[-1] += cause
     return [
         *warnings,
         *unusual_stories(HEIGHT, building.heights),
