@@ -70,6 +70,32 @@ def test_the_model_has_the_requested_period(
     np.testing.assert_allclose(building.yield_drift, building.yield_drift[0], rtol=1e-5)
 
 
+@pytest.mark.parametrize("units", ["si", "us"])
+def test_an_isolated_model_has_bearings_and_a_moat_wall(
+    folder: Path, tdint: Command, units: str
+) -> None:
+    """The bearings have the published rules of thumb: a period of 2.5 s of the rigid building after
+    yield, and a force of 5 % of the weight at zero displacement."""
+    tdint("init", "i.yaml", "--stories", 3, "--isolated", "--units", units, code=0)
+    model = load_model("i.yaml")
+    base, *stories = model.stories
+    assert base.isolator and len(stories) == 3
+    bearings, wall = base.elements
+    assert (bearings.law.name, wall.law.name) == ("bilinear", "gap")
+    assert wall.law.parameters[0] == pytest.approx(0.3, rel=1e-2)
+    mass = sum(story.mass for story in model.stories)
+    yield_force, hardening, _ = bearings.law.parameters
+    stiffness = hardening * bearings.stiffness
+    assert 2.0 * np.pi * np.sqrt(mass / stiffness) == pytest.approx(2.5, rel=1e-5)
+    assert (1.0 - hardening) * yield_force == pytest.approx(0.05 * 9.80665 * mass, rel=1e-5)
+    tdint("init", "fixed.yaml", "--stories", 3, "--units", units, code=0)
+    assert tuple(stories) == load_model("fixed.yaml").stories
+    tdint("run", "i.yaml", "-o", "out", code=0)
+    assert [row["element"] for row in rows("out/elements.csv")] == ["bearings", "moat wall"]
+    free = tdint("init", "-", "--stories", 3, "--isolated", "--units", units).stdout
+    assert len(rows(tdint("run", "-", stdin=free.encode(), code=0).stdout)) == 4
+
+
 def test_both_systems_of_units_give_nearly_the_same_building(folder: Path, tdint: Command) -> None:
     for units in ("si", "us"):
         tdint("init", f"{units}.yaml", "--units", units, "--stories", 3, code=0)
@@ -130,6 +156,11 @@ def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Co
             ("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1),
             2,
             "define the period",
+        ),
+        (
+            ("init", "--type", "C1", "--year", 1985, "--area", 1, "--isolated"),
+            2,
+            "--isolated has no effect with --type; omit --isolated",
         ),
         (("init", "--period", 0), 2, "--period"),
         (("init", "--weights", f"{'9' * 5000}x3900"), 2, "invalid weight"),

@@ -68,10 +68,10 @@ def _weights(text: str) -> tuple[float, ...]:
     return tuple(weights)
 
 
-_EQUAL = Mode("without --weights and --type", frozenset(("stories", "period")))
+_EQUAL = Mode("without --weights and --type", frozenset(("stories", "period", "isolated")))
 _WEIGHTS = Mode(
     "with --weights",
-    frozenset(("weights", "period")),
+    frozenset(("weights", "period", "isolated")),
     {"stories": "the number of stories is the number of weights"},
 )
 _CURVES = Mode(
@@ -109,6 +109,10 @@ class Request:
         "COUNTxWEIGHT for equal floors, such as 6x3900. Each floor has one story; the "
         "stiffnesses are chosen such that the first mode is a straight line and has the period "
         "--period.",
+    )
+    isolated: bool = options.option(
+        help="Add a story with bearings and a moat wall below the building: an example of a story "
+        "with several elements. --period is the period without it.",
     )
     from_pushover: str | None = options.option(
         type=FileName(),
@@ -161,6 +165,7 @@ class Request:
 @options.command(
     "init",
     "tdint init office.yaml --stories 5 --period 0.8",
+    "tdint init hospital.yaml --stories 5 --isolated",
     "tdint init shop.yaml --type C1 --year 1985 --area 600 --stories 3",
 )
 @options.of(Request)
@@ -280,16 +285,15 @@ def _model(name: str, request: Request, motion: str | None) -> str:
     from tdint.model.story_curves import story_model, type_model
 
     if request.structure is None:
-        weights = request.weights
-        stories = len(weights) if weights else request.stories
+        stories = len(request.weights) if request.weights else request.stories
         return story_model(
             name,
-            stories=stories,
+            floors=request.weights or stories,
             period=request.period or _PERIOD_OF_A_STORY * stories,
             system=request.units,
             motion=motion,
-            weights=weights,
             laws=_laws(request) if request.from_pushover else None,
+            isolated=request.isolated,
         )
     assert request.year is not None and request.area is not None
     return type_model(
