@@ -46,6 +46,7 @@ COMMANDS = {
     "tdint run --scale 1,2": "configs/ten-story.yaml --duration 1",
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",
     "stories.csv of tdint campaign": "{folder}/campaign.yaml",
+    "elements.csv of tdint campaign": "{folder}/elements.yaml",
     "shocks.csv of tdint campaign": "{folder}/sequences.yaml",
     "profiles.csv of tdint campaign": "{folder}/campaign.yaml",
     "ratios.csv of tdint campaign": "{folder}/campaign.yaml --baseline frame",
@@ -106,6 +107,8 @@ def folder(tmp_path_factory):
         "published.csv": "period_s,psa_g\n1,0.1\n2,0.1\n",
         "campaign.yaml": f"{frames}{one_component}analysis: {{method: newmark-average}}\noutputs: "
         f"{{stories: true}}\n",
+        "elements.yaml": "buildings: {models: "
+        f"[{readmes.ROOT / 'configs/isolated-moat-wall.yaml'}]}}\n{one_component}",
         "damage.yaml": f"buildings: {{models: [{readmes.ROOT / FRAME}]}}\n{one_component}"
         "damage:\n  thresholds: {slight: 1%, moderate: 2%, extensive: 3%, complete: 4%}\n  "
         "dispersion: 0\n"

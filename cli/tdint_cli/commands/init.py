@@ -165,7 +165,6 @@ class Request:
 @options.command(
     "init",
     "tdint init office.yaml --stories 5 --period 0.8",
-    "tdint init hospital.yaml --stories 5 --isolated",
     "tdint init shop.yaml --type C1 --year 1985 --area 600 --stories 3",
 )
 @options.of(Request)
