@@ -202,8 +202,8 @@ def _isolation_lines(units: _UnitSystem, loads: Sequence[float]) -> list[str]:
     return [
         "  # Bearings and a moat wall: two springs in one story (`elements`). After yield of the",
         f"  # bearings, the period of the rigid building is {_ISOLATION_PERIOD:g} s. At zero",
-        f"  # displacement, their force is {100.0 * _BEARING_STRENGTH:g} % of the weight. The wall is "
-        "ten times as stiff as they are after yield.",
+        f"  # displacement, their force is {100.0 * _BEARING_STRENGTH:g} % of the weight. The wall",
+        "  # is ten times as stiff as they are after yield.",
         f"  - {units.load_key}: {loads[0]:g}",
         "    isolator: true  # its displacement is reported instead of a drift ratio",
         "    elements:",
