@@ -230,7 +230,7 @@ class Profiles:
 
         The text is empty if no run collapsed or failed.
 
-        `profile` contains the results of one building under the suite at one intensity level.
+        `profile` contains the results of one building under the suite at a single intensity level.
         """
         counts = {"collapsed": profile.collapsed, "failed": profile.failed}
         counts_text = " and ".join(
@@ -380,7 +380,7 @@ def execute_campaign(
     shard : Shard, optional
         Part of the campaign to execute. By default, the complete campaign.
     max_runs : int, optional
-        Maximum number of runs of this call. By default, all remaining runs.
+        Maximum number of runs of the call. By default, all remaining runs.
     show : bool
         True to print the table of the runs to standard output also; false by default.
 
@@ -550,7 +550,7 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 
     Parameters
     ----------
-    folder : Path or None
+    folder : Path | None
         Output directory; None without -o.
 
     Raises
@@ -789,7 +789,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
 def _exports(
     profiles: Profiles, names: Collection[str], maps: MapRequest | None = None
 ) -> dict[str, Writer | None]:
-    """Return the writer of each named optional file, or None if this call cannot write the file.
+    """Return the writer of each named optional file; None if this call cannot write the file.
 
     `maps` contains the options of maps; by default the maps contain all events, and districts have
     no polygons.
@@ -878,7 +878,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     They are included only after all runs are completed.
 
     `by` is the column of the inventory. The tables of losses and of their exceedance have
-    additional rows for the buildings with each value of this column.
+    additional rows for the buildings with each value of the column.
     """
     if not store.damage():
         return {}

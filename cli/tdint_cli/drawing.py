@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def reading_width() -> int | None:
-    """Return the width of the terminal in characters, or None if there is no terminal."""
+    """Return the width of the terminal in characters; None if there is no terminal."""
     if not is_terminal(sys.stdout):
         return None
     import shutil

@@ -141,7 +141,7 @@ class LazyGroup(HelpAsData, click.Group):
         Parameters
         ----------
         args : sequence of str, optional
-            Command line after `tdint`; by default, the command line of this process.
+            Command line after `tdint`; by default, the command line of the process.
         prog_name : str, optional
             Name of the program in help texts.
         **extra
@@ -188,7 +188,7 @@ _ALLOCATIONS = 200_000
 
 
 def use_one_thread() -> None:
-    """Limit linear algebra to one thread, unless the environment specifies the number.
+    """Limit linear algebra to a single thread, unless the environment specifies the number.
 
     The matrices are small: starting threads takes longer than they save, and on a busy machine the
     threads wait for each other.
@@ -200,7 +200,7 @@ def use_one_thread() -> None:
 
 
 def main() -> None:
-    """Run the command line of this process and exit (entry point of the program `tdint`).
+    """Run the command line of the process and exit (entry point of the program `tdint`).
 
     Imported modules remain in memory. Repeated garbage collection of their objects, also at exit,
     would take a fifth of the time of a short command.

@@ -23,7 +23,7 @@ class MapRequest:
         Write the GeoJSON map of the buildings and, with `--by`, the map of the districts.
     events : tuple of str
         Events on the maps; all if empty.
-    polygons : str or None
+    polygons : str | None
         GeoJSON file with the polygons of the districts; by default their buildings are points.
     """
 
@@ -75,7 +75,7 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
 
     Parameters
     ----------
-    by : str or None
+    by : str | None
         Column of the districts; None without a map of districts.
     complete : bool
         True if all runs are done.

@@ -149,7 +149,7 @@ class _Worker:
         The process.
     pipe : Connection
         End of the pipe by which this process sends tasks and receives outcomes.
-    task_index : int or None
+    task_index : int | None
         Index of the task that the worker executes; None if it is idle.
     """
 
@@ -210,8 +210,8 @@ class Task:
     ----------
     source : str
         Path of the record.
-    table : Path or None
-        Output table of this record. None if several records share a table.
+    table : Path | None
+        Output table of the record. None if several records share a table.
     others : tuple of str
         Further files that belong to the same record.
     """

@@ -144,7 +144,7 @@ class SuiteLimits:
     def page_verdicts(self, units: OutputUnits) -> Iterator[tuple[bool | None, str]]:
         """Yield the headlines of a report: results of the limits, then isolators without limits.
 
-        Each item contains True if the limit is met, False if it is exceeded, or None for a result
+        Each item contains True if the limit is met, False if it is exceeded; None for a result
         without a limit; and the sentence, with values in `units`.
         """
         from tdint.output.verdicts import isolator_sentence

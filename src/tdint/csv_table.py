@@ -262,7 +262,7 @@ class TextColumn(Sequence[str]):
             return [self[cell_index] for cell_index in range(len(self))[index]]
         # Indexing a range converts a negative index, and raises IndexError as a list does.
         block, cell = divmod(range(len(self))[index], _CELLS_PER_BLOCK)
-        # Successive accesses to a block split it only once. The tuple is replaced in one
+        # Successive accesses to a block split it only once. The tuple is replaced in a single
         # assignment, because several threads may read the column.
         split_block, cells = self._split
         if split_block != block:
@@ -483,8 +483,8 @@ def _parse_rows(
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row that is not blank.
 
-    If a quotation mark is not closed, all following rows are part of one cell. The row `_LAST_ROW`,
-    which is appended to the lines, detects this error: it is then missing.
+    If a quotation mark is not closed, all following rows are part of a single cell. The row
+    `_LAST_ROW`, which is appended to the lines, detects this error: it is then missing.
     """
     # The line break before the appended row ends the last line of a file that has no line break.
     reader = csv.reader(chain(lines, ("\n", f"{_LAST_ROW}\n")), skipinitialspace=True)

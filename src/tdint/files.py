@@ -45,7 +45,7 @@ Python session.
 
 
 def protect_input(source: str | Path) -> None:
-    """Protect an input file from being replaced by an output of this command.
+    """Protect an input file from being replaced by an output of the command.
 
     `-` is the file that standard input is redirected from. Inputs that are not regular files, such
     as pipes, need no protection.
@@ -248,7 +248,7 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     Raises
     ------
     OutputError
-        A file is an input of this command, exists already, is a directory, is in a read-only
+        A file is an input of the command, exists already, is a directory, is in a read-only
         directory, or is named twice. Missing directories are not errors, because `write_files`
         creates them.
     """
@@ -276,7 +276,7 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
 
 
 def refuse_protected(files: Iterable[Path]) -> None:
-    """Raise OutputError if a file to be replaced or removed is an input of this command."""
+    """Raise OutputError if a file to be replaced or removed is an input of the command."""
     for file in files:
         if is_protected(file):
             raise OutputError(
@@ -402,7 +402,7 @@ def _write(file: Path, content: Content, stream: BinaryIO) -> None:
 
 
 def _temporary_name() -> str:
-    """Return the name of a new temporary file of this process."""
+    """Return the name of a new temporary file of the process."""
     process = os.getpid()
     return _TEMPORARY.format(
         f"{this_host()}-{process}-{process_start(process)}-{os.urandom(8).hex()}"
@@ -410,7 +410,7 @@ def _temporary_name() -> str:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove the temporary files of terminated processes of this machine from a directory.
+    """Remove the temporary files of terminated processes of the machine from a directory.
 
     Files of other machines are reported if they are older than a week, because this machine cannot
     determine if their processes still run.
@@ -430,7 +430,7 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files of this process before it is terminated."""
+    """Remove the temporary files of the process before it is terminated."""
     for temporary in list(_unfinished):
         with suppress(OSError):
             temporary.unlink()

@@ -83,13 +83,14 @@ def seconds() -> float:
 
 
 def load() -> float | None:
-    """Return the average number of running or waiting processes of this machine in the last minute;
-    None if the system does not report it."""
+    """Return the average number of running or waiting processes of the machine in the last minute;
+    None if the system does not report it.
+    """
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def processor() -> str:
-    """Return the name of the processor of this machine, such as `AMD EPYC 7763`."""
+    """Return the name of the processor of the machine, such as `AMD EPYC 7763`."""
     with suppress(OSError):  # the file exists on Linux only
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
         for line in text.splitlines():
@@ -100,7 +101,7 @@ def processor() -> str:
 
 
 def memory() -> int | None:
-    """Return the size of the physical memory of this machine, bytes; None if it is unknown."""
+    """Return the size of the physical memory of the machine, bytes; None if it is unknown."""
     if hasattr(os, "sysconf"):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if (kernel := _windows()) is None:
@@ -199,7 +200,7 @@ def cache_home() -> Path | None:
 def cache_subfolder(name: str) -> Path | None:
     """Return the directory `name` of the cache, which is created if necessary.
 
-    The result is None if the directory cannot be used. Files in the directory are executed, so it
+    None is the result if the directory cannot be used. Files in the directory are executed, so it
     must belong to this user, and other users must not be able to write to it. Its modification time
     is set to the current time, so that `remove_unused` keeps it.
     """
@@ -316,7 +317,7 @@ def _windows() -> Any:
 
 @cache
 def this_host() -> str:
-    """Return an identifier of this machine since its last start, or of its container.
+    """Return an identifier of the machine since its last start, or of its container.
 
     It consists of the host name and a hash of the boot identifier and the process namespace.
     """
@@ -503,7 +504,7 @@ def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
 
     Parameters
     ----------
-    file : Path or None
+    file : Path | None
         File, which is created if necessary. Without a file, or if the file cannot be created, the
         statement starts without a lock.
     on_wait : callable
@@ -550,7 +551,7 @@ def on_threads(
     items : iterable
         Items; None is not allowed.
     """
-    # Import here, because most uses of this module do not need threads.
+    # Import here, because most uses of the module do not need threads.
     from concurrent import futures
 
     remaining = iter(items)

@@ -227,7 +227,7 @@ Member = TypeVar("Member")
 
 
 class ResultList(Tabular, Generic[Member]):
-    """Immutable sequence of results of one class, with a common table.
+    """Immutable sequence of results of a single class, with a common table.
 
     It has a length, can be indexed with an integer, and can be iterated.
 

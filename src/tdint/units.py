@@ -73,7 +73,7 @@ class Units:
     text : str
         Text as the user wrote it.
     scale : float
-        Value of one sample in SI units.
+        Value of a single sample in SI units.
     has_factor : bool
         True if the text has a number before the unit, which converts counts to the unit.
     quantity : str
@@ -255,7 +255,7 @@ class Quantity:
         SI unit; `1` for a dimensionless number, `text` for a text.
     meaning : str
         Description for users.
-    value : callable or None
+    value : callable | None
         Function that computes the value from the arguments that the declaring class documents; None
         if the value is assigned directly.
     shown : tuple of str

@@ -287,7 +287,7 @@ def _export(request: CampaignRequest) -> None:
 
 
 def _merge(request: CampaignRequest) -> None:
-    """Combine the parts of a campaign in one directory, and write the tables.
+    """Combine the parts of a campaign in a single directory, and write the tables.
 
     Raises
     ------

@@ -133,7 +133,7 @@ class Request(options.record.RecordRequest):
 
         Parameters
         ----------
-        record : str or None
+        record : str | None
             Record file; None if the command line specifies no record.
         """
         record_fields = {
@@ -591,7 +591,7 @@ def _deliver(
     )
 
     def draw() -> Figure:
-        """Return the figure of one chart, or of the charts for several numbers of stories."""
+        """Return the figure of a single chart, or of the charts for several numbers of stories."""
         if request.stories:
             return figures.assessment.sizes_picture(charts, **settings)
         return figures.assessment.chart_picture(charts[0], versus=request.versus, **settings)

@@ -194,7 +194,7 @@ def _names(example: Example, suffix: str) -> list[str]:
 def _files(
     example: Example, runs: list[ExampleRun], reference: str, suffix: str
 ) -> list[tuple[str, Content]]:
-    """Return the file names and contents of one example, without figures if all runs failed.
+    """Return the file names and contents of a single example, without figures if all runs failed.
 
     The table contains the runs with all time steps, the figures only the runs with the first time
     step.

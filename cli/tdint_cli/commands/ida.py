@@ -302,7 +302,7 @@ def _folder(request: IdaRequest) -> Path | None:
     Raises
     ------
     OutputError
-        A file exists that no earlier call of this study has written and --overwrite is not
+        A file exists that no earlier call of the study has written and --overwrite is not
         specified, or the store cannot be used.
     """
     from tdint.campaign.ida import STORE
@@ -316,7 +316,7 @@ def _folder(request: IdaRequest) -> Path | None:
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
     pages = [Path(request.report)] if request.report else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
-    # Files that an earlier call of this study has written may be replaced.
+    # Files that an earlier call of the study has written may be replaced.
     store_file = folder / STORE if folder and is_there(folder / STORE) else None
     check_outputs(outputs, overwrite=request.overwrite or store_file is not None)
     if store_file and request.overwrite:
@@ -488,7 +488,7 @@ def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
 
 
 def _median(study: IdaStudy) -> str:
-    """Return a sentence with the median collapse capacity for one initial damage."""
+    """Return a sentence with the median collapse capacity for a single initial damage."""
     import numpy as np
 
     from tdint.campaign.ida_curve import fractiles

@@ -244,7 +244,7 @@ def _match_each(
         """Match the motion with this number (from 0) and show the progress over all motions."""
 
         def show(done: int, total: int) -> None:
-            """Show the progress after `done` of `total` steps of this motion."""
+            """Show the progress after `done` of `total` steps of the motion."""
             show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
 
         return match(motion, targets, progress=show, **matching_options)

@@ -127,7 +127,7 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
 
     Returns
     -------
-    record : Record or None
+    record : Record | None
         Ground motion; None if the model has no record or reads it from standard input (`-`), or if
         the record cannot be read.
     notes : list of str

@@ -478,7 +478,7 @@ def _with_history(response: Response) -> Response:
 
 
 def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
-    """Write the files of this run, and the summary last, because it contains the SHA-256 of the
+    """Write the files of the run, and the summary last, because it contains the SHA-256 of the
     files in its directory.
 
     With --overwrite, files that the summary of an earlier run lists are removed.

@@ -48,8 +48,8 @@ class RecordTable:
         Warnings that affect the meaning of the results.
     results : tuple
         Result objects; kept only for a figure of several records.
-    picture : bytes or None
-        The figure of this record, if each record has its own figure.
+    picture : bytes | None
+        The figure of the record, if each record has its own figure.
     """
 
     text: bytes

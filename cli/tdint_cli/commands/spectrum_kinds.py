@@ -593,7 +593,7 @@ class Rotated(_OscillatorSpectra):
         Parameters
         ----------
         records : sequence of Record
-            Components of one ground motion, two of which are horizontal.
+            Components of a single ground motion, two of which are horizontal.
         """
         from tdint.analysis.spectra.rotated import rotated_spectrum
         from tdint.ground_motion.horizontals import find_horizontals, with_component
@@ -618,7 +618,7 @@ class Rotated(_OscillatorSpectra):
         Parameters
         ----------
         lines : sequence of RotatedSpectrum
-            Spectra of one ground motion, one for each damping ratio.
+            Spectra of a single ground motion, one for each damping ratio.
         """
         return tables.spectra.rotated_table(lines, tuple(request.specified_settings))
 
@@ -665,7 +665,7 @@ class Against(TableType):
 
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
-            # A published spectrum is for one damping ratio: compare spectra of equal damping.
+            # A published spectrum is for a single damping ratio: compare spectra of equal damping.
             published = request.read_published_spectrum(ratio)
             ratio_request = replace(request, damping=(ratio,))
             if request.periods is None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class OfMethod(Protocol):
-    """Result of one method; `method` is the label of the method."""
+    """Result of a single method; `method` is the label of the method."""
 
     @property
     def method(self) -> str: ...
@@ -304,11 +304,11 @@ class BuildingRequest(RecordRequest):
     ----------
     model : str
         Model file.
-    record : str or None
+    record : str | None
         Record file; None for the record of the model.
-    scale : tuple of float or None
+    scale : tuple of float | None
         Scale factors of the ground motion; None for the factor of the model.
-    duration : float or None
+    duration : float | None
         Duration of the analysis, s; None for the duration of the model or of the record.
     """
 
@@ -360,7 +360,7 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
 
     Returns
     -------
-    RecordSource or None
+    RecordSource | None
         File, reading options and scale factor of the record; None without a record.
 
     Raises

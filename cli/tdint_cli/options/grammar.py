@@ -111,8 +111,8 @@ class Count(click.IntRange):
 class ListOf(ValueType):
     """Option type of comma-separated values of the same type.
 
-    An option of this type may be repeated. The command receives a tuple of all values, or None if
-    no value is specified.
+    An option of the type may be repeated. The command receives a tuple of all values; None if no
+    value is specified.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class ListOf(ValueType):
     def joined(
         self, _: click.Context, __: click.Parameter, tuples: tuple[tuple[Any, ...], ...]
     ) -> tuple[Any, ...] | None:
-        """Join the values of a repeated option (callback of an option of this type).
+        """Join the values of a repeated option (callback of an option of the type).
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class ListOf(ValueType):
 
         Returns
         -------
-        tuple or None
+        tuple | None
             All values, without duplicates if the type requests this; None for no value.
         """
         values = list(chain.from_iterable(tuples))
@@ -260,7 +260,7 @@ def _span(text: str) -> tuple[float, float]:
 
 
 def _period(text: str) -> float | None:
-    """Return a period in s, or None for T1, the first period of the building."""
+    """Return a period in s; None for T1, the first period of the building."""
     if text.strip().upper() == "T1":
         return None
     return float(Number(0.0, min_open=True).convert(text, None, None))
@@ -363,7 +363,7 @@ class PairWish:
 
     Attributes
     ----------
-    measure : str or None
+    measure : str | None
         Measure of a pair, such as rotd100; None if no measure is specified.
     names : PairNames
         Patterns of the file names of a pair.
@@ -751,7 +751,7 @@ def recorded_words(command: click.Command, arguments: Sequence[str]) -> tuple[st
             return (*result, word, *remaining)
         item = unrecorded.get(word.partition("=")[0])
         if item is None:
-            # Flags of one letter may precede another option in the same word: -qo DIR.
+            # Flags of a single letter may precede another option in the same word: -qo DIR.
             if word[:1] == "-" and word[1:2] and word[1:2] in letters:
                 word = f"-{word[1:].lstrip(letters)}"
                 if word != "-":
@@ -829,12 +829,12 @@ class Command(HelpAsData):
     """A command with help in two levels and the options that every command has.
 
     `--help` shows the first two sentences of the docstring of the function, `examples`, the options
-    that are not `rare`, and `exits`, the meanings of exit codes of this command. `--help-all` shows
+    that are not `rare`, and `exits`, the meanings of exit codes of the command. `--help-all` shows
     the complete docstring and all options under their headings.
 
     Parameters
     ----------
-    name : str or None
+    name : str | None
         Name of the command.
     examples : sequence of str
         Command lines for the help.
@@ -1010,7 +1010,7 @@ def _argument_name(parameter: click.Parameter) -> str:
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
-    """Return True if the command line specifies a value of this parameter."""
+    """Return True if the command line specifies a value of the parameter."""
     # Click before 8.2 reports the command line as the source of an argument without values.
     name = parameter.name or ""
     return (

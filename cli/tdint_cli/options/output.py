@@ -58,7 +58,7 @@ def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> 
 def _check_output(
     context: click.Context, parameter: click.Parameter, value: str | None
 ) -> str | None:
-    """Check the value of -o and return it, or None for standard output (-, or without -o).
+    """Check the value of -o and return it; None for standard output (-, or without -o).
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
     commands that write several files.
@@ -127,7 +127,7 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     ----------
     _ : click.Context
         Context of the command; not used.
-    value : str or None
+    value : str | None
         Value of the option; None if it is not specified.
     """
     if value == "":
@@ -225,7 +225,7 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
         First words of the help text, which end with the default number, such as "Number of threads;
         one per processor". The words "by default" follow.
     heading : str
-        Heading above the option in the help of the command; by default the options of this command.
+        Heading above the option in the help of the command; by default the options of the command.
     **settings
         Further keyword arguments of `grammar.option`, such as `default`. Without a default, the
         command receives None.
@@ -252,13 +252,13 @@ class Outputs:
 
     Attributes
     ----------
-    table : Path or None
+    table : Path | None
         The file of the table; None for standard output.
-    picture, summary, report : Path or None
+    picture, summary, report : Path | None
         The files of the figure, of the JSON summary and of the HTML report; None if not requested.
     overwrite : bool
         True if existing files are replaced.
-    units : OutputUnits or None
+    units : OutputUnits | None
         The units of the command line; None if it does not specify units.
     """
 
@@ -531,10 +531,10 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
 
     Parameters
     ----------
-    plot : str or None
+    plot : str | None
         Value of --plot: a file name; `BESIDE` for the name of the table with another suffix; None
         without --plot.
-    table : Path or None
+    table : Path | None
         File of the table; None without -o.
 
     Raises

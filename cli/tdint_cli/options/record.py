@@ -30,11 +30,11 @@ class RecordRequest:
 
     Attributes
     ----------
-    units : SampleUnits or None
+    units : SampleUnits | None
         Units of the samples; None for the units in the file.
-    component : str or None
+    component : str | None
         Component of the record; None for all components.
-    inventory : str or None
+    inventory : str | None
         StationXML file with the instrument response; None without --inventory.
     layout : TextLayout
         Columns, header lines and sampling interval of text tables.
@@ -255,7 +255,7 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
     A line contains the names of the first three records with the warning, and the text of the
     first.
     """
-    # Warnings of one type start with the same three words and differ in a value. Each type is
+    # Warnings of a single type start with the same three words and differ in a value. Each type is
     # mapped to its first text and to the names of its records (keys, as an ordered set).
     types: dict[str, tuple[str, dict[str, None]]] = {}
     for record in records:

@@ -46,8 +46,9 @@ _PICTURE = output.plot(
 
 
 def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:
-    """Declare the options of a command with one table per record, or one table of all records;
-    `more` are options of its figure."""
+    """Declare the options of a command with a single table per record, or one table of all records;
+    `more` are options of its figure.
+    """
     return grammar.together(
         _PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite
     )
@@ -201,7 +202,7 @@ class FloorRequest:
 
         Parameters
         ----------
-        jobs : int or None
+        jobs : int | None
             Number of processes; None for one per processor.
         units : OutputUnits
             Units of the tables and of the figure.

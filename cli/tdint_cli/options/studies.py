@@ -89,18 +89,18 @@ def read_table_of_factors(
     ----------
     records : sequence of str
         Files or directories of records; empty with a table of factors.
-    file : str or None
+    file : str | None
         Table that `tdint scale -o` wrote, the value of --factors; None with records.
     choice : RecordChoice
         Component, units and processing of the records.
-    pairs : PairWish or None
+    pairs : PairWish | None
         Requested treatment of pairs of components; None for separate components.
 
     Returns
     -------
     suite : Suite
         The ground motions, as returned by `read_suite`.
-    table : FactorTable or None
+    table : FactorTable | None
         The table of factors; None with records.
 
     Raises
@@ -145,7 +145,7 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     ----------
     records : sequence of str
         Names of files and directories.
-    pairs : PairWish or None
+    pairs : PairWish | None
         Requested treatment of pairs of horizontal components; None reads single components.
 
     Raises

@@ -40,13 +40,13 @@ class SuiteRequest:
 
     Attributes
     ----------
-    output : str or None
+    output : str | None
         Directory of the results (-o); None without -o.
     overwrite : bool
         Replace existing files.
-    output_units : OutputUnits or None
+    output_units : OutputUnits | None
         Units of the files; None for the units of the models.
-    plot, report : str or None
+    plot, report : str | None
         Files of the figure and of the HTML report; None if not requested. `plot` is `BESIDE` for a
         figure in the directory of -o.
     limit : float, str or None
@@ -54,21 +54,21 @@ class SuiteRequest:
         models.
     require : bool
         Exit with code 5 if a limit is exceeded.
-    jobs : int or None
+    jobs : int | None
         Number of threads; None: as many as processors.
     floor_request : FloorRequest
         Options of floor spectra.
-    baseline : str or None
+    baseline : str | None
         Reference building: ratios of the demands of the other buildings to its demands are
         written. None for no ratios.
-    im : tuple of str or None
+    im : tuple of str | None
         Intensity measures of the runs for measures.csv; None for no such file.
-    by : str or None
+    by : str | None
         Column of the inventory: losses are also reported for each of its values. None for no such
         rows.
     report_head : tuple of (str, str) or None
         Names and values at the top of the report; None for the head of the models.
-    pair_demand : str or None
+    pair_demand : str | None
         Treatment of the two components of a recording: larger, mean or separate; None for the
         default.
     """
@@ -89,11 +89,11 @@ class SuiteRequest:
     pair_demand: str | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
-        """Return the file of the figure, or None if no figure is requested.
+        """Return the file of the figure; None if no figure is requested.
 
         Parameters
         ----------
-        folder : Path or None
+        folder : Path | None
             Directory of the results, for a figure without a file name; None without -o.
 
         Raises

@@ -229,7 +229,7 @@ def ratio_of(argument: Any, name: str) -> float | None:
 
 
 def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
-    """Convert a number or a sequence of numbers to an array with one axis.
+    """Convert a number or a sequence of numbers to an array with a single axis.
 
     Parameters
     ----------
@@ -329,7 +329,7 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
 
 
 def as_sequence(argument: Any, name: str) -> Sequence[Any]:
-    """Return a list or tuple as a list, and any other argument as a list with one item.
+    """Return a list or tuple as a list, and any other argument as a list with a single item.
 
     Parameters
     ----------

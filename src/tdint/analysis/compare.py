@@ -631,7 +631,7 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
 
     Parameters
     ----------
-    dt : float or None
+    dt : float | None
         Time step, s. None for the sampling interval of the base, or a fraction of the interval that
         is short for all modes in the band, so that the discretization error is negligible.
     band : tuple of two floats, optional

@@ -62,7 +62,7 @@ class FittedValue:
     name : str
         `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient:
         `mass_coefficient_1_s`, `stiffness_coefficient_s`.
-    number : int or None
+    number : int | None
         Number of the story or mode, from 1; None for a value common to all of them.
     start, value : float
         Value before and after the fit.
@@ -358,8 +358,8 @@ class _Problem:
         """Return the differences between computed and recorded spectra, concatenated over the
         floors, shape (floors * _FREQUENCIES,).
 
-        Each entry is the difference of the logarithms of the smoothed Fourier amplitudes at one
-        frequency.
+        Each entry is the difference of the logarithms of the smoothed Fourier amplitudes at a
+        single frequency.
         """
         computed = self.computed(logarithms)
         if computed is None:

@@ -326,7 +326,7 @@ def match_suite(
     with progress_reporter(progress, len(seeds) * stages, "stage") as report_progress:
 
         def report_stage(completed: int) -> None:
-            """Report the completed stages of this motion and of all previous motions."""
+            """Report the completed stages of the motion and of all previous motions."""
             report_progress(len(matches) * stages + completed, len(seeds) * stages)
 
         for seed, psa_of_seed, unscaled_psa in zip(seeds, scaled_psa, seed_psa, strict=True):
@@ -452,7 +452,7 @@ def _match_seed(
     all stages is returned, or the scaled seed if no stage reduces the misfit.
 
     `seed_spectra` is the spectra of the seed, m/s^2. `report_stage` is the function that receives
-    the number of completed stages of this motion.
+    the number of completed stages of the motion.
 
     Returns
     -------
@@ -497,7 +497,7 @@ def _solve_stages(
     misfits, until all misfits are small.
 
     `scaled_seed` contains the samples of the scaled seed, m/s^2. `report_stage` is the function
-    that receives the number of completed stages of this motion.
+    that receives the number of completed stages of the motion.
 
     Returns
     -------

@@ -305,8 +305,8 @@ class MatchingProblem:
         from scipy.fft import irfft, next_fast_len
 
         sample_count = scaled_seed.shape[1]
-        # The extremes of one component require omega h <= 0.5, at least 4 pi substeps in a period;
-        # the extremes of two components require half this substep.
+        # The extremes of a single component require omega h <= 0.5, at least 4 pi substeps in a
+        # period; the extremes of two components require half this substep.
         omega = 2.0 * np.pi / periods
         substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
         table = recursion_table(omega, dt / substeps, damping, 2)
@@ -486,8 +486,8 @@ class MatchingProblem:
     def _row(
         self, oscillator: int, factors: NDArray[np.float32], sample_of_extreme: int
     ) -> tuple[int, NDArray[np.float32]]:
-        """Return the first sample of the derivatives of one extreme, and the derivatives without
-        the envelope from this sample on.
+        """Return the first sample of the derivatives of a single extreme, and the derivatives
+        without the envelope from this sample on.
 
         The row extends from the decay of the vibration before the extreme to the reach of the
         filter after it. All other derivatives are zero. `sample_of_extreme` is the number of the

@@ -36,7 +36,7 @@ class RunsRequest:
         Method specification of each building.
     records : tuple of Record
         Ground motions.
-    dt, duration : float or None
+    dt, duration : float | None
         Requested time step and duration, s. None: the values of the model or the record.
     check : bool
         Estimate the errors of the peaks.
@@ -67,7 +67,7 @@ class RunsRequest:
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
         # A value of nan leaves the parameter unchanged: neighbors of a run
-        # (`gradient.neighbor_samples`) differ in one parameter each.
+        # (`gradient.neighbor_samples`) differ in a single parameter each.
         return Subject(
             subject.model.changed(
                 {name: number for name, number in numbers.items() if not math.isnan(number)}

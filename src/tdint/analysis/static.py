@@ -84,7 +84,7 @@ class LawPath:
 
 @dataclass(frozen=True)
 class Cycle:
-    """Result of one cycle of a test.
+    """Result of a single cycle of a test.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class CyclicTest(Tabular):
         Model of the building.
     story : int
         Number of the story, from 1.
-    points : int or None
+    points : int | None
         Number of points in a quarter of a cycle; None for a path without cycles.
     initial_stiffness, geometric_stiffness : float
         Initial stiffness of the law, and geometric stiffness of P-delta (negative, 0 without

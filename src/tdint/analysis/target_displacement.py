@@ -51,7 +51,7 @@ _MAX_BISECTIONS = 100  # more than the number of binary digits of a floating-poi
 
 @dataclass(frozen=True, repr=False)
 class TargetDisplacement(Tabular):
-    """Target displacement of a building under a design spectrum, by one method.
+    """Target displacement of a building under a design spectrum, by a single method.
 
     Attributes
     ----------

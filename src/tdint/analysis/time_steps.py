@@ -66,9 +66,9 @@ def choose_steps(
 
     Parameters
     ----------
-    dt, duration : float or None
+    dt, duration : float | None
         Requested time step and duration, s; by default those of the record.
-    record_dt : float or None
+    record_dt : float | None
         Sampling interval of the record, s; None without a record.
     record_duration : float
         Duration of the record, s.

@@ -2,8 +2,8 @@
 
 A campaign runs many buildings under many scaled ground motions. A chunk is a part of its runs
 together with all their input, so that a thread or a remote worker can process it without reading
-files. All runs of a building with the same time step are integrated by one compiled call. Failed
-runs are repeated with half the time step.
+files. All runs of a building with the same time step are integrated by a single compiled call.
+Failed runs are repeated with half the time step.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class RunSettings:
 
     Attributes
     ----------
-    dt, duration : float or None
+    dt, duration : float | None
         Time step and duration, s. None: the value in the model file or, if the model file has
         none, the value of the record.
     until_rest : bool
@@ -69,7 +69,7 @@ class RunSettings:
         written.
     check : bool
         Estimate the errors of the demands of each run, as `tdint.run` does.
-    tolerance : float or None
+    tolerance : float | None
         Maximum estimated error of the peak drifts, relative to these drifts. The time step of each
         building is chosen to meet this tolerance. None: the time step is not chosen by errors.
     """
@@ -125,7 +125,7 @@ class BuildingRuns(NamedTuple):
         Object that creates the building.
     runs : tuple of Run
         The runs.
-    max_step : float or None
+    max_step : float | None
         Maximum time step that meets the tolerance of the campaign, s; None if no time step meets
         the tolerance; infinity if the campaign has no tolerance.
     """
@@ -148,7 +148,7 @@ class RunRow(NamedTuple):
     values : tuple
         One value per quantity of `RUN`, in that order. Missing values are None or NaN. Values are
         also available by name, for example `row.status`.
-    errors : tuple of float or None
+    errors : tuple of float | None
         Estimated errors of the demands in the order of `RUN_WITH_ERROR`; empty if errors were not
         estimated.
     """
@@ -180,7 +180,7 @@ _INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
 
 
 class EventRow(NamedTuple):
-    """Demands of one event in a run under a sequence of earthquakes.
+    """Demands of a single event in a run under a sequence of earthquakes.
 
     The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `shock` is
     the number of the event, from 1; `start` is the time of its first sample, s; `pga` is its peak
@@ -218,7 +218,7 @@ class StoryRow(NamedTuple):
 
 
 class ElementRow(NamedTuple):
-    """Results of one element of a story with several elements in one run.
+    """Results of a single element of a story with several elements in one run.
 
     The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` and
     `number` are the numbers of the story and of the element, from 1; `yield_drift` is its drift at
@@ -316,7 +316,7 @@ def element_rows(
 
 
 def _values_of(quantities: Iterable[Quantity], peaks: Any) -> Iterable[tuple[float, ...]]:
-    """Return one tuple per story or element with one value per quantity.
+    """Return one tuple per story or element with a single value per quantity.
 
     `peaks` contains the peak responses, or their errors: one array over the stories or elements per
     quantity.
@@ -379,7 +379,7 @@ def building_step(
 
     Returns
     -------
-    float or None
+    float | None
         Time step, s. None if no run that was tried provides a time step.
     """
     step, evaluated_count = math.inf, 0
@@ -474,7 +474,7 @@ class Batch:
         The building and its method.
     motions : Motions
         Ground motions with their numbers in the campaign.
-    spectral : mapping of int to float or None
+    spectral : mapping of int to float | None
         Sa(T1) of each motion at the scale factor 1, m/s^2.
     settings : RunSettings
         Settings of the runs.
@@ -491,7 +491,7 @@ class Batch:
 
         Parameters
         ----------
-        max_step : float or None
+        max_step : float | None
             Maximum time step that meets the tolerance, s. The time step of the settings is halved
             or doubled to obtain the longest step up to this limit. None: no time step meets the
             tolerance; the runs are not integrated, and the status in their rows states this reason.
@@ -542,8 +542,8 @@ class Batch:
     def _run_sequence(self, run: Run, max_step: float | None) -> Rows:
         """Run a building under a sequence of earthquakes, for example a main shock and aftershocks.
 
-        The events of the sequence are joined to one record. The time between two events depends on
-        the building if each event starts after the free vibration of the previous event.
+        The events of the sequence are joined to a single record. The time between two events
+        depends on the building if each event starts after the free vibration of the previous event.
 
         Returns
         -------
@@ -698,7 +698,7 @@ class Batch:
 
 def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
     """Return a row in which the demands of the run, and their errors, are replaced by the demands
-    of one event.
+    of a single event.
     """
     # The peaks of an event have one run on their first axis, so there is one dictionary.
     (demands,) = demand_cells(event.stories)
@@ -768,7 +768,7 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
     spectral = _first_mode_accelerations(chunk, [subject.period for subject in subjects])
     rows = Rows()
-    # All runs of a building with the same time step are integrated by one compiled call.
+    # All runs of a building with the same time step are integrated by a single compiled call.
     for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(building_runs.number, subject, motions, sa_t1, chunk.settings)
         rows.extend(batch.results(building_runs.runs, building_runs.max_step))
@@ -815,7 +815,7 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
 
     Returns
     -------
-    list of float or None
+    list of float | None
         Spectral accelerations; None for a period that is too short for the sampling interval of the
         record.
     """

@@ -104,7 +104,7 @@ class ParameterSweep:
         variation.
     steps : tuple of float
         Time steps, s, in all combinations with the other values; empty: no variation.
-    location : ModelFault or None
+    location : ModelFault | None
         Position of the sweep in the campaign file, for error messages; None: not from a file.
     """
 
@@ -322,7 +322,7 @@ def read_sweep(
 
     Parameters
     ----------
-    vary, methods, steps : Value or None
+    vary, methods, steps : Value | None
         Values of the keys `vary`, `methods` and of a list of time steps.
     models : bool
         True if the buildings are model files, False if they are from an inventory. Methods and time
@@ -356,8 +356,9 @@ def read_sweep(
 
 def _read_vary(value: Value) -> ParameterSweep | None:
     """Read the key `vary` of a campaign file: values and distributions of parameters, number of
-    samples, and random seed. Errors are recorded in the document; the result is None if the value
-    is not a mapping with valid keys."""
+    samples, and random seed. Errors are recorded in the document; None is the result if the value
+    is not a mapping with valid keys.
+    """
     grids: dict[str, tuple[float, ...]] = {}
     random: dict[str, Distribution] = {}
     names = value.names
@@ -431,12 +432,12 @@ class InventoryFile:
         Name of the set of rules.
     length : float
         Length unit of the file, m.
-    classes : str or None
+    classes : str | None
         CSV file of the classes, for rules that require it.
     as_published : bool
         For the rules of capacity curves: multiply forces and stiffness by the factor that the
         published program applies.
-    mapping : str or None
+    mapping : str | None
         CSV file with the columns of an inventory for each taxonomy of an exposure model.
     mass_only : bool
         Omit the stiffness-proportional damping.
@@ -473,7 +474,7 @@ class RecordFiles:
         Paths.
     choice : RecordChoice
         Selection of components and processing.
-    pairs : PairNames or None
+    pairs : PairNames | None
         Naming scheme of the two components of a motion; None: components are separate motions.
     """
 
@@ -492,7 +493,7 @@ class SequenceFile:
         Path of the file.
     choice : RecordChoice
         Selection of components and processing of the records.
-    rest : float or None
+    rest : float | None
         Time between events, s; None: until free vibration has decayed.
     """
 
@@ -513,14 +514,14 @@ class FieldFile:
         Selection of components and processing of the records.
     pairs : bool
         Combine the two horizontal components of a record.
-    sites : str or None
+    sites : str | None
         CSV file with the locations of the sites; None: the inventory names the site of each
         building.
     distance : str
         Unit of the distance to the nearest site: a key of `tdint.campaign.motions.COORDINATES`.
     max_distance : float
         Buildings at a larger distance from the nearest site are omitted, m.
-    rates : str or None
+    rates : str | None
         CSV file with the annual rates of the events.
     """
 
@@ -546,11 +547,11 @@ class AnalysisOverrides:
 
     Attributes
     ----------
-    method : str or None
+    method : str | None
         Method with its parameters.
-    collapse_drift : float or None
+    collapse_drift : float | None
         Drift ratio above which a run counts as collapsed.
-    p_delta : bool or None
+    p_delta : bool | None
         Include P-delta effects.
     """
 
@@ -577,15 +578,15 @@ class CampaignFile:
         Settings for all buildings.
     settings : RunSettings
         Settings of the runs and of the results to store.
-    sweep : ParameterSweep or None
+    sweep : ParameterSweep | None
         Variations of every building.
-    damage : DamageRequest or None
+    damage : DamageRequest | None
         Definition of the damage states; None: as in the models.
-    outputs : tuple of str or None
+    outputs : tuple of str | None
         Tables to write; None: all tables.
     style : str
         Style of the figures, as in the file. Runs do not depend on it.
-    pair_demand : str or None
+    pair_demand : str | None
         Rule that combines the components of pairs (`tdint.campaign.pairs`); None: the default. Runs
         do not depend on it.
     """

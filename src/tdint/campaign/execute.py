@@ -72,7 +72,7 @@ class Shard:
 
 @dataclass(frozen=True)
 class Advance:
-    """Progress of a campaign, or of a shard, in one call.
+    """Progress of a campaign, or of a shard, in a single call.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def execute_plan(
 
 
 def threads(jobs: int) -> Engine:
-    """Return an engine that uses threads of this process.
+    """Return an engine that uses threads of the process.
 
     Raises
     ------
@@ -183,8 +183,8 @@ def compile_for(plan: Plan) -> None:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     load_or_compile(list(variants))
-    # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The
-    # record and the period of this call are arbitrary; its result is not used.
+    # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The record
+    # and the period of the call are arbitrary; its result is not used.
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 
@@ -380,8 +380,8 @@ _log = logging.getLogger(__name__)
 
 
 def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> Store:
-    """Merge the stores of shards of one campaign into the store in `target`. Chunks that several
-    stores contain are copied once.
+    """Merge the stores of shards of a single campaign into the store in `target`. Chunks that
+    several stores contain are copied once.
 
     Parameters
     ----------
@@ -586,8 +586,8 @@ def _copy(
 
 
 def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
-    """Copy the buildings of all parts of a campaign to a store, in one transaction. If the store is
-    empty, also create its tables and copy the definition of the campaign.
+    """Copy the buildings of all parts of a campaign to a store, in a single transaction. If the
+    store is empty, also create its tables and copy the definition of the campaign.
     """
     with schema.transaction(target.connection, target.name):
         is_new = is_empty(target)

@@ -80,14 +80,14 @@ class IdaSettings:
     ----------
     precision : float
         Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
-    collapse_drift : float or None
+    collapse_drift : float | None
         Drift ratio above which the building has collapsed; by default the value of the model.
-    thresholds : tuple of float or None
+    thresholds : tuple of float | None
         Drift ratios for which capacities are reported in addition to collapse. The default are the
         medians of the damage states of the model if they are drift ratios, otherwise `THRESHOLDS`.
     max_im : float
         Maximum intensity, in the unit of the measure. Capacities above this value are censored.
-    dt, duration : float or None
+    dt, duration : float | None
         Time step and duration of the runs, s; by default the values of the model, otherwise of the
         record.
     until_rest : bool
@@ -122,7 +122,7 @@ class IdaStudy(Tabular):
         Drift ratios of the capacities in ascending order; the last is the collapse drift.
     curves : tuple of IdaCurve
         Curve of each record, in the order of the records.
-    pair : str or None
+    pair : str | None
         Combination of the components of a pair in the intensity measure: a name of `PAIRS`; None:
         the intensity of each component.
     resumed : int
@@ -432,7 +432,7 @@ class _WorkItem:
         Search that determines the levels.
     unscaled : Record
         Record of the study, without the mainshock.
-    damaged_state : DamagedState or None
+    damaged_state : DamagedState | None
         State of the building before the record; None: undamaged.
     """
 
@@ -540,7 +540,7 @@ class _WorkItem:
     def stored_runs(self, rows: Sequence[RunRow]) -> RecordRuns | None:
         """Return the runs of the record from rows of the store.
 
-        The result is None if the search for capacities would select other levels than the levels of
+        None is the result if the search for capacities would select other levels than the levels of
         the rows. In this case the record must be run again.
         """
         row_by_scale = {row.scale: row for row in rows}
@@ -692,7 +692,7 @@ def _damaged_states(
 
     Returns
     -------
-    list of list of DamagedState or None
+    list of list of DamagedState | None
         For each state of the building, the damage before each record.
 
     Raises

@@ -160,7 +160,7 @@ class LevelSearch:
     max_level: float = math.inf
 
     def next(self, runs: Sequence[IdaRun]) -> float | None:
-        """Return the level of the next run, or None if the search is complete.
+        """Return the level of the next run; None if the search is complete.
 
         The levels follow the hunt and fill algorithm of Vamvatsikos and Cornell (2004). They
         increase up to the first collapse and then bisect the bracket of the collapse. They decrease
@@ -227,7 +227,7 @@ class LevelSearch:
         """Return a level above the first collapse at which the building may survive again: 1.25 or
         1.5 times the level of the first collapse (`_PROBES`).
 
-        The result is None if the building has been run at both levels, or has not collapsed.
+        None is the result if the building has been run at both levels, or has not collapsed.
 
         `collapse` is the run of the first collapse.
         """
@@ -257,7 +257,7 @@ def below_collapse(runs: Sequence[IdaRun]) -> Iterator[IdaRun]:
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     """Return a new level between two levels.
 
-    The new level is at one of the positions `_POSITIONS`. The result is None if runs at all these
+    The new level is at one of the positions `_POSITIONS`. None is the result if runs at all these
     positions exist.
 
     `low` and `high` are the adjacent levels of runs with a result. There may be runs without a
@@ -632,7 +632,7 @@ def damaged(
         Maximum drift ratio that the mainshock has to cause.
     first_factor : float
         Scale factor at which the search starts; it continues with larger factors.
-    dt : float or None
+    dt : float | None
         Time step, s; None: the default of the building.
 
     Raises

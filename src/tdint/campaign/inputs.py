@@ -73,13 +73,13 @@ class Inputs:
     ----------
     models : tuple of Model
         Models of the model files, with the campaign's settings for all buildings.
-    rows : InventoryRows or None
+    rows : InventoryRows | None
         Buildings of the inventory.
     motions : CampaignMotions
         Ground motions.
-    assignment : Assignment or None
+    assignment : Assignment | None
         Ground motions of each building; None: all motions for all buildings.
-    factors : FactorTable or None
+    factors : FactorTable | None
         Scale factors of the motions, if specified by a file.
     damage : ClassDamage
         Damage states and loss ratios by building class, if specified by files.
@@ -599,7 +599,7 @@ def read_listed(
         to the directory of the table.
     choice : RecordChoice
         Selection of components and processing of the files.
-    pairs : PairNames or None
+    pairs : PairNames | None
         Naming scheme of the files of pairs; None for single components.
 
     Returns

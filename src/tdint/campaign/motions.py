@@ -311,8 +311,9 @@ class GridSamples:
         """Return the sampled motions of a building, sorted by motion number, then by sample number.
 
         Points are sampled by weight with replacement; then one of the motions of each sampled point
-        is selected with equal probability. All components of this motion have the same sample
-        number, and the scale factor that the grid specifies for the motion at the point."""
+        is selected with equal probability. All components of the motion have the same sample
+        number, and the scale factor that the grid specifies for the motion at the point.
+        """
         # The seed includes the identifier of the building, so that the samples of a building do not
         # depend on the other buildings of the campaign.
         random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
@@ -613,7 +614,7 @@ class MeasureLevels:
     ----------
     measure : callable
         Function that returns the measure for a period, s.
-    period : float or None
+    period : float | None
         Period, s; None: first period of each building.
     values : tuple of float
         Levels, in SI units.

@@ -1,5 +1,5 @@
 """Demand of a pair: rule that combines the results under the two horizontal components of a
-recording to the result of one ground motion.
+recording to the result of a single ground motion.
 
 The rule is specified once (`pair_demand` of the records, `--pair-demand`) and used by profiles,
 damage, losses, maps, incremental dynamic analyses and fragility functions:
@@ -128,7 +128,7 @@ class PairRule:
         ----------
         motions : sequence of SuiteMotion
             The motions, in the order of their numbers.
-        demand : str or None
+        demand : str | None
             An item of `PAIR_DEMANDS`; None: the default.
         """
         records = {

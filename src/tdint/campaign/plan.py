@@ -81,13 +81,13 @@ class Plan:
         Notes for the user.
     warnings : tuple of str
         Unusual values of the buildings, as shown by `check`. They are shown before the notes.
-    damage : Damage or None
+    damage : Damage | None
         Definition of the damage states, if any.
     inventory : tuple of str
         Files of the inventory, if the campaign has one.
     too_far_from_sites : tuple of ModelFault
         Rows of the inventory that were skipped because they are too far from all sites.
-    outputs : tuple of str or None
+    outputs : tuple of str | None
         Tables to write; None: all tables.
     rates : mapping of str to float
         Annual rate of each event, 1/year, if specified.
@@ -95,7 +95,7 @@ class Plan:
         Path of the file of scale factors, if any.
     style : tuple of (str, str)
         Style of the figures, and the directory that relative paths of style sheets refer to.
-    pair_demand : str or None
+    pair_demand : str | None
         Rule that combines the components of pairs (`tdint.campaign.pairs`); None: the default.
     scaled : mapping
         Settings that `tdint scale` wrote next to the file of factors; empty if not available.
@@ -267,7 +267,7 @@ class Plan:
         cumulative_time = np.cumsum(run_times * run_counts)
         chunk_time = min(max(cumulative_time[-1] / _MIN_CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
         end_times = np.arange(chunk_time, cumulative_time[-1], chunk_time)
-        # Determine the building at the end of each chunk, and the last run of this building in the
+        # Determine the building at the end of each chunk, and the last run of the building in the
         # chunk. The time in this building is counted from its first run.
         last_building = np.searchsorted(cumulative_time, end_times)
         run_time = run_times[last_building]
@@ -322,7 +322,7 @@ class Plan:
 
         Returns
         -------
-        float or None
+        float | None
             Time step, s; None if no time step meets the tolerance; infinity if the campaign has no
             tolerance.
         """
@@ -471,7 +471,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     The method is specified by the campaign for all buildings, or by each model. A building without
     a specified method has the default method, which a note reports.
 
-    `notes`: notes for the user; the notes of this function are appended.
+    `notes`: notes for the user; the notes of the function are appended.
 
     Raises
     ------

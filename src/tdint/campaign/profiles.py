@@ -2,9 +2,9 @@
 motion, mean, fractiles and maximum. Also floor response spectra under a suite.
 
 The order of operations is that of design codes: maximum of each motion over time, in each story;
-mean over the motions; maximum over the stories. The two components of a pair are combined to one
-motion, unless they count separately. Motions with collapse or without a result are counted, but
-excluded from all statistics.
+mean over the motions; maximum over the stories. The two components of a pair are combined to a
+single motion, unless they count separately. Motions with collapse or without a result are counted,
+but excluded from all statistics.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _maximum_error(
 
 @dataclass(frozen=True)
 class SuiteLevel:
-    """Outcome of the runs of a building under a suite at one level of intensity.
+    """Outcome of the runs of a building under a suite at a single level of intensity.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class SuiteLevel:
 
 @dataclass(frozen=True)
 class Profile(SuiteLevel):
-    """Peaks of a building under a suite at one level of intensity.
+    """Peaks of a building under a suite at a single level of intensity.
 
     Attributes
     ----------
@@ -653,7 +653,7 @@ class RunFloors:
 
 @dataclass(frozen=True)
 class FloorSuite(SuiteLevel):
-    """Pseudo-accelerations on a floor of a building under a suite at one level.
+    """Pseudo-accelerations on a floor of a building under a suite at a single level.
 
     Attributes
     ----------

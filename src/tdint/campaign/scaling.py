@@ -79,15 +79,15 @@ class Scaling(Tabular):
         Spectrum that represents a pair of components: a name of `PAIRS`.
     damping : float
         Damping ratio of spectra.
-    measure : IntensityMeasure or None
+    measure : IntensityMeasure | None
         Intensity measure to which the motions were scaled.
-    value : float or None
+    value : float | None
         Value of the intensity measure (SI units).
-    target : TargetSpectrum or None
+    target : TargetSpectrum | None
         Target spectrum to which the motions were scaled.
     periods : ndarray, shape (k,)
         Periods of the comparison with the target, s; None without a target.
-    least : tuple of two floats or None
+    least : tuple of two floats | None
         For the rules asce7 and ec8: minimum over the periods of the average spectrum divided by the
         target, and the period of this minimum, s.
     chosen : tuple of int
@@ -96,7 +96,7 @@ class Scaling(Tabular):
         For a selection: number of motions that were not considered, by reason.
     events : tuple of str
         For a selection with a maximum per event: event of each motion.
-    limits : tuple of two floats or None
+    limits : tuple of two floats | None
         For a selection: minimum and maximum factor.
     others_at_limit : int
         For a selection: number of motions that were not selected and would have a factor at a
@@ -593,7 +593,7 @@ def target_at(
     ----------
     target : TargetSpectrum or str
         Target spectrum, or the text that specifies it (`read_target`), for example a file.
-    periods : sequence of float or None
+    periods : sequence of float | None
         Periods, s; None: 100 logarithmically spaced periods over the range of the target.
 
     Returns

@@ -92,7 +92,7 @@ def select(
     events : sequence, optional
         Event of each motion, empty if unknown; by default read from the files (`events_of`).
     per_event : int, optional
-        Maximum number of selected motions of one event.
+        Maximum number of selected motions of a single event.
     scatter : float or sequence of float, shape (k,), optional
         Target standard deviation of ln Sa, for all periods or for each period.
 
@@ -172,7 +172,7 @@ def _check_arguments(
     """Raise UsageError if an argument of `select` is invalid.
 
     `events` is the event of each motion; None: read from the files. `per_event` is the maximum
-    number of selected motions of one event; None: no maximum.
+    number of selected motions of a single event; None: no maximum.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
@@ -202,8 +202,8 @@ def _number_events(
 
     Parameters
     ----------
-    per_event : int or None
-        Maximum number of selected motions of one event. None: events are not needed, so each
+    per_event : int | None
+        Maximum number of selected motions of a single event. None: events are not needed, so each
         motion counts as a separate event and the list of labels is empty.
 
     Returns
@@ -237,7 +237,7 @@ def _check_pool_size(
     `pool_events` is the number of the event of each motion in the pool, which contains all motions
     that can be selected. `event_numbers` is the number of the event of each motion, from 0,
     including the motions outside of the pool. `per_event` is the maximum number of selected motions
-    of one event; None: no maximum.
+    of a single event; None: no maximum.
     """
     motion_count = len(event_numbers)
     # `bincount` returns the number of motions of each event in the pool. Of each event, at most
@@ -696,7 +696,7 @@ class _Scores:
     events : ndarray of int, shape (n,)
         Event of each row.
     max_per_event : int
-        Maximum number of rows of one event.
+        Maximum number of rows of a single event.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ PEAKS = tuple(quantity for quantity in RUN if quantity.name in _PEAK_NAMES)
 
 @dataclass(frozen=True)
 class ParameterEffect:
-    """Effect of one parameter on one peak; the other parameters are unchanged.
+    """Effect of a single parameter on one peak; the other parameters are unchanged.
 
     Attributes
     ----------
@@ -218,9 +218,9 @@ def plan_of(
     ----------
     ranges : mapping of str to (float, float)
         Low and high values of parameters.
-    method : str or None
+    method : str | None
         Method; None: the method of the model.
-    dt : float or None
+    dt : float | None
         Time step, s; None: the value of the model.
 
     Raises

@@ -478,7 +478,7 @@ def _field_rows(
     -------
     rows : _FieldRows
         The rows.
-    measure : IntensityMeasure or None
+    measure : IntensityMeasure | None
         Intensity measure of their values; None for factors.
 
     Raises
@@ -504,7 +504,7 @@ def _field_rows(
     value, unit, measure = _field_values(table)
     used_columns = (event, "record", site, "component", _SECOND_FILE, value)
     reader = _RowReader(field, table, used_columns, unit, measure, _FieldRows(sites))
-    # Collect errors up to a maximum, so that users can correct all of them in one edit.
+    # Collect errors up to a maximum, so that users can correct all of them in a single edit.
     faults: list[str] = []
     while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
         faults += reader.add_block(block)
@@ -537,7 +537,7 @@ class _RowReader:
         value; the last is empty if all values are 1.
     unit : float
         Unit of the values in SI.
-    measure : IntensityMeasure or None
+    measure : IntensityMeasure | None
         Intensity measure of the values; None for factors.
     rows : _FieldRows
         Receives the rows.
@@ -652,7 +652,7 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
         are 1.
     unit : float
         Unit of the column in SI.
-    measure : IntensityMeasure or None
+    measure : IntensityMeasure | None
         Intensity measure of the column; None for factors.
 
     Raises

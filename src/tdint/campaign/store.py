@@ -72,25 +72,24 @@ class Identity:
     chunks, runs : int
         Number of chunks and of runs; 0 runs if the number depends on results.
     size : callable
-        Function that returns the number of runs of a chunk, or None if the number depends on
-        results.
+        Function that returns the number of runs of a chunk; None if the number depends on results.
     unused : sequence of (str, str)
         Inputs that could not be used: the category (`record` or `building`), and the reason.
     units : OutputUnits
         Output units that the models request.
-    damage : Damage or None
+    damage : Damage | None
         Definition of the damage states.
     files : mapping of str to str
         SHA-256 of the model files, or of the files of the inventory, by name.
-    outputs : sequence of str or None
+    outputs : sequence of str | None
         Tables to write; None: all tables.
     rates : mapping of str to float
         Annual rate of each event, 1/year, if specified.
     style : tuple of (str, str)
         Style of the figures, and the directory that relative paths of style sheets refer to.
-    pair_demand : str or None
+    pair_demand : str | None
         Rule that combines the demands of the two components of a pair; None: the default.
-    building_numbers : sequence of int or None
+    building_numbers : sequence of int | None
         Numbers of the buildings that are written to the store, that is, of a shard; None: all.
     """
 
@@ -118,7 +117,7 @@ class Identity:
 
         Parameters
         ----------
-        building_numbers : sequence of int or None
+        building_numbers : sequence of int | None
             Numbers of the buildings that the store contains; None: all buildings.
         """
         # Attributes that have the same name and meaning in `Plan` and `Identity`.
@@ -326,7 +325,7 @@ class Store:
 
         Parameters
         ----------
-        error : type or None
+        error : type | None
             Type of the exception in the `with` block; None: no exception.
 
         Raises
@@ -367,9 +366,9 @@ class Store:
         return {name: json.loads(value) for name, value in self.settings().items()}
 
     def varied(self) -> list[dict[str, float]]:
-        """Return a list with one dictionary per building, in the order of the
-        buildings: the values of the parameters that a sweep changed, by name. The list is empty
-        without a sweep."""
+        """Return a list with a single dictionary per building, in the order of the buildings: the
+        values of the parameters that a sweep changed, by name. The list is empty without a sweep.
+        """
         return list(json.loads(self._meta_or_none("varied") or "[]"))
 
     @property
@@ -417,7 +416,7 @@ class Store:
         return int(count)
 
     def add(self, result: ChunkResult) -> None:
-        """Write the rows of a chunk and mark the chunk as completed, in one transaction.
+        """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
 
         Parameters
         ----------
@@ -640,7 +639,7 @@ class Store:
         return list(json.loads(row[0])) if row else []
 
     def _meta_or_none(self, key: str) -> str | None:
-        """Return the value of a key of the table `meta`, or None if the key does not exist."""
+        """Return the value of a key of the table `meta`; None if the key does not exist."""
         row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return row[0] if row else None
 
@@ -666,7 +665,7 @@ class Store:
         return self._meta_or_none("pair_demand") or LARGER
 
     def pair_rule(self) -> PairRule:
-        """Return the rule that combines the components of pairs, with the pairs of this store."""
+        """Return the rule that combines the components of pairs, with the pairs of the store."""
         return PairRule(self.pair_demand(), recording_numbers(self.records()))
 
     def choose_pair_demand(self, rule: str) -> None:
@@ -784,7 +783,7 @@ def open_store(
 
     Parameters
     ----------
-    folder : Path or None
+    folder : Path | None
         Directory of the store; None: in memory.
     building_numbers : sequence of int, optional
         Numbers of the buildings of a shard; by default all buildings are in the store.
@@ -813,7 +812,7 @@ def open_or_create(
 
     Parameters
     ----------
-    file : Path or None
+    file : Path | None
         Path of the store; None: in memory.
     identity : Identity
         Campaign or study that the store must contain.
@@ -976,7 +975,7 @@ def remove_store(file: Path) -> None:
     Raises
     ------
     OutputError
-        The store cannot be removed, or is an input of this command.
+        The store cannot be removed, or is an input of the command.
     """
     refuse_protected([file])
     # SQLite creates files with these suffixes next to a database.
@@ -1005,7 +1004,7 @@ def is_empty(store: Store) -> bool:
 
 def _create(store: Store, identity: Identity) -> None:
     """Create the tables of an empty store, and write the definition of a campaign or study
-    (`identity`), in one transaction.
+    (`identity`), in a single transaction.
 
     The buildings are written later, by `Store.update_metadata`.
     """

@@ -78,7 +78,7 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
 
 def connect_to_read(file: Path) -> sqlite3.Connection:
     """Return a read-only connection, which can be opened while another process writes. All queries
-    read the state of the store at the time of this call.
+    read the state of the store at the time of the call.
 
     Raises
     ------
@@ -322,7 +322,7 @@ _SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
 @dataclass(frozen=True)
 class RowTable:
-    """Table for the result rows of chunks, and the view of this table for users.
+    """Table for the result rows of chunks, and the view of the table for users.
 
     Attributes
     ----------
@@ -413,8 +413,8 @@ class RowTable:
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """Convert rows to the form that SQLite returns, so that checksums of written and
-        of stored rows are equal. The result is sorted by key.
+        """Convert rows to the form that SQLite returns, so that checksums of written and of stored
+        rows are equal. The result is sorted by key.
 
         Nested tuples, such as the values and errors of a run, become separate columns. Each
         cell is converted to the type of its column; NaN and missing errors become None.
@@ -422,7 +422,7 @@ class RowTable:
         Parameters
         ----------
         rows : iterable of tuple
-            Rows (`RunRow`, `StoryRow`, `EventRow` or `ElementRow`) of this table.
+            Rows (`RunRow`, `StoryRow`, `EventRow` or `ElementRow`) of the table.
 
         Returns
         -------

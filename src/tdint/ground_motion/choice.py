@@ -61,16 +61,16 @@ class TextLayout(_OptionalFields):
 
     Attributes
     ----------
-    step : float or None
+    step : float | None
         Sampling interval, s. If a file states a sampling interval, the two are compared.
     column : tuple of str
         Columns to read, as numbers counted from 1 or as names; a single column may be specified
         without a tuple. If empty, the columns named as acceleration are read. If no column is named
         as acceleration, all columns except the time are read.
-    skip_lines : int or None
+    skip_lines : int | None
         Number of lines to ignore before the table or its line of column names.
     rows : bool
-        The numbers of a line are successive samples of one ground motion, which the next line
+        The numbers of a line are successive samples of a single ground motion, which the next line
         continues. Default False: the file shows it, or the columns are separate ground motions.
 
     Raises
@@ -162,20 +162,20 @@ class Processing(_OptionalFields):
 
     Attributes
     ----------
-    trim : tuple of two floats or None
+    trim : tuple of two floats | None
         Start and end of the part to keep, s from the first sample. None as the start keeps the
         beginning of the record, None as the end keeps its end.
-    baseline : str or None
+    baseline : str | None
         Baseline that is subtracted from the acceleration: `constant` (mean), `linear`
         (least-squares line) or `quadratic` (least-squares parabola).
-    pad : tuple of two floats or None
+    pad : tuple of two floats | None
         Durations of zeros added before and after the record, s.
-    highpass, lowpass : float or None
+    highpass, lowpass : float | None
         Corner frequencies, Hz, of zero-phase Butterworth filters, which are applied forwards and
         backwards and therefore halve the amplitude at the corner frequency.
-    filter_order : int or None
+    filter_order : int | None
         Order of the filters; 4 if None.
-    resample : float or None
+    resample : float | None
         New sampling interval, s, of the band-limited motion. An anti-aliasing filter is applied if
         the new interval is longer.
 

@@ -57,7 +57,7 @@ class Earthquake:
     ----------
     name : str
         Name without the date; empty if unknown.
-    time : datetime or None
+    time : datetime | None
         Origin time, start of the record, or midnight of the date, UTC; None if unknown.
     has_clock : bool
         True if the time of day is known.
@@ -132,7 +132,7 @@ def event_of(record: Record) -> Earthquake:
 
 
 def is_same_event(event: Earthquake, other: Earthquake) -> bool:
-    """Return True if two files belong to one event according to their headers.
+    """Return True if two files belong to a single event according to their headers.
 
     If both files state the time of day, the times are compared. Otherwise the names and the dates
     must not contradict each other, and the names or the dates must be known in both files.
@@ -157,7 +157,7 @@ def _time_of(match: re.Match[str]) -> datetime | None:
 
     Returns
     -------
-    datetime or None
+    datetime | None
         Time without a time zone; midnight if the header states only a date. None if the date or the
         time does not exist, such as 31 February.
     """
@@ -184,7 +184,7 @@ def _clean_name(name: str) -> str:
 
 
 def _names_agree(name: str, other: str) -> bool:
-    """Return True if two names may belong to one event.
+    """Return True if two names may belong to a single event.
 
     Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). The longer name may have
     additional words at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).

@@ -88,8 +88,8 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
     statements = [Statement(SAMPLES, count, size)]
     delta, begin, end = values[_DELTA], values[_BEGIN], values[_END]
     if _UNKNOWN not in (begin, end):
-        # Some programs write the time of the sample after the last sample, so a difference of one
-        # sampling interval is permitted.
+        # Some programs write the time of the sample after the last sample, so a difference of a
+        # single sampling interval is permitted.
         rounding = 1.01 * abs(delta) + _SINGLE * (abs(end) + abs(begin))
         last = begin + (size - 1) * delta
         statements.append(

@@ -97,12 +97,12 @@ class Horizontals:
 
 
 def find_horizontals(records: Sequence[Record]) -> Horizontals:
-    """Select and validate the two horizontal components of one ground motion.
+    """Select and validate the two horizontal components of a single ground motion.
 
     Parameters
     ----------
     records : sequence of Record
-        All components of a file, or of the files of one ground motion; vertical components are
+        All components of a file, or of the files of a single ground motion; vertical components are
         omitted.
 
     Returns
@@ -273,7 +273,7 @@ def azimuth(component: str) -> float | None:
 
     Returns
     -------
-    float or None
+    float | None
         Azimuth from 0 to 360; a number above 360 is returned unchanged. None if the name states no
         direction.
     """
@@ -435,8 +435,8 @@ ONE_MOTION = PairNames("{}", "{}")
 def motion_name(file: str) -> str:
     """Return the name of a file with a question mark instead of its component.
 
-    The files of one ground motion have the same result. If no component is recognized, the name is
-    unchanged. The recognized components are
+    The files of a single ground motion have the same result. If no component is recognized, the
+    name is unchanged. The recognized components are
 
         .EW, .NS2                  extension of a K-NET file
         067.AT2, -UP.AT2, BH100    end of the name of a PEER file
@@ -451,8 +451,8 @@ def motion_name(file: str) -> str:
 
 
 def motion_names(files: Sequence[str]) -> list[str]:
-    """Return the name of the ground motion of each file, which is equal for the files of one ground
-    motion.
+    """Return the name of the ground motion of each file, which is equal for the files of a single
+    ground motion.
 
     Recognized are the names of `motion_name`, and two files that differ only in a direction at
     their end (GIL-067.mseed and GIL-337.mseed, x_S16W.csv and x_S74E.csv), if the two directions
@@ -488,7 +488,7 @@ def motion_names(files: Sequence[str]) -> list[str]:
 def _replace_component(file: str, match: re.Match[str] | None) -> str:
     """Replace the component in a file name by a question mark.
 
-    `file` is the file name, with or without directories. `match` is the match of a pattern of this
+    `file` is the file name, with or without directories. `match` is the match of a pattern of the
     module in the last part of the file name. Its group `component` is replaced. With None, the name
     is unchanged.
     """
@@ -603,7 +603,8 @@ def _find_component(name: str) -> re.Match[str] | None:
 
 
 def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
-    """Return pairs of file name patterns that could identify the components of one ground motion.
+    """Return pairs of file name patterns that could identify the components of a single ground
+    motion.
 
     Returns
     -------

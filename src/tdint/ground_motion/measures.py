@@ -517,7 +517,7 @@ class Measure:
         SI unit and description.
     value : callable
         Function of a Record; returns the measure in `unit`.
-    power : float or None
+    power : float | None
         Exponent of the scale factor of the ground motion in the measure; 0 if the measure does not
         depend on the factor. None if the dependence is not a power; the measure is then recomputed.
     column : str
@@ -641,8 +641,9 @@ def baseline_notes(record: Record) -> tuple[str, ...]:
 
 
 def baseline_notes_of_suite(records: Iterable[Record]) -> list[str]:
-    """Return the notes of `baseline_notes` for a suite, with one note for each property that names
-    the first records with this property."""
+    """Return the notes of `baseline_notes` for a suite, with a single note for each property that
+    names the first records with this property.
+    """
     doubts_by_subject: dict[str, list[tuple[Record, _Doubt]]] = {}
     for record in records:
         with np.errstate(over="ignore", invalid="ignore"):

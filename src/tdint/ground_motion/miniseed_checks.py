@@ -439,7 +439,7 @@ def _control_length(data: bytes) -> int | None:
 
     Returns
     -------
-    int or None
+    int | None
         Length; None if the stated length is not permitted, or if the blockette and a second header
         are missing.
     """
@@ -557,7 +557,7 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
 
     Returns
     -------
-    int or None
+    int | None
         Position, a power of 2; None if there is no inner record.
     """
     # The position is a permitted record length below the stated length of the record. Bytes 8 to 19

@@ -324,7 +324,7 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
 
     Parameters
     ----------
-    start, end : float or None
+    start, end : float | None
         Times from the first sample, s. `Processing` has checked that `start` is not negative.
         Samples at these times are included. None means the first sample for `start` and the last
         sample for `end`.

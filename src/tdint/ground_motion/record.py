@@ -98,7 +98,7 @@ class Record(Tabular):
         Files from which the record was read, including the inventory if one was used.
     processing : tuple of str
         Requested processing, one sentence per step; these sentences are also part of `notes`.
-    peaks : tuple of two floats or None
+    peaks : tuple of two floats | None
         Peak velocity (m/s) and displacement (m) in the file; None if the file does not contain
         them, or if the record was processed after reading.
     header_checks : tuple of str
@@ -361,7 +361,7 @@ def rest_intervals(rest: float, dt: float) -> int:
 
 
 def join_records(records: Sequence[Record], starts: Sequence[int]) -> Record:
-    """Join records with the same sampling interval to one record, with zeros between them.
+    """Join records with the same sampling interval to a single record, with zeros between them.
 
     Attributes that are equal in all records are kept. Sources, components, notes, warnings, inputs,
     processing and header checks are combined. Other attributes that differ get their default.
@@ -423,7 +423,7 @@ class JoinedRecord(Record):
     ----------
     events : tuple of Record
         Ground motions of the events, with the same sampling interval.
-    rest : float or None
+    rest : float | None
         Time between events, s; None means until the building is at rest.
     fixed : int
         Number of events at the beginning that `scaled` does not change, for analyses that vary only
@@ -442,7 +442,7 @@ class JoinedRecord(Record):
         ----------
         records : sequence of Record
             Ground motions in order of time.
-        rest : float or None
+        rest : float | None
             Time between events, s; None means until the building is at rest.
         fixed : int
             Number of events at the beginning that are not scaled. Default 0.
@@ -454,8 +454,8 @@ class JoinedRecord(Record):
             not finite.
         """
         events, starts = at_one_interval(records), [0]
-        # Without a specified rest, the joined record has only the minimum of one sampling interval
-        # between events.
+        # Without a specified rest, the joined record has only the minimum of a single sampling
+        # interval between events.
         for event in events[:-1]:
             last_sample = starts[-1] + event.acceleration.size - 1
             starts.append(last_sample + rest_intervals(rest or 0.0, event.dt))

@@ -1,4 +1,6 @@
-"""Signal of one sensor (acceleration, velocity or displacement): offset, filters and resampling."""
+"""Signal of a single sensor (acceleration, velocity or displacement): offset, filters and
+resampling.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ class Signal:
         `acceleration`, `velocity` or `displacement`.
     label : str
         File and channel, for messages.
-    start : float or None
+    start : float | None
         Time of the first sample, s, on the `clock`; None if the file does not state it.
     clock : str
         `UTC`, or `table` for the times of a table; empty without a start.
@@ -143,7 +145,7 @@ def in_band(
         Samples along the first axis.
     dt : float
         Sampling interval, s.
-    band : tuple of float or None
+    band : tuple of float | None
         Lower and upper frequency, Hz; None returns the samples unchanged.
     label : str
         Name of the samples in error messages.

@@ -1,4 +1,4 @@
-"""Process that compiles kernels of one variant: `python -P -m tdint.kernels.build`.
+"""Process that compiles kernels of a single variant: `python -P -m tdint.kernels.build`.
 
 Each line of the standard input requests one kernel as JSON: `["MODULE:KERNEL", FILE]`. FILE is the
 file of a module that cannot be imported by its name, and null otherwise. The object files for the

@@ -58,7 +58,7 @@ _LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots", "elements", "braces", 
 
 
 class Kernel(Compilable):
-    """Function that is compiled for one signature or loaded, when it is first requested."""
+    """Function that is compiled for a single signature or loaded, when it is first requested."""
 
     @property
     def compiled(self) -> Callable[..., Any]:

@@ -1,6 +1,6 @@
 """Row numbers of the arrays that kernels use, and the numbering of scratch rows.
 
-Every table has one column for each story and the floor above it, counted from the ground, and one
+Every table has one column for each story and the floor above it, counted from the ground, and an
 additional column that remains zero. The additional column represents the free end of the chain, so
 that a loop can access the next story without a test.
 

@@ -562,7 +562,7 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     step.
 
     For a total shear, `ends` contains the sum of mass times motion over the floors that the story
-    supports, `mass` the sum of their masses (kg; 1 for one floor), and `forces` the result of
+    supports, `mass` the sum of their masses (kg; 1 for a single floor), and `forces` the result of
     `_add_floor_forces`. As the ground acceleration is linear within the step, it does not change
     bulge and tilt. The forces have the same weight w as the motion: a cubic with the complete tilt
     of the forces, but not of the accelerations that they cause, would have a too large extremum.
@@ -650,8 +650,8 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
     It is matched at s = 1/4 and s = 3/4, where it is 3/16 (bulge + tilt / 2) and 3/16 (bulge - tilt
     / 2).
 
-    `sums_above` is the result of this function for floor `i + 1`. `next_row` is the first row of
-    the tables on floors above. The tables are in the order of their floors.
+    `sums_above` is the result of the function for floor `i + 1`. `next_row` is the first row of the
+    tables on floors above. The tables are in the order of their floors.
 
     Returns
     -------

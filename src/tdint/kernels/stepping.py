@@ -175,7 +175,7 @@ class Passage(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Motion of one floor or story at both endpoints of a time step.
+    """Motion of a single floor or story at both endpoints of a time step.
 
     The sum of mass times motion of several floors is represented in the same way.
 

@@ -13,7 +13,7 @@ The response at the end of the step is then
 
 Functions that return coefficients of a method return W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this
 order (`row`). The names are those of the publication. Its other coefficients have the same values
-in all methods of this module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
+in all methods of the module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
 """
 
 from __future__ import annotations
@@ -311,7 +311,7 @@ def _family_member(
     *parameters: Parameter,
     **declared: Any,
 ) -> Method:
-    """Return the entry of the catalogue for one generalized single-step method.
+    """Return the entry of the catalogue for a single generalized single-step method.
 
     `row` returns the coefficients for values of the parameters. `declared` contains further fields
     of `Method`. By default, the spectral radius at infinite frequency is computed from the

@@ -111,7 +111,9 @@ class Building:
 
     @cached_property
     def law_codes(self) -> set[int]:
-        """Numbers of all laws: of the stories with one law, and of the elements of the others."""
+        """Numbers of all laws: of the stories with a single law, and of the elements of the
+        others.
+        """
         codes = np.delete(self.law_parameters[rows.CODE], self.stories, axis=-1)
         # Without np.unique, which imports the masked arrays of NumPy.
         return {int(code) for code in set(codes.ravel().tolist()) if code > rows.ELEMENTS}
@@ -467,7 +469,7 @@ def assemble(model: Model) -> Building:
 def law_columns(stories: Sequence[Story]) -> list[range]:
     """Return the columns of the springs of each story in the table of the laws.
 
-    The springs are those of `Story.springs`: a story with one law has its own column, and the
+    The springs are those of `Story.springs`: a story with a single law has its own column, and the
     elements of the other stories follow after the column of zeros.
     """
     columns, end = [], len(stories) + 1

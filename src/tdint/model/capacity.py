@@ -31,7 +31,7 @@ _ROOF_MASS_RATIO = 0.75  # mass of the roof over the mass of another floor
 _SOFT_STORY_RATIO = (
     0.35  # stiffness of a soft ground story over the stiffness of an ordinary ground story
 )
-# Parameters of the law multilinear-pinching, with the values of the toolkit. Pinching of one
+# Parameters of the law multilinear-pinching, with the values of the toolkit. Pinching of a single
 # direction: drift, force, unloading. Degradation: five values each for stiffness, drift and
 # strength, followed by the energy capacity.
 _PINCHING = (0.5, 0.25, 0.05)
@@ -138,7 +138,7 @@ class CapacityFacts:
         Capacity curve.
     stories : int
         Number of stories.
-    height : float or None
+    height : float | None
         Height of the building, m; None: number of stories times `STORY_HEIGHT`.
     mass : float
         Total mass of all floors, kg.

@@ -70,7 +70,7 @@ def add_damping(
         ).T
         return modal
     # Convert the damping ratios of two modes to the coefficients a0 and a1 with the frequencies of
-    # this building.
+    # the building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None and not all(story.rayleigh for story in model.stories):

@@ -293,7 +293,7 @@ class PowerDashpot:
     linear_below : float
         v0, m/s; positive if the exponent is less than 1 and there is no brace, otherwise zero or
         positive.
-    brace : float or None
+    brace : float | None
         Stiffness of the brace in series with the damper, N/m; v is then the rate of the damper.
         None for a damper without a brace.
     """
@@ -312,7 +312,7 @@ class Story:
     ----------
     mass : float
         Mass of the floor above, kg, positive.
-    height : float or None
+    height : float | None
         Story height, m, positive; None if the file does not specify it.
     stiffness : float
         Initial stiffness, N/m, positive; of a story with elements, their sum.
@@ -320,7 +320,7 @@ class Story:
         Hysteretic law; SUM_OF_ELEMENTS for a story with several elements.
     dashpot : float
         Viscous damper between the floors, N s/m, zero or positive.
-    power_dashpot : PowerDashpot or None
+    power_dashpot : PowerDashpot | None
         Power-law damper between the floors.
     isolator : bool
         True for an isolator: its displacement is reported instead of a drift ratio, and its height
@@ -328,7 +328,7 @@ class Story:
     rayleigh : bool
         True if Rayleigh damping applies to the story.
     elements : tuple of Element
-        Elements of a story with several springs in parallel; empty for a story with one law.
+        Elements of a story with several springs in parallel; empty for a story with a single law.
     damper_factor : float
         Cosine of the inclination of the dashpot, in (0, 1]. The deformation of the dashpot with its
         brace is the drift times this number, and so is the story force divided by its force.
@@ -550,7 +550,7 @@ class Excitation:
 
     Attributes
     ----------
-    record : RecordSource or None
+    record : RecordSource | None
         Ground motion.
     forces : tuple of Force
         Harmonic forces on floors.
@@ -587,12 +587,12 @@ class Analysis:
 
     Attributes
     ----------
-    method : str or None
+    method : str | None
         Method with its parameters, as on the command line. The catalogue of methods checks it
         later.
-    dt : float or None
+    dt : float | None
         Time step, s, positive.
-    duration : float or None
+    duration : float | None
         Duration, s, positive.
     """
 
@@ -637,7 +637,7 @@ class Model:
         Names and values of the parameters that `replace` has changed.
     label : str
         Name of this variation of the building.
-    damage : DamageStates or None
+    damage : DamageStates | None
         Damage states of the building.
     plausibility_off : str
         Reason for disabled plausibility checks (`plausibility: off, ...`); empty if the checks are
@@ -876,7 +876,7 @@ _POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and
 
 
 class Change(NamedTuple):
-    """Change of one number of a story by a parameter.
+    """Change of a single number of a story by a parameter.
 
     Attributes
     ----------

@@ -98,7 +98,7 @@ class InventoryRow:
         Unique identifier.
     facts : BuildingFacts or CapacityFacts
         Properties of the building in the file.
-    latitude, longitude : float or None
+    latitude, longitude : float | None
         Location, degrees; None if the file does not contain it.
     columns : tuple of str
         Names of all columns except the id, as in the file; the same object for all rows.

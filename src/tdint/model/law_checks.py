@@ -4,7 +4,7 @@
 they treat the story as linear between the ends of the branch. A law that does not declare `curved`
 and has no branches is treated as a single unlimited branch with the initial stiffness, so that
 these methods never evaluate its `force`. All other methods evaluate only `force`. The functions of
-this module therefore execute a law in plain Python along a path of drifts, compare the forces of
+the module therefore execute a law in plain Python along a path of drifts, compare the forces of
 both approaches, and name the missing declaration if the forces differ.
 
 At registration, the structure of every law is verified, and the path of laws without branches with

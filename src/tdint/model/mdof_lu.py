@@ -34,14 +34,14 @@ class BuildingFacts:
     stories, year : int
         Number of stories, year of construction.
     area : float
-        Plan area of one floor, m^2.
-    height : float or None
+        Plan area of a single floor, m^2.
+    height : float | None
         Height of the building, m; None if unknown.
     zone : str
         Seismic zone of the code: Z0, Z1, Z2A, Z2B, Z3 or Z4.
-    design_level : str or None
+    design_level : str | None
         pre, low, moderate or high; None if zone and year determine the level.
-    damping_ratio : float or None
+    damping_ratio : float | None
         Damping ratio; None if the type determines the ratio.
     mass_only : bool
         True to omit the stiffness-proportional part of the damping, in order to reproduce the

@@ -535,9 +535,9 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
 
     Parameters
     ----------
-    dt : float or None
+    dt : float | None
         Time step, s; None: the sampling interval of the record is the time step.
-    interval : float or None
+    interval : float | None
         Sampling interval of the record, s; None without a record.
 
     Returns

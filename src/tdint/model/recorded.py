@@ -35,13 +35,13 @@ class Sensor:
     ----------
     file : str
         Path, resolved against the directory of the file that names it.
-    component : str or None
+    component : str | None
         Component of the record; None if the file contains a single component.
-    column : str or None
+    column : str | None
         Column of a table, as an alternative to the component.
-    units : str or None
+    units : str | None
         Units in the notation of `tdint.units.parse_units`; None uses the units in the file.
-    quantity : str or None
+    quantity : str | None
         Quantity of the samples, an item of `QUANTITIES`; None derives the quantity from the units.
     sign : int
         1, or -1 for a sensor with reversed polarity.
@@ -73,9 +73,9 @@ class Recording:
     floors : tuple of (int, tuple of Sensor)
         Floors, counted from 1 at the bottom, and their sensors: absolute acceleration, or
         displacement relative to the base.
-    band : tuple of two floats or None
+    band : tuple of two floats | None
         Frequencies between which recording and result are compared, Hz; None for all.
-    window : tuple of two floats or None
+    window : tuple of two floats | None
         Times between which they are compared, s from the first sample of the base; None for all.
     shift : float or str
         Time shift that is added to the times of the floor recordings, s; `AUTO` to estimate it.
@@ -178,8 +178,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     Raises
     ------
     ModelError
-        The file cannot be read, is not YAML or has faults; all faults are reported in one error, in
-        file order.
+        The file cannot be read, is not YAML or has faults; all faults are reported in a single
+        error, in file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
     entries = replace(root, type=RECORDING).read()

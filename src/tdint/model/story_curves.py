@@ -126,7 +126,7 @@ def story_model(
         period without the isolation.
     system : str
         System of units, `si` or `us`.
-    motion : str or None
+    motion : str | None
         File of the record; None for free vibration from an initial displacement.
     laws : sequence of FittedLaw, optional
         Laws of the stories from the ground up, which replace the period.
@@ -280,10 +280,10 @@ def type_model(
     Parameters
     ----------
     area : float
-        Area of one floor, m^2 or ft^2.
+        Area of a single floor, m^2 or ft^2.
     system : str
         System of units, `si` or `us`.
-    motion : str or None
+    motion : str | None
         File of the record; None for free vibration.
     """
     units = SYSTEMS[system]

@@ -341,7 +341,7 @@ def comparison_page(
 
     Parameters
     ----------
-    fitted : Table or None
+    fitted : Table | None
         Values that were fitted to one of the recordings.
     """
     response, units = comparisons[0].response, page_units(units)

@@ -121,8 +121,8 @@ def _names_of_components(records: Sequence[Record], file_format: str) -> list[st
         return [f"{(stems if has_component else with_suffixes)[0]}.{file_format}"]
 
     # Try the names of the sources, these names with the component, and the common start of the
-    # names with the component. Use the first pair of names that identifies the two files as one
-    # ground motion.
+    # names with the component. Use the first pair of names that identifies the two files as a
+    # single ground motion.
     common = os.path.commonprefix(stems).rstrip(" -_.") or stems[0]  # noqa: RUF071  of letters
     for candidates in (stems, with_suffixes, [f"{common}-{suffix}" for suffix in suffixes]):
         names = [f"{name}.{file_format}" for name in candidates]

@@ -123,9 +123,9 @@ class PageText:
         Names and texts of the first lines: project, author, date.
     inputs : sequence of mapping
         Input files with their SHA-256.
-    limits : Table or None
+    limits : Table | None
         Comparisons of the demands with several limits; None if the verdict contains everything.
-    governing_story : int or None
+    governing_story : int | None
         Story of the highest ratio of demand to limit, from 1; None without limits of stories.
     """
 
@@ -318,7 +318,7 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     Parameters
     ----------
     about : str
-        Introduction of one sentence.
+        Introduction of a single sentence.
     chapters : iterable of Chapter
         Chapters; a chapter without content is omitted.
     page_text : PageText

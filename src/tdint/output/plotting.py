@@ -46,7 +46,7 @@ class _Drawing:
     ----------
     picture : callable
         Returns a figure of the results in given units.
-    on_axes : callable or None
+    on_axes : callable | None
         Plots the main panel on existing axes; None for results without a main panel.
     alone : bool
         True if a figure shows a single result. The functions then receive this result instead of a

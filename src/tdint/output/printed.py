@@ -21,15 +21,15 @@ class PrintedAs:
 
     Attributes
     ----------
-    width : float or None
+    width : float | None
         Width of the figure, m; with a width, font sizes are 6 to 8 pt and lines are thinner.
-    font : str or None
+    font : str | None
         Name of an installed font.
     title : bool
         True if the figure has a title; figures of papers have captions instead.
     labels : tuple of (str, str)
         Labels and their replacements: `trio` and `present method`.
-    style : str or None
+    style : str | None
         A matplotlib style sheet, which overrides sizes, lines and colors.
     """
 

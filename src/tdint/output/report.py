@@ -511,7 +511,7 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
 
 
 def _statistics_chapter(profile: Profile, units: OutputUnits) -> Chapter:
-    """Return the chapter of means and maxima of a building at one intensity level.
+    """Return the chapter of means and maxima of a building at a single intensity level.
 
     `profile`: statistics of the building over the ground motions; estimated errors are added if the
     runs have error estimates.

@@ -231,7 +231,7 @@ def failure_summary(
     ----------
     failure : FailedRun
         Error of the run, with the last time that it reached.
-    record : Record or None
+    record : Record | None
         Ground motion of the run; None without ground motion.
     wall_time : float
         Duration of the computation, s.

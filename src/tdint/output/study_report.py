@@ -406,7 +406,7 @@ def fragility_page(
     Parameters
     ----------
     functions : sequence of Fragility
-        Functions of one fit; at least one.
+        Functions of a single fit; at least one.
     source : str
         Table or directory with the observations.
     page_text : PageText

@@ -322,9 +322,9 @@ class Advice:
     ----------
     limit : float
         Limit of the relative error.
-    point : Point or None
+    point : Point | None
         Recommended point of the chart; None if no point meets the limit.
-    next_best : Point or None
+    next_best : Point | None
         Best point of another method.
     estimated_error : float
         Error of a peak drift that `tdint run` estimates at this point: maximum over the stories,
@@ -521,7 +521,7 @@ def comparison_summary(
         Model as read from its file.
     comparisons : sequence of Comparison
         The selected event first, then the events that were not used for the fit.
-    fitted : Fit or None
+    fitted : Fit | None
         Result of the fit to the first event.
     settings : mapping
         Options of the command line.

@@ -18,7 +18,7 @@ class Verdict(NamedTuple):
 
     Attributes
     ----------
-    met : bool or None
+    met : bool | None
         True if all limits of a performance level are met. None for a demand without a limit.
     text : str
         The result as a sentence.
@@ -86,7 +86,7 @@ class LostMotions(NamedTuple):
 def suite_verdicts(
     checks: Sequence[LimitCheck], lost: LostMotions, pair_demand: str, units: OutputUnits
 ) -> list[Verdict]:
-    """Return the result of the comparison of a suite with its limits at one intensity level.
+    """Return the result of the comparison of a suite with its limits at a single intensity level.
 
     There is a result for each performance level.
 
@@ -207,7 +207,7 @@ def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: boo
 
     Parameters
     ----------
-    check : LimitCheck or None
+    check : LimitCheck | None
         Displacement of the isolators, as `isolator_check` of a run or a suite.
     mean : bool
         True for a suite, with its mean and its maximum.
@@ -237,7 +237,7 @@ def limit_table(
     ----------
     checks_by_name : mapping of str to sequence of LimitCheck
         Comparisons by the name of the building and the intensity level; the name is empty if there
-        is one building at one level.
+        is one building at a single level.
     mean : bool
         True for a suite, with the columns of the maximum and its motion.
     """

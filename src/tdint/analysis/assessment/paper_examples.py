@@ -226,7 +226,7 @@ def examples() -> Mapping[int, Example]:
         [simple_story(10.0, Law("polynomial", (200.0, 3.0)), dashpot=5.0)],
         forces=[Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0)],
     )
-    # The paper shows the values of this example in a drawing only, so these values are our own.
+    # The paper shows the values of the example in a drawing only, so these values are our own.
     two_stories = simple_model(
         "example 2",
         [

@@ -68,8 +68,8 @@ class StabilityCurve(Tabular):
         the former is d / sqrt(d^2 + f^2) (Hughes 1987, sect. 9.1). For small d, it is twice the
         value of eq. 40 of the paper of 2022.
     amplitude_decay : ndarray
-        Relative loss of amplitude in one cycle caused by the method, 1 - exp(-2 pi (d / f - xi /
-        sqrt(1 - xi^2))); without damping, eq. 41 of the paper.
+        Relative loss of amplitude in a single cycle caused by the method, 1 - exp(-2 pi (d / f - xi
+        / sqrt(1 - xi^2))); without damping, eq. 41 of the paper.
     spurious_radius : ndarray
         Maximum modulus of the eigenvalues other than the principal pair (eq. 35 of the paper: 0);
         nan if the pair is real; 0 for a method that stores only displacement and velocity.

@@ -1,7 +1,7 @@
 """Run OpenSeesPy in a separate process.
 
-`python -m` with the name of this module reads a building and a list of runs from standard input,
-and writes their motions and times to standard output. The module does not import other modules of
+`python -m` with the name of the module reads a building and a list of runs from standard input, and
+writes their motions and times to standard output. The module does not import other modules of
 tdint, so that only the analysis loop of OpenSeesPy is timed. Exit codes: 3 if OpenSeesPy is not
 installed, 4 if it is installed but cannot be loaded.
 """
@@ -275,7 +275,7 @@ def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any
     list of ndarray
         Displacements, velocities and accelerations at the end of each step; shape (steps, floors).
         Empty if a step did not converge.
-    ndarray or None
+    ndarray | None
         Forces of the materials of the stories, N; shape (steps, floors).
     int
         Number of iterations.

@@ -176,8 +176,9 @@ def openseespy_points(
     repeats : int
         Number of times that each run is timed; at most 3.
     share : float
-        Fraction of `opensees_worker.SECONDS` that all runs of one integrator together may use. Runs
-        with large steps are executed first; runs that are not executed have the outcome `not-run`.
+        Fraction of `opensees_worker.SECONDS` that all runs of a single integrator together may use.
+        Runs with large steps are executed first; runs that are not executed have the outcome
+        `not-run`.
     judge : callable, optional
         Function that receives an object with the attributes `peak_drift`,
         `peak_absolute_acceleration` and `peak_total_shear` (arrays over the stories), and returns
@@ -202,7 +203,7 @@ def openseespy_points(
         return [], [f"openseespy is omitted: {failure_reason}"]
     points = []
     for run_number, (integrator, steps) in enumerate(method_steps):
-        # Names of results of this run start with its number and an underscore.
+        # Names of results of the run start with its number and an underscore.
         run_results = {
             name.partition("_")[2]: value
             for name, value in worker_results.items()
@@ -560,7 +561,7 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
     """Split each story into an elastic spring and a parallel elastic-perfectly plastic spring.
 
     The elastic spring has the stiffness after yield, and includes P-delta. A linear story has only
-    the elastic spring. The result is None if a story is neither linear nor bilinear with equal
+    the elastic spring. None is the result if a story is neither linear nor bilinear with equal
     strengths.
 
     Returns
@@ -715,7 +716,7 @@ def _solve(
 def with_plugins(
     problem: Problem, chart: Chart, *, repeats: int, progress: Progress = silent
 ) -> tuple[Chart, list[str]]:
-    """Return the chart with one additional point for each peer of the plug-ins.
+    """Return the chart with an additional point for each peer of the plug-ins.
 
     A peer is a function of the problem that returns times and displacements. The times (s) are
     equally spaced and start at 0. They end at or after the last sample, and their spacing is the

@@ -99,7 +99,7 @@ class Problem:
     ----------
     model : Model
         Model of the building.
-    record : Record or None
+    record : Record | None
         Ground motion; None without ground motion.
     interval : float
         Sampling interval of the record, s. Without a record, it is the time step that other steps
@@ -221,7 +221,7 @@ class Problem:
     def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
         """Return the motion at the samples, or at the steps if they are longer than an interval.
 
-        The result is None if the run does not reach its end.
+        None is the result if the run does not reach its end.
 
         Parameters
         ----------

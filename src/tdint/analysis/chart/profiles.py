@@ -165,7 +165,7 @@ class FieldProblem:
 
 @dataclass(frozen=True)
 class Measured:
-    """Results of the methods for one problem.
+    """Results of the methods for a single problem.
 
     Attributes
     ----------
@@ -908,11 +908,11 @@ def _read_problem(
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
     """Read one entry of the list of problems.
 
-    The result is None if the entry is invalid. Its errors are then stored in the document.
+    None is the result if the entry is invalid. Its errors are then stored in the document.
 
     Returns
     -------
-    tuple or None
+    tuple | None
         Name (str), reason (str), model (Model) or its file (str), and factors on the ground motions
         (dict, by name of the motion).
     """
@@ -925,7 +925,7 @@ def _read_problem(
         entry.get("reason"),
     )
     label = name.text() if name else None
-    # The model is part of this file or a separate file. Its own record is ignored.
+    # The model is part of the file or a separate file. Its own record is ignored.
     model: Model | str | None = None
     if model_value is not None:
         model_origin = replace(origin, name=label or origin.name)

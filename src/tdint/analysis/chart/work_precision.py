@@ -1,4 +1,4 @@
-"""Work-precision diagrams: cost and error of methods for one problem at several time steps."""
+"""Work-precision diagrams: cost and error of methods for a single problem at several time steps."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ NOT_RUN = "not-run"
 
 @dataclass(frozen=True)
 class Point:
-    """Result of one method with one time step.
+    """Result of a single method with one time step.
 
     Attributes
     ----------
@@ -111,9 +111,9 @@ class Point:
     times, walls : tuple of float
         Processor times (by `tdint.system.clock`) and wall times of the time integration without
         preparation, s, one per repetition.
-    errors : RelativeErrors or None
-        `Errors` for one problem, `PeakErrors` for one of many problems; None if the run failed or
-        did not reach its end.
+    errors : RelativeErrors | None
+        `Errors` for a single problem, `PeakErrors` for one of many problems; None if the run failed
+        or did not reach its end.
     outcome : str
         Status of `tdint run`: `done`, `collapsed`, `unstable-step` (refused), `diverged` or
         `not-converged`. Points of other programs can also be `not-run`, if runs with larger steps
@@ -131,7 +131,7 @@ class Point:
     line: str = field(default="", kw_only=True)
 
     def error(self, quantity: str) -> float:
-        """Return the error of one quantity, named as in `Errors.of`; nan without errors."""
+        """Return the error of a single quantity, named as in `Errors.of`; nan without errors."""
         return math.nan if self.errors is None else self.errors.of(quantity)
 
     @property
@@ -155,12 +155,12 @@ class Timing:
         Name of the clock, see `tdint.system.clock`.
     repeats : tuple of int
         Minimum and maximum number of times that each run was timed.
-    load : float or None
+    load : float | None
         Load of the machine at the end of the runs: number of processes that ran or waited in the
         minute before, including this process.
     processor, processors : str, int
         Name of the processor, and number of processors that this process may use.
-    stretch : float or None
+    stretch : float | None
         Wall time over processor time of all runs; None if the clock measures wall time.
     """
 
@@ -233,7 +233,7 @@ class Peer:
 
 @dataclass(frozen=True, repr=False)
 class Chart(Tabular):
-    """All points of one problem, with their reference.
+    """All points of a single problem, with their reference.
 
     Attributes
     ----------
@@ -291,8 +291,8 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
     halvings = HALVINGS
     # The cost is inversely proportional to the time step. The smallest step is COARSEST /
     # 2**halvings intervals, and all runs with repeatedly halved steps cost together about two times
-    # as much as the run with the smallest step. The intermediate steps multiply the cost
-    # by `_INTERMEDIATE_RATIO`. At least three halvings end at one interval.
+    # as much as the run with the smallest step. The intermediate steps multiply the cost by
+    # `_INTERMEDIATE_RATIO`. At least three halvings end at a single interval.
     while (
         halvings > 3
         and seconds_at_interval * 2.0 ** (halvings + 1) / COARSEST * _INTERMEDIATE_RATIO
@@ -562,9 +562,9 @@ def _timed(
 
     Parameters
     ----------
-    judge : callable or None
+    judge : callable | None
         Function of all points. After `repeats` repetitions, the runs are timed again until the
-        result of this function does not change, up to four times `repeats`. With None, each run is
+        result of the function does not change, up to four times `repeats`. With None, each run is
         timed `repeats` times.
 
     Returns
@@ -707,7 +707,7 @@ def performance_ratios(costs: Array, is_reference: Sequence[bool]) -> Array:
 
 @dataclass(frozen=True)
 class PerformanceProfile:
-    """Performance ratios of a method for many problems at one tolerance, in ascending order.
+    """Performance ratios of a method for many problems at a single tolerance, in ascending order.
 
     Attributes
     ----------

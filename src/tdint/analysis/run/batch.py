@@ -117,7 +117,7 @@ class Outcomes:
         Results of the elements, as in `BatchResult`, of runs that are not in `responses`.
     energy_error, steps : ndarray, shape (runs,)
         Energy imbalance divided by the maximum input energy; number of completed time steps.
-    at_rest : list of int or None
+    at_rest : list of int | None
         1 if the run came to rest, 0 if not; None if rest was not requested or the run did not reach
         its end.
     responses : mapping of int to Response
@@ -377,7 +377,7 @@ def _integrate_individually(
 
 
 def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
-    """Expand the values of varied parameters to one value per sample for each name.
+    """Expand the values of varied parameters to a single value per sample for each name.
 
     Parameters
     ----------

@@ -96,7 +96,7 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
     Returns
     -------
     StoryPeaks
-        Arrays of shape (n,) or (runs, n) with one attribute for each quantity, in SI units.
+        Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units.
     """
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
@@ -365,7 +365,7 @@ class Case:
         Building and its collapse drift; the record of its excitation section is not used.
     prepared : PreparedBuilding
         Assembled building of the model.
-    record : Record or None
+    record : Record | None
         Ground motion; None means that the ground is at rest.
     method : Integrator
         Method with its parameters.
@@ -423,7 +423,7 @@ class Case:
 
         Parameters
         ----------
-        record : Record or None
+        record : Record | None
             Ground motion; None for free vibration or forces on floors only.
         """
         return replace(self, record=record)
@@ -660,7 +660,7 @@ class Case:
 
         Returns
         -------
-        Collapse or None
+        Collapse | None
             Time and story of the collapse.
 
         Raises
@@ -734,7 +734,7 @@ class Case:
         """Return the exception for a failed run of a batch without repeating the run.
 
         The exception has a status and a short message, but no details such as the time of the
-        failure. The result is None if the run collapsed or reached its end; `review_batch_run`
+        failure. None is the result if the run collapsed or reached its end; `review_batch_run`
         evaluates such a run.
 
         Parameters
@@ -992,9 +992,9 @@ a building is at rest.
 def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
     """Return the criterion at which a run with the ground at rest ends.
 
-    Free vibration is examined in windows of one first period of the building. The run ends after a
-    window in which all velocities are below `AT_REST` times the maximum displacement times the
-    first circular frequency, at the latest after `REST_PERIODS` windows.
+    Free vibration is examined in windows of a single first period of the building. The run ends
+    after a window in which all velocities are below `AT_REST` times the maximum displacement times
+    the first circular frequency, at the latest after `REST_PERIODS` windows.
 
     Returns
     -------

@@ -315,7 +315,7 @@ class Instability:
 def find_instability(
     integrator: Integrator, omega: Array, damping: Array, h: float
 ) -> Instability | None:
-    """Return the stiffest oscillator that is unstable with a time step, or None if all are stable.
+    """Return the stiffest oscillator that is unstable with a time step; None if all are stable.
 
     An oscillator is unstable if the spectral radius of its measured amplification matrix is above
     1. A method that declares no stability limit is not measured; the result is None.

@@ -46,7 +46,7 @@ class Demand(Quantity):
 
     Attributes
     ----------
-    story : int or None
+    story : int | None
         Index of the story of the demand, from 0, or -1 for the roof; None for the maximum of all
         stories.
     location : str

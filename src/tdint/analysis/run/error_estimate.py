@@ -40,7 +40,7 @@ reports how often it is too small.
 between time steps.
 
 The errors of residual drifts have two additional terms. A run until rest ends while a small part of
-the motion remains; the amplitude of this motion is added. A run with long time steps ends after the
+the motion remains; the amplitude of the motion is added. A run with long time steps ends after the
 requested time, usually the end of the record; the change of the drifts since that time is added.
 """
 
@@ -357,7 +357,7 @@ def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks
 
     Returns
     -------
-    StoryPeaks or None
+    StoryPeaks | None
         None if the building is at rest at the start, or if this short run fails.
     """
     initial = case.model.initial

@@ -81,7 +81,7 @@ class Runs(Tabular):
         without an estimate.
     varied : mapping of str to ndarray, shape (runs,)
         Values of the varied parameters by name; `models` contains the buildings as given.
-    gradient : Gradient or None
+    gradient : Gradient | None
         Derivatives of the peaks, if requested.
     warnings : tuple of str
         Unusual values of the buildings, each with its model file, as shown by `check`.
@@ -146,7 +146,7 @@ class Runs(Tabular):
         runs : ndarray of int
             Indices of the runs.
         peaks : StoryPeaks
-            Peaks, shape (runs of this building, stories of this building), SI units.
+            Peaks, shape (runs of the building, stories of the building), SI units.
         """
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
@@ -334,10 +334,10 @@ def store_values(
 
     Parameters
     ----------
-    arrays : StoryValues or None
+    arrays : StoryValues | None
         Arrays of all runs, shape (all runs, stories of the tallest building), which are changed.
         No effect if None.
-    values : StoryValues or None
+    values : StoryValues | None
         Values of the runs, shape (n,) or (runs, n). No effect if None.
     """
     if arrays and values:

@@ -193,8 +193,8 @@ class StoryPeaks(Tabular, StoryValues):
 
 @dataclass(frozen=True)
 class ElementValues:
-    """Quantities of the elements of stories with several elements, or their errors; arrays with one
-    value per element.
+    """Quantities of the elements of stories with several elements, or their errors; arrays with a
+    single value per element.
     """
 
     peak_force: Annotated[Array, Quantity("N", "maximum absolute force of the element")]
@@ -268,7 +268,7 @@ class Gradient(Tabular, StoryValues):
         Derivatives of the histories that were kept.
     by : str
         Method of differentiation.
-    errors : StoryErrors or None
+    errors : StoryErrors | None
         Estimated discretization errors of the derivatives of the same names, from one additional
         set of runs with half the time step. None if error estimates were omitted (`check=False`);
         nan without an estimate.
@@ -323,9 +323,9 @@ class StepChoice:
         Maximum allowed ratio of the estimated error of a peak drift to that drift.
     runs : int
         Number of runs for the choice, including this run.
-    samples : float or None
+    samples : float | None
         Time step in sampling intervals of the record; None without a record.
-    solves_at_record : int or None
+    solves_at_record : int | None
         Number of solves of a run with the sampling interval as time step, if such a run was made.
     """
 
@@ -346,18 +346,18 @@ class ErrorEstimate:
     time_steps : tuple of float
         Time step of the additional run, s; empty if it failed. For a run chosen for a tolerance,
         the time steps of the pair.
-    drift_error : float or None
+    drift_error : float | None
         Maximum ratio of the estimated error of a peak drift to that drift; None without an
         estimate; inf if a story has a drift in the additional run only.
-    drift_story : int or None
+    drift_story : int | None
         Story with this maximum, from 1.
     method : str
         Method of the additional run.
-    step_choice : StepChoice or None
+    step_choice : StepChoice | None
         Choice of the time step, if it was chosen for a tolerance.
-    corrected : StoryPeaks or None
+    corrected : StoryPeaks | None
         Peaks of the additional run, which are more accurate; None if a collapse ended the run.
-    elements : ElementValues or None
+    elements : ElementValues | None
         Estimated errors of the elements of stories with several elements.
     """
 
@@ -515,7 +515,7 @@ class History(Tabular):
         Restoring, P-delta and all viscous forces that act on the floors above, N.
     energy : EnergyHistory
         Energy terms, J.
-    error : ErrorHistory or None
+    error : ErrorHistory | None
         Estimated errors of all quantities except accelerations, if they were requested.
     element_force : ndarray, shape (steps + 1, elements), or None
         Forces of the elements of stories with several elements, N; None without such stories.
@@ -561,7 +561,7 @@ class History(Tabular):
 
     @staticmethod
     def joined(chunks: Iterable[History]) -> History:
-        """Return the chunks of a history as one history.
+        """Return the chunks of a history as a single history.
 
         Parameters
         ----------
@@ -587,9 +587,9 @@ class History(Tabular):
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
     """Combine each array of nested dataclasses with the same array of the other dataclasses.
 
-    `parts` contains the dataclasses of one type with arrays, None or further dataclasses as fields.
-    `join` is the function that combines a sequence of arrays to one array; by default, it
-    concatenates them.
+    `parts` contains the dataclasses of a single type with arrays, None or further dataclasses as
+    fields. `join` is the function that combines a sequence of arrays to a single array; by default,
+    it concatenates them.
 
     Returns
     -------
@@ -638,7 +638,8 @@ class Collapse:
 
 @dataclass(frozen=True)
 class EventResponse:
-    """Response to one event of a sequence, until the ground motion of the next event or to the end.
+    """Response to a single event of a sequence, until the ground motion of the next event or to the
+    end.
 
     Attributes
     ----------
@@ -651,7 +652,7 @@ class EventResponse:
         residual displacements of earlier events.
     interstep_bound : StoryErrors
         As in `Response`.
-    errors : StoryErrors or None
+    errors : StoryErrors | None
         Estimated errors of the peaks, if requested.
     """
 
@@ -685,9 +686,9 @@ class Response(Tabular):
         Peak responses of each story and floor, SI units, arrays of shape (n,).
     energy : Energy
         Energy balance at the end of the run, J.
-    history : History or None
+    history : History | None
         Response history, if it was requested.
-    collapse : Collapse or None
+    collapse : Collapse | None
         Time and story, if the status is `collapsed` or `failed-story`.
     interstep_bound : StoryErrors
         Possible excess of the peaks between time steps that do not resolve the motion, in their
@@ -696,12 +697,12 @@ class Response(Tabular):
     residual_oscillation : ndarray, shape (n,)
         Approximate amplitudes of the drifts about their positions of rest at the end, m, without
         forces on floors.
-    check : ErrorEstimate or None
+    check : ErrorEstimate | None
         Estimated errors, unless they were omitted.
-    history_chunks : callable or None
+    history_chunks : callable | None
         Returns the history in chunks when called with a number N: every N-th step. The time
         integration is repeated, so that the complete history does not need to be in memory.
-    time_at_rest : float or None
+    time_at_rest : float | None
         Time at which the building was at rest, s, if the run was continued until rest and reached
         it.
     notes : tuple of str
@@ -711,9 +712,9 @@ class Response(Tabular):
     events : tuple of EventResponse
         For a sequence: the response to each event up to the event in which the run ended. `record`
         and `stories` are those of the complete sequence.
-    gradient : Gradient or None
+    gradient : Gradient | None
         Derivatives of the peaks, if requested (`tdint.analysis.run.gradient`).
-    elements : ElementPeaks or None
+    elements : ElementPeaks | None
         Results of the elements of stories with several elements; None without such stories.
     """
 
@@ -829,14 +830,14 @@ class FailedRun(AnalysisError):
         Method specification as given, and time step, s.
     time : float
         Last time reached, s.
-    story : int or None
+    story : int | None
         Story, from 1, that did not converge, had unbounded drift, or was least accurate for a
         tolerance.
-    residual : float or None
+    residual : float | None
         If a step did not converge: residual divided by the force of the story.
-    energy : float or None
+    energy : float | None
         If the motion grew without bound: kinetic energy at the last time, J, if it is finite.
-    largest_stable_dt : float or None
+    largest_stable_dt : float | None
         If the time step was rejected: largest stable time step, s; 0 if there is none.
     notes : tuple of str
         Information on the run for the user.

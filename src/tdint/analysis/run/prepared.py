@@ -60,7 +60,7 @@ from tdint.model.force_arrays import load_arrays
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.
 _MAX_RESOLVED_OMEGA_DT = 2.5
-_CALL_SECONDS = 0.1  # s; approximate duration of one call of the time loop
+_CALL_SECONDS = 0.1  # s; approximate duration of a single call of the time loop
 # Work of the first call of the time loop: number of steps times number of stories times (1 + number
 # of modally damped modes). The following calls are adapted to `_CALL_SECONDS`
 _FIRST_CALL_SIZE = 100_000
@@ -126,7 +126,7 @@ class RunSpec(NamedTuple):
 
 @dataclass(frozen=True)
 class Motions:
-    """Ground motions whose samples are concatenated to one array for compiled runs.
+    """Ground motions whose samples are concatenated to a single array for compiled runs.
 
     Attributes
     ----------
@@ -306,7 +306,7 @@ class PreparedBuilding:
         progress : callable
             Function that receives the completed fraction, from 0 to 1; by default no function.
         own_loops : bool, default False
-            True compiles loops for the laws of this building even if slower loops for all laws are
+            True compiles loops for the laws of the building even if slower loops for all laws are
             available, as needed when the times of methods are compared.
 
         Raises
@@ -488,7 +488,7 @@ class PreparedBuilding:
         runs: Sequence[RunSpec],
         criterion: RestCriterion = NO_FREE_VIBRATION,
     ) -> BatchResult:
-        """Integrate many runs with one time step in one compiled call. Each run equals that of
+        """Integrate many runs with one time step in a single compiled call. Each run equals that of
         `integrate`.
 
         Parameters
@@ -723,8 +723,8 @@ class PreparedBuilding:
                 array[...] = initial_values
             np.multiply(acceleration, scale, out=ground[: len(acceleration)])
             ground[len(acceleration) :] = 0.0
-            # The run is integrated in one call, without the possibility of an interrupt, because it
-            # is short.
+            # The run is integrated in a single call, without the possibility of an interrupt,
+            # because it is short.
             code = loop(steps, 0, steps.count)
             result.peaks[i], result.totals[i] = space.peaks, space.totals
             result.drifts[i] = space.law_state[rows.DRIFT, : self.building.stories]

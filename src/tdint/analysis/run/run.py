@@ -116,7 +116,7 @@ def run(
         Run a conditionally stable method above its stability limit, and accept a response whose
         energy was produced by the method.
     check : bool or None, default None
-        Estimate the errors of the peaks (`Response.check`) by one additional run of impulse4 with
+        Estimate the errors of the peaks (`Response.check`) by an additional run of impulse4 with
         half the time step. If this run fails, the errors are unknown. True estimates the errors of
         the history also. False omits the estimates; the run then takes about one third of the time.
     tolerance : float or str, optional
@@ -134,8 +134,8 @@ def run(
         `record.scale`. `Response.gradient` contains the derivatives of the peaks, and of the
         history if it is kept, with respect to these parameters; factors have the value 1. Each
         derivative is the difference between two neighboring runs. All neighboring runs are
-        integrated in one batch. An additional set of runs with half the time step estimates the
-        errors of the derivatives (`Gradient.errors`), unless `check` is False.
+        integrated in a single batch. An additional set of runs with half the time step estimates
+        the errors of the derivatives (`Gradient.errors`), unless `check` is False.
 
     Returns
     -------

@@ -197,12 +197,12 @@ def run_many(
     jobs : int, optional
         Number of threads; by default the number of processors. The result does not depend on it.
     check : bool, default False
-        Estimate the errors of the peaks as `run` does: by one additional run of `impulse4` for each
+        Estimate the errors of the peaks as `run` does: by an additional run of `impulse4` for each
         run (of `exact` if the method is `exact` and no forces act on floors), with half the time
         step, or with the sampling interval if a step covers five or more of them.
     vary : mapping of str to array, optional
-        Parameters of the buildings to change, in SI units, with one value per sample; all arrays
-        have the same length. Names: `damping`, `mass_factor`, `stiffness_factor`,
+        Parameters of the buildings to change, in SI units, with a single value per sample; all
+        arrays have the same length. Names: `damping`, `mass_factor`, `stiffness_factor`,
         `strength_factor`; for story 3 (counted from 1; without a number, for all stories)
         `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
         `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the
@@ -339,7 +339,7 @@ def _requested(
         is `OUT_OF_RANGE`, and their failure states the reason.
     threads : int
         Number of threads.
-    file : Path or None
+    file : Path | None
         Parquet file for the table of the runs.
 
     Raises

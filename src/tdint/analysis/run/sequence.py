@@ -1,8 +1,8 @@
 """Sequences of earthquakes on one building that keeps its damage, for `tdint run --sequence`.
 
-The events of a sequence (main shock and aftershocks) are joined to one record and integrated as one
-run, with its peaks, energies, history and errors. The peaks of each event are computed by repeating
-the same time steps in parts.
+The events of a sequence (main shock and aftershocks) are joined to a single record and integrated
+as one run, with its peaks, energies, history and errors. The peaks of each event are computed by
+repeating the same time steps in parts.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ def event_responses(
     Parameters
     ----------
     check : bool, default False
-        Estimate the errors by one additional run.
+        Estimate the errors by an additional run.
     """
     events = _parts(joined, sequence, steps)
     if not check:

@@ -319,8 +319,8 @@ class _Search:
         The error of this level is stored.
 
         `level` is the level that does not meet the tolerance. `error` is the estimated error of
-        this level; None leads to one halving. `is_reference` is True if runs are compared with the
-        previous run. Jumps are then shorter, because the time steps of the two runs should be
+        this level; None leads to a single halving. `is_reference` is True if runs are compared with
+        the previous run. Jumps are then shorter, because the time steps of the two runs should be
         similar.
         """
         if error is None or not math.isfinite(error):

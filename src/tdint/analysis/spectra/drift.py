@@ -47,7 +47,7 @@ class HeightPeriod:
 
     The default, 0.0731 H^0.75, applies to moment frames of reinforced concrete and eccentrically
     braced steel frames in the Uniform Building Code of 1997 (Ct 0.0731), and to eccentrically
-    braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Other rows of this table:
+    braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Other rows of the table:
     0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment frames), 0.0488 H^0.75 (other
     systems).
 
@@ -87,7 +87,7 @@ class HeightPeriod:
 
 @dataclass(frozen=True, repr=False)
 class DriftSpectrum(Tabular):
-    """Drift spectrum of one record for one damping ratio; arrays of shape (k,).
+    """Drift spectrum of one record for a single damping ratio; arrays of shape (k,).
 
     For the continuous shear beam, `stories` and `story` are 0, and the peak is the drift at its
     base.
@@ -221,7 +221,7 @@ def number_of_stories(
     ----------
     heights : ndarray, shape (k,)
         Heights of the buildings, m.
-    stories : int or None
+    stories : int | None
         Number of stories of all buildings; None to divide the heights by `story_height`.
     story_height : float
         Approximate story height, m.

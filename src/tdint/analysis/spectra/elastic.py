@@ -286,7 +286,7 @@ OR_ZERO = ", or for 0: the peak ground acceleration"
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Spectrum(Tabular):
-    """Elastic response spectrum of one record for one damping ratio; arrays of shape (k,).
+    """Elastic response spectrum of one record for a single damping ratio; arrays of shape (k,).
 
     `method` is `exact`, or the method that integrated the oscillators. `maxima` and `interpolation`
     are names of `MAXIMA` and `INTERPOLATIONS`.
@@ -343,7 +343,7 @@ class SpectrumSettings:
 
     Attributes
     ----------
-    method : str or None
+    method : str | None
         Method that integrates the oscillators; None for the exact solution.
     maxima : Maxima
         Times at which maxima are evaluated.
@@ -580,7 +580,7 @@ def choose_settings(
 
     Parameters
     ----------
-    method, maxima, interpolation : str or None
+    method, maxima, interpolation : str | None
         As in `spectrum`.
 
     Raises
@@ -688,7 +688,7 @@ class FirstMode:
     period, damping : float
         T1, s, and its viscous damping ratio (diagonal of the modal damping matrix, without
         power-law dashpots).
-    sa : float or None
+    sa : float | None
         Pseudo-acceleration of the ground motion at T1, m/s^2; None without ground motion, or if the
         period is too short for it.
     sa_damping : float
@@ -706,7 +706,7 @@ def first_mode(building: Building, record: Record | None) -> FirstMode:
 
     Parameters
     ----------
-    record : Record or None
+    record : Record | None
         Ground motion; None without ground motion.
     """
     period, damping, sa = building.first_period, building.first_mode()[1], None

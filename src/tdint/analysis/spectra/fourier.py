@@ -76,7 +76,7 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     ----------
     record : Record, path or trace
         The ground motion.
-    smoothing : float or None
+    smoothing : float | None
         Bandwidth b of the window (sin x / x)^4, x = b log10(f / f_c), for averaging the amplitudes
         (Konno and Ohmachi 1998, Bulletin of the Seismological Society of America 88(1)). The
         weights are normalized to the sum 1. None disables smoothing. The default is 40.

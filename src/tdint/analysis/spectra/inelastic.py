@@ -44,8 +44,8 @@ _DUCTILITY_TOLERANCE = 1e-9  # tolerance of ln(ductility / target) of the result
 
 @dataclass(frozen=True, repr=False)
 class InelasticSpectrum(Tabular):
-    """Response of bilinear oscillators to one record, for one damping ratio and one ductility or
-    strength; arrays of shape (k,).
+    """Response of bilinear oscillators to a single record, for a single damping ratio and one
+    ductility or strength; arrays of shape (k,).
 
     `target` is None for spectra of constant strength. `elastic_sd` is the maximum displacement of
     the elastic oscillator, m. Without damping, `residual` is the center of the free vibration after
@@ -59,7 +59,7 @@ class InelasticSpectrum(Tabular):
         Damping ratio.
     hardening : float
         Stiffness after yielding divided by the initial stiffness.
-    target : float or None
+    target : float | None
         Requested ductility.
     periods : ndarray
         Natural periods of the initial stiffness, s.

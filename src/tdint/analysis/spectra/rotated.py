@@ -28,8 +28,8 @@ from tdint.tabular import Tabular
 
 @dataclass(frozen=True, repr=False)
 class RotatedSpectrum(Tabular):
-    """Pseudo-acceleration spectra of two horizontal components over all directions, for one damping
-    ratio.
+    """Pseudo-acceleration spectra of two horizontal components over all directions, for a single
+    damping ratio.
 
     Attributes
     ----------

@@ -239,13 +239,13 @@ class TargetSpectrum:
         Periods, s, positive and increasing.
     psa : ndarray, shape (k,)
         Pseudo-accelerations, m/s^2, positive.
-    zero : float or None
+    zero : float | None
         Pseudo-acceleration at period 0, m/s^2; None if unknown.
-    damping : float or None
+    damping : float | None
         Damping ratio of the spectrum; None if unknown.
-    curve : callable or None
+    curve : callable | None
         The formula of the code; None for a table.
-    formula_corner : float or None
+    formula_corner : float | None
         Period at which the constant acceleration of the formula ends, s; None for a table.
     """
 

@@ -76,7 +76,7 @@ class FragilityRequest:
 
     Attributes
     ----------
-    fit : str or None
+    fit : str | None
         `stripes`, `ida` or `cloud`; default is the fit that suits the columns of the table.
     thresholds : tuple of float
         Demands for which the exceedance is computed; default are the thresholds of the table.
@@ -85,12 +85,12 @@ class FragilityRequest:
         upper limit.
     modeling_dispersion : float
         Dispersion due to the uncertainty of the model.
-    measure : str or None
+    measure : str | None
         Intensity measure of runs, such as `pgv` or `sa:0.5` (`measures.run_measure`), or its column
         without the unit; default Sa(T1).
     states : tuple of str
         Names of the states of the thresholds in ascending order; default ds1, ds2, ...
-    pair_demand : str or None
+    pair_demand : str | None
         Rule that combines the components of pairs (`tdint.campaign.pairs`); default is the
         rule of the study in the same directory, otherwise the larger demand.
     """
@@ -824,7 +824,7 @@ class _TableType:
     fits : tuple of str
         Possible fits, the default first.
     fit : callable
-        Function that fits a table of this type.
+        Function that fits a table of the type.
     """
 
     columns: tuple[str, ...]

@@ -62,8 +62,8 @@ _THREE_POINTS = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class TypeRuns:
-    """Runs with a result of one group, the buildings of a type or a single building; all arrays
-    have the shape (runs,).
+    """Runs with a result of a single group, the buildings of a type or a single building; all
+    arrays have the shape (runs,).
 
     Attributes
     ----------
@@ -222,8 +222,8 @@ class _RunCollector:
 
         `building` is the demand, status and ground motion of each run of the building, with its
         damage states. `motion_of_record` is the ground motion of each record; empty for ground
-        motion fields, in which runs with the same sample number (of the event) count as one ground
-        motion.
+        motion fields, in which runs with the same sample number (of the event) count as a single
+        ground motion.
         """
         damage = damage_by_motion(building, rule)
         # If the components of pairs were combined, `damage` has one entry per group of runs instead

@@ -341,7 +341,7 @@ class Fragility:
         Dispersion due to the uncertainty of the model; not included in `beta`.
     failed : int
         Number of runs without a result, which are omitted from the fit.
-    bounds : tuple of Fragility or None
+    bounds : tuple of Fragility | None
         For stripes with failed runs: the fits with all of them counted as exceeding, and as not
         exceeding; None if a fit is not available.
     extrapolated : str
@@ -353,11 +353,11 @@ class Fragility:
         Number of ground motions of the runs; both components of a recording are one. If the runs
         have events, it is the number of events. Runs of a table that states neither are assumed to
         be under separate ground motions.
-    points : Points or None
+    points : Points | None
         Observations for figures.
-    cloud : CloudPoints or None
+    cloud : CloudPoints | None
         Observations and line of a cloud.
-    counted : Counted or None
+    counted : Counted | None
         Counts to be compared with the function.
     """
 
@@ -466,7 +466,7 @@ class Fragility:
             Number of runs of each entry; default 1.
         motion : ndarray of int, shape (n,), optional
             Ground motion of each entry. Runs under the same ground motion are correlated and count
-            as one observation. By default all entries are independent.
+            as a single observation. By default all entries are independent.
 
         Returns
         -------
@@ -481,8 +481,8 @@ class Fragility:
         fraction = np.bincount(bin_index, weight * exceeding) / bin_runs
         fitted = np.bincount(bin_index, weight * self.probability(im)) / bin_runs
         # The variance of the difference between counted and fitted fraction has two parts: the
-        # binomial variance of the counted fraction, with one independent observation per ground
-        # motion, and the variance of the fit, by the delta method.
+        # binomial variance of the counted fraction, with a single independent observation per
+        # ground motion, and the variance of the fit, by the delta method.
         motion_counts = bin_runs
         if motion is not None:  # count the distinct ground motions in each bin
             distinct_pairs = np.unique(np.column_stack([bin_index, motion]), axis=0)
@@ -1045,7 +1045,7 @@ def _lognormal(
 
     Returns
     -------
-    tuple or None
+    tuple | None
         Logarithm of the median, dispersion, and their covariance, shape (2, 2); None if the
         likelihood has no maximum.
     """

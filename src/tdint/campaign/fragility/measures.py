@@ -73,7 +73,7 @@ class RunMeasure:
         SI unit and description.
     value : callable
         Function that computes the measure from a record and the first period of the building, s.
-    power : float or None
+    power : float | None
         The measure is proportional to this power of the scale factor of the record; None if it must
         be computed for each scale factor.
     called : str
@@ -92,7 +92,7 @@ class RunMeasure:
 
         Parameters
         ----------
-        period : float or None
+        period : float | None
             First period of all buildings, s. If it is None (different or unknown periods), the
             name contains T1 instead of the period.
         """
@@ -157,7 +157,7 @@ def _period(text: str) -> tuple[float | None, str, str]:
 
     Returns
     -------
-    period : float or None
+    period : float | None
         Period, s; None for the first period of each building.
     description, symbol : str
         Texts of the period in descriptions and in names; the symbol {} is replaced by the first
@@ -342,7 +342,7 @@ class RunIntensities:
         Directory of the campaign, which may contain measures.csv.
     measure : RunMeasure
         Intensity measure.
-    pair_demand : str or None
+    pair_demand : str | None
         Rule that combines the components of pairs; None for the rule of the campaign.
 
     Raises
@@ -833,7 +833,7 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     table : CsvTable
         Runs, with the columns record and component, and optionally scale, sample and building.
         Pairs are defined by the store in the same directory, otherwise by their names.
-    pair_demand : str or None
+    pair_demand : str | None
         One of `tdint.campaign.pairs.PAIR_DEMANDS`; None for the rule of the store, or the default
         if there is no store.
 
@@ -1000,7 +1000,7 @@ def _keys(table: CsvTable) -> list[tuple[str, ...]]:
 
 
 def column_of(table: CsvTable, name: str) -> tuple[str, str]:
-    """Return the title of the column with an intensity measure, and the unit of this column. `name`
+    """Return the title of the column with an intensity measure, and the unit of the column. `name`
     is the title without the suffix of the unit, such as `pga` for the column `pga_m_s2`.
 
     Raises

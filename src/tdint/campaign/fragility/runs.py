@@ -290,7 +290,7 @@ def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
 
 def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
     """Combine the damage after the runs of both components of each pair, and return the damage of a
-    building with one entry per ground motion and level instead of per run.
+    building with a single entry per ground motion and level instead of per run.
 
     The rule determines the demand of a pair, and the demand determines its damage. The building has
     collapsed under a pair if it has collapsed under at least one component. A pair has no result if
@@ -349,7 +349,7 @@ class Mean(NamedTuple):
 
 @dataclass(frozen=True)
 class TypeDamage:
-    """Damage of a building type, or of one building, in one event and at one level.
+    """Damage of a building type, or of one building, in a single event and at a single level.
 
     Attributes
     ----------
@@ -363,18 +363,18 @@ class TypeDamage:
         Damage states of the type.
     buildings, runs, failed : int
         Number of buildings, of runs, and of runs without a result, which do not contribute to the
-        following values. Runs under a pair that counts as one ground motion are one run.
+        following values. Runs under a pair that counts as a single ground motion are one run.
     probability : Mean
         Probability of each of `states.outcomes`.
     loss : Mean
-        Loss ratio; arrays of one value, nan without losses.
+        Loss ratio; arrays of a single value, nan without losses.
     loss_sd : float
         Standard deviation of the loss ratio of one building under one ground motion.
     value : float
         Cost of the buildings with a result, including identical buildings; nan if the inventory
         does not specify costs.
     money : Mean
-        Mean loss of all these buildings together; arrays of one value, nan without costs.
+        Mean loss of all these buildings together; arrays of a single value, nan without costs.
     inventory_entry : str
         Entry of the inventory column that defines the groups; empty for other groups.
     scatter : tuple of two floats
@@ -400,7 +400,8 @@ class TypeDamage:
 
 
 class _Group:
-    """Runs of a group of buildings in one event and at one level, as sums for each ground motion.
+    """Runs of a group of buildings in a single event and at a single level, as sums for each ground
+    motion.
 
     Attributes
     ----------
@@ -430,7 +431,7 @@ class _Group:
         cost: float = math.nan,
         identical_count: float = 1.0,
     ) -> None:
-        """Add the runs of a building at one level.
+        """Add the runs of a building at a single level.
 
         `damage` is the damage of the building after each run.
         """
@@ -554,7 +555,7 @@ def group_damages(
     Parameters
     ----------
     by_building : bool
-        True for one group per building.
+        True for a single group per building.
     by : str, optional
         Column of the inventory that defines the groups, for all types together; "" for a single
         group of all buildings. By default the groups are the types.

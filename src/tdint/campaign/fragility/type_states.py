@@ -85,16 +85,16 @@ class DamageRequest:
         Demand of the states, one of `tdint.model.definition.DEMANDS`.
     states : tuple of str
         Names of the states, from the lightest.
-    common_states : DamageStates or None
+    common_states : DamageStates | None
         States of all buildings, if they are equal; None if they depend on the class.
     source : str
         Source of thresholds by class: `hazus`, `capacity`, or a CSV file; empty if all buildings
         have the same states.
-    dispersion : float or None
+    dispersion : float | None
         Standard deviation of the logarithm of the thresholds; None if a table specifies it.
     losses : tuple of float
         Loss ratio of each state and after a collapse, if equal for all buildings.
-    loss_file : str or None
+    loss_file : str | None
         CSV file of loss ratios by class.
     """
 
@@ -113,7 +113,7 @@ def read_damage_request(value: Value | None, rules: str | None) -> DamageRequest
 
     Parameters
     ----------
-    rules : str or None
+    rules : str | None
         Name of the rules of the inventory; None if the buildings are model files.
     """
     section = value.section(DAMAGE) if value else None
@@ -213,7 +213,7 @@ def read_class_damage(request: DamageRequest | None) -> ClassDamage:
 
     Parameters
     ----------
-    request : DamageRequest or None
+    request : DamageRequest | None
         Settings of the campaign file; None: the campaign has no damage states.
 
     Raises

@@ -100,8 +100,8 @@ def read_bhrc(lines: Lines) -> list[Series]:
     dt = float(points[2]) / count
     statements = [Statement(SAMPLES, stated, count)]
     if rate > 0.0:
-        # The tolerance permits an error of one sampling interval in the duration, which changes dt
-        # by dt / count.
+        # The tolerance permits an error of a single sampling interval in the duration, which
+        # changes dt by dt / count.
         statements.append(Statement(STEP, 1.0 / rate, dt, 1.01 * dt / count, "s"))
     compared = compare(statements)
     samples = lines.numbers(count)

@@ -276,7 +276,7 @@ def _peak_in_block(
 
     Returns
     -------
-    float or None
+    float | None
         Peak, m/s or m; None if the units are unknown.
 
     Raises

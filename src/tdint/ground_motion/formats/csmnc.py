@@ -1,4 +1,4 @@
-"""Text files of the China Strong Motion Networks Center (CSMNC), with one component per file.
+"""Text files of the China Strong Motion Networks Center (CSMNC), with a single component per file.
 
 The header states the earthquake with its time (BTM is Beijing time, UTC+8), the station, the
 component, the units, the number of samples, the sampling interval and the peak. Samples follow in

@@ -1,7 +1,7 @@
 """ASCII files of the Engineering Strong Motion database and of ITACA (header format DYNA).
 
-Header lines `KEY: value` are followed by one value per line (ESM, Luzi et al. 2016; keys of DYNA
-1.0 to 1.2).
+Header lines `KEY: value` are followed by a single value per line (ESM, Luzi et al. 2016; keys of
+DYNA 1.0 to 1.2).
 """
 
 from __future__ import annotations

@@ -210,7 +210,7 @@ def find_table(data: bytes, layout: TextLayout) -> FreeTable | None:
 
     Returns
     -------
-    FreeTable or None
+    FreeTable | None
         None if the file contains no table that this module reads or asks about. It may still
         contain a table of `tdint.ground_motion.formats.text`.
     """

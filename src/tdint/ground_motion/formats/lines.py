@@ -354,7 +354,7 @@ class Lines:
 
         Parameters
         ----------
-        width : int or None
+        width : int | None
             Characters per number in a format with fixed columns; None for any other format.
         """
         line = self._take()
@@ -629,8 +629,8 @@ def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
     rate = round(1.0 / dt) if dt > _SHORTEST else 0
     has_integer_rate = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
     dt = 1.0 / rate if has_integer_rate else float(f"{dt:.12g}")
-    # Rounding of two times changes their interval by up to one unit of the last decimal, plus a
-    # margin of half a unit. Times with few decimals may depart by at most half of the interval. A
+    # Rounding of two times changes their interval by up to a single unit of the last decimal, plus
+    # a margin of half a unit. Times with few decimals may depart by at most half of the interval. A
     # departure of `_SLIP` (2 % of the interval) is always accepted.
     allowed = max(min(1.5 * rounding, 0.5 * dt), _SLIP * dt)
     off_interval = np.abs(np.diff(times) - dt)

@@ -64,18 +64,18 @@ class Series:
         Samples in `units`.
     dt : float
         Sampling interval, s.
-    units : str or None
+    units : str | None
         Text for `parse_units`; empty if the file does not state the units, None for counts of a
         recorder.
     channel, station, location, network : str
         Codes in the file; `channel` is the component.
-    start : datetime or None
+    start : datetime | None
         Time of the first sample, UTC.
-    peak : StatedPeak or None
+    peak : StatedPeak | None
         Peak acceleration in the header; None if the header does not state it.
     units_from : str
         `format` if all files of the format have these units, otherwise `file`.
-    pgv, pgd : float or None
+    pgv, pgd : float | None
         Peaks of the velocity (m/s) and the displacement (m) if the file also contains these.
     compared : tuple of str
         Quantities, other than the peak, that the reader has compared with the header.

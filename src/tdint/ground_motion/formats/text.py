@@ -88,7 +88,7 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
     """Return True if a file contains a text table.
 
     Without a layout, an optional header (comments, declarations `key = value`, column names) must
-    be followed by rows of one number, or by rows of several numbers with an increasing first
+    be followed by rows of a single number, or by rows of several numbers with an increasing first
     number. With a layout, a table of numbers must follow the lines to skip.
 
     Parameters

@@ -177,7 +177,7 @@ def _times(texts: list[str]) -> tuple[datetime | None, str]:
 
     Returns
     -------
-    start : datetime or None
+    start : datetime | None
         Time of the first sample; None if the header does not state it.
     event : str
         Date and origin time of the earthquake; empty if the header states no date.

@@ -1,5 +1,5 @@
 """Volumes 1 and 2 of the University of Southern California (USC), Los Angeles Strong Motion
-Network, with one component per file.
+Network, with a single component per file.
 
 Volume 1 contains lines of text, 100 integers (16I5), 50 reals (8F10.3) and pairs of time and
 acceleration, 10F7.3, in seconds and g/10. Volume 2 contains the acceleration, velocity and

@@ -1,5 +1,5 @@
-"""SMC files of the U.S. Geological Survey (National Strong-Motion Program), with one component per
-file.
+"""SMC files of the U.S. Geological Survey (National Strong-Motion Program), with a single component
+per file.
 
 The file contains eleven lines of text, 48 integers (8I10), 50 reals (5E15.7),
 comments and values (8(1PE10.4E1)), all in cm and s. The first integer and the first real are the
@@ -185,7 +185,7 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     days of noon on the date in the text.
 
     The format specifies the day of the year. Some programs write month and day instead, which
-    shifts all following integers by one position.
+    shifts all following integers by a single position.
 
     `integers` contains the integers of the header; the first marks unknown values.
     """

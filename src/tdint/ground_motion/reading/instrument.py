@@ -1,10 +1,10 @@
 """Conversion of recorder counts to m/s^2 by the instrument response in a StationXML file.
 
-A response states the calibration twice: by its stages, and by the sensitivity at one frequency. The
-stages are used, after a comparison with the sensitivity. ObsPy knows few spellings of units; a
-stage with any other unit is evaluated as if its input were a displacement. The unit of the first
-stage is therefore replaced by M, M/S or M/S**2, and the response is divided by the value of the
-unit.
+A response states the calibration twice: by its stages, and by the sensitivity at a single
+frequency. The stages are used, after a comparison with the sensitivity. ObsPy knows few spellings
+of units; a stage with any other unit is evaluated as if its input were a displacement. The unit of
+the first stage is therefore replaced by M, M/S or M/S**2, and the response is divided by the value
+of the unit.
 """
 
 from __future__ import annotations
@@ -237,7 +237,7 @@ def remove_response(
         with caught_messages():  # Ignore warnings about the sensitivity of a subset of the stages.
             band = _transition_band(response, dt)
         with caught_messages() as messages:
-            # The sensitivity has been compared by the rule of this module, not of evalresp.
+            # The sensitivity has been compared by the rule of the module, not of evalresp.
             counts, frequencies = response.get_evalresp_response(
                 dt, size, output="ACC", hide_sensitivity_mismatch_warning=True
             )

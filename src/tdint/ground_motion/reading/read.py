@@ -265,13 +265,13 @@ def read_record(
         File name, or `-` for standard input. The format is detected from the content.
     units : str or dict, optional
         Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2. With a factor, the
-        value of one count (`2.38e-6 m/s^2`). Required if neither the format nor the file states the
-        units. Only floating-point MiniSEED of an accelerometer channel is assumed to be in m/s^2,
-        with a warning, unless its numbers make this unlikely. Units of a velocity or a displacement
-        (`cm/s`, `cm`) specify that the samples are this quantity; they are differentiated. Units by
-        file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is a format or the end of a path
-        (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with the columns record and units.
-        No units are specified for files that match no entry.
+        value of a single count (`2.38e-6 m/s^2`). Required if neither the format nor the file
+        states the units. Only floating-point MiniSEED of an accelerometer channel is assumed to be
+        in m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
+        displacement (`cm/s`, `cm`) specify that the samples are this quantity; they are
+        differentiated. Units by file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is a
+        format or the end of a path (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with
+        the columns record and units. No units are specified for files that match no entry.
     component : str, optional
         Component to read, required if the file has several: the channel code (`HNE`), the full id
         (`CI.CLC..HNE`), or the last letter of the code (`E`) if it is unique. Upper and lower case

@@ -106,7 +106,7 @@ def file_units(units: SampleUnits | None) -> FileUnits:
     ----------
     units : str, mapping or None
         Units of all files; entries `PATTERN=UNITS,...` or a mapping of patterns to units; the name
-        of a table (`.csv`); or None if the user specifies no units.
+        of a table (`.csv`);; None if the user specifies no units.
 
     Raises
     ------

@@ -150,7 +150,8 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
         )
     if declared:
         return _convert_by_file_units(trace, declared, specified, label)
-    # The file states no units. The samples may be counts, which require the value of one count.
+    # The file states no units. The samples may be counts, which require the value of a single
+    # count.
     calibration = float(trace.stats.calib)
     if are_counts(trace) and not (specified and specified.has_factor):
         if specified:

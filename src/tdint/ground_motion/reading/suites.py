@@ -192,7 +192,7 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     ----------
     named : sequence of str
         Names of files and directories.
-    pairs : PairNames or None
+    pairs : PairNames | None
         File names of pairs; None (default) reads single horizontal components.
 
     Returns

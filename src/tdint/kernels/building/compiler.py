@@ -201,9 +201,9 @@ def local(typing_context, size):
     function returns. numba executes this function while it compiles such a call. The arguments are
     then numba types, not values. `typing_context` is passed by numba and not used.
 
-    `_on_stack(1)` is the numba type of an array with one dimension. Its call with an integer type
-    gives the first result: the signature of a function that has an integer argument and returns
-    such an array. The second result is a function that generates the code of the array.
+    `_on_stack(1)` is the numba type of an array with a single dimension. Its call with an integer
+    type gives the first result: the signature of a function that has an integer argument and
+    returns such an array. The second result is a function that generates the code of the array.
     """
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes

@@ -359,7 +359,7 @@ def _start_compilation(
     """Start a process that compiles groups of kernels, unless such a process is already running.
 
     For each directory of object files, a single process compiles in the background at a time, also
-    for different kernels. The process continues after the end of this process. The last group is
+    for different kernels. The process continues after the end of the process. The last group is
     compiled first. OSError is raised if the process cannot be started.
     """
     # The kernels that the time loop calls, the first group, are compiled last. If their object
@@ -382,7 +382,7 @@ def _start_compilation(
 
 
 def compile_in_background() -> None:
-    """Compile the groups of kernels in the arguments of this program, one group after the other.
+    """Compile the groups of kernels in the arguments of the program, one group after the other.
 
     `interpret_while_compiling` starts this program. Its first argument is a JSON list of groups;
     each group is a list of pairs of kernel name and text of the variant. Nothing is done if no
@@ -452,7 +452,7 @@ def compile_ahead(
     ----------
     targets : iterable of str
         Names of the processors, see `tdint.kernels.building.target.named`.
-    folder : Path or None
+    folder : Path | None
         Directory for the object files, to be used later as TDINT_KERNELS_DIR; it is created if
         necessary. None for the cache of the user.
     progress : callable

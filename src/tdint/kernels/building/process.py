@@ -33,7 +33,8 @@ _MISSING = re.compile(r"name '(\w+)'")
 
 @dataclass(frozen=True)
 class Compilation:
-    """Compilation of one kernel in one variant, for targets with equal optimization by numba.
+    """Compilation of a single kernel in a single variant, for targets with equal optimization by
+    numba.
 
     Attributes
     ----------
@@ -270,7 +271,7 @@ def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[C
         target = named(name)
         # A vectorized kernel is optimized for the processor of the target. A kernel that is not
         # vectorized has the same code for all processors, so that its targets share the value None.
-        # The target of this machine does not share it: its object file is written by the code
+        # The target of the machine does not share it: its object file is written by the code
         # generator of numba, which generates code for the processor in the settings of the process
         # (NUMBA_CPU_NAME).
         optimization = target.optimized_for if kernel.vectorized or target == native() else None
@@ -355,7 +356,7 @@ class _ProcessPool:
         self._is_stopped = False
 
     def compile_waiting(self) -> None:
-        """Compile the waiting kernels with one process at a time, until no kernel is left.
+        """Compile the waiting kernels with a single process at a time, until no kernel is left.
 
         Each thread of `run_all` calls this function. A kernel with other settings requires a new
         process. An error ends the function and is added to the queue `done`.

@@ -1,8 +1,8 @@
 """Sources of a kernel: its module and the modules of kernels and methods that it imports.
 
-A change in the file of one method does not affect the object files of other kernels, and a change
-of a docstring or a comment affects no object file. The texts are searched, not parsed, because
-parsing the files would take longer than the start of the program. Imports are found at any
+A change in the file of a single method does not affect the object files of other kernels, and a
+change of a docstring or a comment affects no object file. The texts are searched, not parsed,
+because parsing the files would take longer than the start of the program. Imports are found at any
 indentation (laws import within functions).
 """
 
@@ -252,8 +252,8 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            # A relative import with one dot is relative to the package of the module; each further
-            # dot removes one level.
+            # A relative import with a single dot is relative to the package of the module; each
+            # further dot removes one level.
             parent = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (parent, node.module)))
             # `import *` of the public module imports all of its names.

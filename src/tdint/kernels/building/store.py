@@ -67,9 +67,9 @@ def find_object(
     without an object file.
 
     The first directory with a valid object file for a target is used, and in it the first of the
-    targets, which are processors of one platform in order of preference. Corrupt files are ignored.
-    In the cache, files of other users are also ignored, except files of the owner of the package.
-    `variant` is the text of the variant.
+    targets, which are processors of a single platform in order of preference. Corrupt files are
+    ignored. In the cache, files of other users are also ignored, except files of the owner of the
+    package. `variant` is the text of the variant.
     """
     directories = _search_path(targets[0].platform)
     return next(
@@ -90,8 +90,8 @@ def origin(file: Path) -> str:
 
 
 def has(name: str, variant: str, target: Target, directory: Path | None = None) -> bool:
-    """Return True if a directory (default: the cache of this user) contains a valid object file of
-    a kernel.
+    """Return True if a directory (default: the cache of the user) contains a valid object file of a
+    kernel.
 
     A file that is found in the cache is regarded as used: its modification time is updated, at most
     once a day.
@@ -190,7 +190,7 @@ def writable() -> Path | None:
 
 
 def clean() -> int:
-    """Remove all object files from the cache of this user and return the number of removed files.
+    """Remove all object files from the cache of the user and return the number of removed files.
 
     Object files for other versions of Python and of the compiler are included, and files that
     earlier versions of tdint have left in the installed package. A file that cannot be removed

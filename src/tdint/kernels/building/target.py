@@ -96,7 +96,7 @@ class Target:
 
         The target is a level of x86-64 (a key of LEVELS) or AARCH64, the 64-bit ARM processors. The
         settings are the same as in numba for x86-64 and for ARM. The method is not called for the
-        target `native`: the code generator of numba writes the object files of this machine.
+        target `native`: the code generator of numba writes the object files of the machine.
         """
         # The second part of the key is True for x86-64, False for ARM.
         triple = _TRIPLES[self.platform, self.cpu in LEVELS]
@@ -114,15 +114,16 @@ class Target:
 
 
 def _family() -> str:
-    """Return the family of processors of this process: `x86_64`, `aarch64`, or the LLVM name of
-    another family."""
+    """Return the family of processors of the process: `x86_64`, `aarch64`, or the LLVM name of
+    another family.
+    """
     family = str(llvm.get_process_triple().partition("-")[0])
     return {"amd64": "x86_64", "arm64": AARCH64}.get(family, family)
 
 
 @cache
 def native() -> Target:
-    """Return the target of this machine: LLVM name and features of its processor, its system."""
+    """Return the target of the machine: LLVM name and features of its processor, its system."""
     return Target(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 

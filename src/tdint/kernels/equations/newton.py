@@ -1,7 +1,7 @@
 """Equilibrium of all floors at one time, by Newton's method.
 
-The module is used by the families with a response at that time that is linear in one unknown x for
-each floor, an acceleration:
+The module is used by the families with a response at that time that is linear in a single unknown x
+for each floor, an acceleration:
 
     u = U + by_u x,   v = V + by_v x,   a = A + by_a x,   M a + C v + f(u) = p
 

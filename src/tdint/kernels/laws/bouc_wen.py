@@ -32,7 +32,7 @@ from tdint.kernels.laws.law import (
     yields_at_its_strength,
 )
 
-# Rows of `law_parameters` with the parameters of this law: yield force (N), hardening ratio,
+# Rows of `law_parameters` with the parameters of the law: yield force (N), hardening ratio,
 # exponent n and parameter beta.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
@@ -82,9 +82,9 @@ def _functions() -> LawFunctions:
 
     @inline
     def unloading(u, q, n, r):
-        """Integrate du/dx = -(1 + q u^n) over the drift change `r` by one classical Runge-Kutta
-        step; return u at the end, and the dissipated energy, the integral of q u^(n + 1), a
-        multiple of (1 - a) Fy^2 / k.
+        """Integrate du/dx = -(1 + q u^n) over the drift change `r` by a single classical
+        Runge-Kutta step; return u at the end, and the dissipated energy, the integral of q u^(n +
+        1), a multiple of (1 - a) Fy^2 / k.
         """
         p1 = q * power(u, n)
         u2 = u - 0.5 * r * (1.0 + p1)
@@ -98,9 +98,9 @@ def _functions() -> LawFunctions:
 
     @inline
     def loading(w, n, r):
-        """Integrate dw/dx = 1 - w^n over the drift change `r` by one classical Runge-Kutta step;
-        return w at the end, and the dissipated energy, the integral of w^(n + 1), a multiple of (1
-        - a) Fy^2 / k.
+        """Integrate dw/dx = 1 - w^n over the drift change `r` by a single classical Runge-Kutta
+        step; return w at the end, and the dissipated energy, the integral of w^(n + 1), a multiple
+        of (1 - a) Fy^2 / k.
         """
         p1 = power(w, n)
         w2 = w + 0.5 * r * (1.0 - p1)
@@ -275,7 +275,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Do nothing: the function `force` of this law computes the dissipated energy together with
+        """Do nothing: the function `force` of the law computes the dissipated energy together with
         the force. The arguments are not used.
         """
         pass

@@ -137,8 +137,8 @@ SEPARATE_LAW_FUNCTIONS = branch_first(
 call."""
 
 
-# Placeholders for the functions of one law. For each law, `_kernel` creates a copy of `_all_hooks`
-# with these names replaced by the functions of the law.
+# Placeholders for the functions of a single law. For each law, `_kernel` creates a copy of
+# `_all_hooks` with these names replaced by the functions of the law.
 force: Any = None
 strain_energy: Any = None
 hysteretic_energy: Any = None

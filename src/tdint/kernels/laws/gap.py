@@ -11,7 +11,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
-# Rows of `law_parameters` with the parameters of this law: gap (m), stiffness of the stops (N/m).
+# Rows of `law_parameters` with the parameters of the law: gap (m), stiffness of the stops (N/m).
 _GAP = rows.FIRST_PARAMETER
 _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 

@@ -203,8 +203,8 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a loading branch of one side that ends at the drift `end` or at the ultimate drift,
-        or fail at the ultimate drift.
+        """Set a loading branch of a single side that ends at the drift `end` or at the ultimate
+        drift, or fail at the ultimate drift.
         """
         ultimate = side_parameter(law_parameters, i, side, _ULTIMATE_DRIFT)
         if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _REACHED_TOLERANCE):

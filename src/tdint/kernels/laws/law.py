@@ -51,7 +51,7 @@ class LawParameter:
     group : str
         Name of the mapping that contains the parameter; "" for none. A group within another group
         is written `outer.inner`.
-    without : float or None
+    without : float | None
         Value if the model file omits the complete group. None if the group is required.
     shared : bool
         True if one number may be specified for all parameters of the group.

@@ -440,8 +440,8 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a loading branch of one side that ends at the drift `end` (infinite for no end) or
-        earlier: at the ultimate drift, and at the last drift of the backbone curve, because the
+        """Set a loading branch of a single side that ends at the drift `end` (infinite for no end)
+        or earlier: at the ultimate drift, and at the last drift of the backbone curve, because the
         degradation is constant above it.
         """
         drift = side * law_state[block + rows.DRIFT, i]
@@ -639,7 +639,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def is_elastic_before_yielding(law_parameters, i):
-        """Return True if all paths before the first yielding coincide with one straight line.
+        """Return True if all paths before the first yielding coincide with a single straight line.
 
         The first branch can then extend to the first points of the backbone curves. Before the
         first yielding, the point of maximum drift of a side is the first point of its backbone
@@ -702,7 +702,7 @@ def _functions() -> LawFunctions:
 
 
 def _slopes(side: Sequence[float]) -> list[float]:
-    """Return the slopes of the four lines of the backbone curve of one side, N/m.
+    """Return the slopes of the four lines of the backbone curve of a single side, N/m.
 
     `side` contains drift and force of each of the four points in succession.
     """

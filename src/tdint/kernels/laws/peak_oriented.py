@@ -31,7 +31,7 @@ from tdint.kernels.laws.law import (
     yields_at_its_strength,
 )
 
-# Rows of `law_parameters` with the parameters of this law: yield force (N), hardening ratio.
+# Rows of `law_parameters` with the parameters of the law: yield force (N), hardening ratio.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 _EXPONENT = rows.FIRST_PARAMETER + 2  # exponent of the unloading stiffness
@@ -103,8 +103,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """Return the unloading stiffness ku of one side, N/m, with the lower bounds of the
-        docstring of this module.
+        """Return the unloading stiffness ku of a single side, N/m, with the lower bounds of the
+        docstring of the module.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]

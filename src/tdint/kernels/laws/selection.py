@@ -1,7 +1,7 @@
 """Compiled functions that select the drift law of a story by its number.
 
 `select_function` builds a chain of conditions that calls the function of the law of each story. The
-constants of this module state which features the laws of the compiled variant have; the compiler
+constants of the module state which features the laws of the compiled variant have; the compiler
 omits code for other features.
 """
 
@@ -130,7 +130,7 @@ def select_function(
     hook : str
         Name of an attribute of `LawFunctions`.
     case : callable
-        Function that combines the function of one law with the function of the remaining laws:
+        Function that combines the function of a single law with the function of the remaining laws:
         `case_with_3_arguments` to `case_with_6_arguments`, by the number of arguments.
     otherwise : function, optional
         Default for laws without this function (their attribute is None). It is required unless

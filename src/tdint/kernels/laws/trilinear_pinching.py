@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters` with the parameters of this law: forces (N), drift (m), fraction and
+# Rows of `law_parameters` with the parameters of the law: forces (N), drift (m), fraction and
 # exponent.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _ULTIMATE_FORCE = rows.FIRST_PARAMETER + 1

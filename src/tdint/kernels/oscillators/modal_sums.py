@@ -311,7 +311,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
     Returns
     -------
     q, rate : ndarray, shape (rows, modes)
-        Modal coordinates and their rates (1/s) at the steps of one chunk.
+        Modal coordinates and their rates (1/s) at the steps of a single chunk.
     motion : ndarray, shape (rows,)
         Ground acceleration at the steps of the chunk, m/s^2.
     drift : ndarray, shape (rows, columns)

@@ -126,7 +126,9 @@ def enter(law_parameters, law_state, i):
 
 @inline
 def enter_law(law_parameters, law_state, i):
-    """Determine the branch of the law in column `i`, a story with one element or an element."""
+    """Determine the branch of the law in column `i`, a story with a single element or an
+    element.
+    """
     law_state[rows.SLOPE, i] = (
         math.inf
         if law_parameters[rows.CODE, i] in CURVED_LAWS
@@ -213,9 +215,9 @@ def turns_at_reversal(law_parameters, law_state, i):
 def column_of_event(law_parameters, law_state, i, event):
     """Return the column of the law whose branch ends at the event `event` of story `i`.
 
-    It is an element, or the story itself for a story with one element. At a reversal, the branches
-    of several elements can end, and the result is the story. The branches must not have changed
-    since the event was located.
+    It is an element, or the story itself for a story with a single element. At a reversal, the
+    branches of several elements can end, and the result is the story. The branches must not have
+    changed since the event was located.
     """
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return _element_of_event(law_parameters, law_state, i, event)

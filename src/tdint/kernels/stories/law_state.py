@@ -1,7 +1,7 @@
 """Hysteresis models of stories: forces, tangents, energies, and committed and trial states.
 
 The hysteresis models (drift laws) are in `tdint.kernels.laws`, one file for each law. The functions
-of this module call the law of each story.
+of the module call the law of each story.
 """
 
 from __future__ import annotations
@@ -373,7 +373,7 @@ def commit(law_parameters, law_state, i, previous, trial):
 
 @inline
 def commit_law(law_parameters, law_state, i, previous, trial):
-    """Make a trial state of the law in column `i`, a story with one element or an element, the
+    """Make a trial state of the law in column `i`, a story with a single element or an element, the
     committed state.
     """
     _accumulate_dissipation(law_parameters, law_state, i, previous, trial)

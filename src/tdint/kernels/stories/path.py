@@ -77,8 +77,9 @@ _OPPOSITE_RATE = 1e-12
 # Shift of the drift at a reversal for the numerical derivative of the integrals with respect to
 # this drift, as a fraction of |rise| + |bend|
 _SHIFT = 1e-6
-MAX_POINTS = 16  # maximum number of Gauss points in one part of the path
-# Number of Gauss points for laws that do not specify a number; the maximum in one part of the path
+MAX_POINTS = 16  # maximum number of Gauss points in a single part of the path
+# Number of Gauss points for laws that do not specify a number; the maximum in a single part of the
+# path
 _DEFAULT_POINTS = 16.0
 # Maximum number of Gauss points on a path. If Newton's method diverges, the change of drift is
 # large and laws would request millions of points.
@@ -391,7 +392,7 @@ def _integrate_elements(law_parameters, law_state, i, rise, bend, no_reversal, s
 
 @outlined
 def _follow_law(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
-    """Store the results for the law in column `i`, a story with one element or an element; see
+    """Store the results for the law in column `i`, a story with a single element or an element; see
     `follow`.
     """
     story_path = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
@@ -461,7 +462,7 @@ def _law_at_path_end(law_parameters, law_state, i, rise):
 
 @outlined
 def _commit_law_at_path_end(law_parameters, law_state, i, rise):
-    """Commit the state of the law in column `i`, a story with one element or an element."""
+    """Commit the state of the law in column `i`, a story with a single element or an element."""
     if is_piecewise_linear(law_parameters, i):
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
@@ -775,7 +776,7 @@ def dividing_at_bend(integrate):
 
     At a kink (sharp bend of the force), the tangent stiffness changes rapidly, and Gauss
     integration over it would be inaccurate. The name "bend" in `_distance_to_bend` and in the name
-    of this function is the kink, not the coefficient of the parabola.
+    of the function is the kink, not the coefficient of the parabola.
 
     Parameters
     ----------

@@ -596,7 +596,7 @@ def integrate_many(
         Initial memory and totals, which each run copies. `scratch_0` is not used: the scratch array
         of a run is set to zero.
     previous_peaks : ndarray
-        Scratch array for peak velocities, with one element for each story.
+        Scratch array for peak velocities, with a single element for each story.
     velocity_limit : float
         Maximum velocity in a window in which the building is at rest, divided by the maximum
         displacement of the run, 1/s.

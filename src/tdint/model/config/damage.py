@@ -130,7 +130,7 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
 
     Parameters
     ----------
-    value : Value or None
+    value : Value | None
         Loss ratio of each state; None without losses.
     """
     if value is None:

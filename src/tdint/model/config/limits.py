@@ -139,7 +139,7 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
 def _read_level(
     section: Section, level: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> list[Limit]:
-    """Return the limits of one performance level, at most one for each quantity.
+    """Return the limits of a single performance level, at most one for each quantity.
 
     `level` is the name of the level; empty for limits without a level. `stories` contains the
     stories of the model; empty after an error.

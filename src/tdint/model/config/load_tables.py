@@ -70,7 +70,7 @@ def read_table_forces(
         Entries of `forces` with a file or with points.
     unit : ModelUnits
         Units of the model file, which apply to points and to columns without a unit.
-    count : int or None
+    count : int | None
         Number of stories; None if it is unknown after an error.
     """
     requests: dict[str, list[_Request]] = {}

@@ -208,9 +208,9 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
 
     Parameters
     ----------
-    value : Value or None
+    value : Value | None
         Value of the key `excitation`; None if it is missing.
-    count : int or None
+    count : int | None
         Number of stories; None if it is unknown after an error.
     """
     section = value.section(EXCITATION) if value else None
@@ -550,8 +550,8 @@ def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUni
 def _read_initial(section: Section, unit: ModelUnits, count: int | None) -> Initial:
     """Return the initial state of the floors, m and m/s. The default is zero.
 
-    `section` is the section with the keys of `_INITIAL`: lists with one number per story. `count`
-    is the number of stories; None if it is unknown after an error.
+    `section` is the section with the keys of `_INITIAL`: lists with a single number per story.
+    `count` is the number of stories; None if it is unknown after an error.
     """
     states: list[tuple[float, ...]] = []
     for name in _INITIAL:
@@ -675,7 +675,7 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
 
     Returns
     -------
-    str or None
+    str | None
         None if the new text would not define the model `changed`, for example if the file contains
         aliases.
     """

@@ -131,7 +131,7 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
 
     Parameters
     ----------
-    value : Value or None
+    value : Value | None
         Value of the key `units`; None if it is missing.
     quantity : str, optional
         Required quantity of the units, for example `acceleration`, if another key of the file
@@ -151,7 +151,7 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
 def read_file_units(value: Value | None) -> SampleUnits | None:
     """Return the units of several records: one unit, units by file, or a table of units.
 
-    The result is None if the value is missing, or after reporting an error with its line.
+    None is the result if the value is missing, or after reporting an error with its line.
     """
     if value is None:
         return None
@@ -287,9 +287,9 @@ def read_damping(value: Value | None, count: int | None) -> Damping:
 
     Parameters
     ----------
-    value : Value or None
+    value : Value | None
         Value of the key `damping`; None if it is missing.
-    count : int or None
+    count : int | None
         Number of stories; None if it is unknown after an error.
     """
     damping = replace(value, type=_damping_type(count)).read() if value else None

@@ -152,7 +152,7 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 
     Parameters
     ----------
-    value : Value or None
+    value : Value | None
         Value of the key `law`; None for a linear story.
     """
     if value is None:
@@ -467,7 +467,7 @@ def read_stories(
 
     Parameters
     ----------
-    value : Value or None
+    value : Value | None
         Value of the key `stories`; None if it is missing.
     p_delta : bool
         Require the height of every story.
@@ -490,7 +490,9 @@ def read_stories(
 
 
 def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, int | None]:
-    """Return the story of one entry and its number of repetitions, which is None after an error."""
+    """Return the story of a single entry and its number of repetitions, which is None after an
+    error.
+    """
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
@@ -515,7 +517,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     height = height_entry.number(scale=unit.length) if height_entry else None
     if elements_entry:
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
-        if len(elements) == 1:  # a story with one element is a story with a law
+        if len(elements) == 1:  # a story with a single element is a story with a law
             law, elements = elements[0].law, ()
     else:
         stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)

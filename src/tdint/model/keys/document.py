@@ -120,7 +120,7 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes
 
 
 def _too_large(file_type: str) -> str:
-    """Return the message for a file of this type that is larger than `MAX_BYTES`."""
+    """Return the message for a file of the type that is larger than `MAX_BYTES`."""
     return f"larger than {MAX_BYTES // 1024**2} MiB; this is not a {file_type}"
 
 

@@ -152,13 +152,13 @@ class Choice:
 
 @dataclass(frozen=True)
 class EntriesOf:
-    """List with entries of one type.
+    """List with entries of a single type.
 
     Attributes
     ----------
     type : ValueType
         Type of the entries.
-    least, most : int or None
+    least, most : int | None
         Minimum and maximum number of entries.
     description : str
         Description of the list in messages.
@@ -258,7 +258,8 @@ class Keys(Sequence[str]):
     one_of : tuple of tuple of str
         Groups of keys. Exactly one key of each group is required.
     alternative_groups : tuple of tuple of str
-        Groups of keys. A mapping must contain all keys of one group and no key of another group.
+        Groups of keys. A mapping must contain all keys of a single group and no key of another
+        group.
     description : str
         Description of the mapping in messages.
     make : callable, optional
@@ -481,7 +482,7 @@ class Value:
         """Return the value, converted to the first declared type that has the form of the value.
 
         The form is a mapping, a list or a scalar. A `Choice` is skipped if the value is not one of
-        its names. The result is None after reporting an error.
+        its names. None is the result after reporting an error.
         """
         # These are the types of a scalar.
         allowed_types: Any = (Bounds, Integer, Choice, PathOf)
@@ -555,7 +556,7 @@ class Value:
     def _make_object(self, keys: Keys) -> Any:
         """Return the object that `keys.make` builds from the entries of the mapping.
 
-        The result is None if a required entry is missing or invalid, or if no entry is valid.
+        None is the result if a required entry is missing or invalid, or if no entry is valid.
 
         `keys` contains the declared keys of the mapping, their groups, and the function `make`.
         """

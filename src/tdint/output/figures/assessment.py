@@ -159,7 +159,7 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
     Parameters
     ----------
     measured : sequence of ObservedOrder
-        Observed order of each method and frequency ratio, for one load; at least one.
+        Observed order of each method and frequency ratio, for a single load; at least one.
     name : str
         Text before the title, such as the name of the figure; empty by default.
     thin : int
@@ -496,7 +496,7 @@ def sizes_picture(
 
 
 class _Drawing:
-    """Points of a chart that are drawn for one type of error.
+    """Points of a chart that are drawn for a single type of error.
 
     Attributes
     ----------

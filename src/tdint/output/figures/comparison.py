@@ -396,7 +396,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     Parameters
     ----------
     results : sequence of TargetDisplacement
-        Results of the methods for one pushover; the result of the method `n2` is required.
+        Results of the methods for a single pushover; the result of the method `n2` is required.
     units : OutputUnits
         Units of displacements, forces and accelerations; SI by default.
     """
@@ -826,7 +826,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
 def _plot_profiles(
     axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
-    """Plot the performance profiles of all methods for one tolerance.
+    """Plot the performance profiles of all methods for a single tolerance.
 
     `axes` is the panel; its x axis is the cost divided by the minimum cost. `plot_styles` is the
     line style of each method (`method_styles`). If a style has a line width, its method is
@@ -840,8 +840,8 @@ def _plot_profiles(
     lines: dict[str, Any] = {}
     # Emphasized methods are plotted last, so that their lines are in front.
     for profile in sorted(profiles, key=lambda profile: line_widths.get(profile.method, 0.0)):
-        # The profile rises by one problem at each cost ratio. At the end of the panel it reaches
-        # the fraction of problems that the method solves within the maximum cost ratio.
+        # The profile rises by a single problem at each cost ratio. At the end of the panel it
+        # reaches the fraction of problems that the method solves within the maximum cost ratio.
         ratios = [ratio for ratio in profile.ratios if ratio <= _MAX_COST_RATIO]
         solved_fractions = np.arange(len(ratios) + 1) / max(profile.problems, 1)
         x, y = [1.0, *ratios, _MAX_COST_RATIO], [*solved_fractions, solved_fractions[-1]]

@@ -36,7 +36,7 @@ def example_picture(
     about : str
         Description of the example in one line.
     runs : sequence of ExampleRun
-        Runs of one example and one time step, of which at least one is completed. Variants are
+        Runs of a single example and one time step, of which at least one is completed. Variants are
         omitted.
     exact : str
         Label of the exact solution in the legend.

@@ -108,7 +108,7 @@ def mode_spectrum_picture(
         Periods of the modes, s, longest first.
     mass_ratio : ndarray, shape (n,)
         Effective modal masses divided by the total mass.
-    spectrum : SpectrumAtModes or None
+    spectrum : SpectrumAtModes | None
         Spectrum in the upper panel; None for the masses only.
     units : OutputUnits
         Units of the accelerations; SI by default.

@@ -750,7 +750,7 @@ def rotated_picture(
         Units of the axes; SI by default.
     """
     units = units.in_figures
-    # Each line shows one ground motion at one damping ratio: a percentile over the horizontal
+    # Each line shows one ground motion at a single damping ratio: a percentile over the horizontal
     # directions (RotD), or the geometric mean of the two components.
     lines: list[Any] = []
     for spectrum in spectra:

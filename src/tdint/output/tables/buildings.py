@@ -526,7 +526,7 @@ def _law_words(law: Law, units: OutputUnits) -> str:
     Parameters are omitted if their value is the default, or if the negative side is equal to the
     positive side.
     """
-    # The law stores the values of all its parameters in one sequence: two for each point of a
+    # The law stores the values of all its parameters in a single sequence: two for each point of a
     # backbone, all remaining numbers for a list, and one number for any other parameter.
     numbers = iter(law.parameters)
     parameter_texts: list[str] = []

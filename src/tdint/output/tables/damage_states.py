@@ -435,7 +435,7 @@ def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
     """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss.
 
     `store` is the store of the campaign, with losses and the rates of the events. `by` is the
-    column of the inventory. In addition to the curve for all buildings, each value of this column
+    column of the inventory. In addition to the curve for all buildings, each value of the column
     has a curve.
     """
     costs, pair_demand = has_costs(store), _pair_demand(store)

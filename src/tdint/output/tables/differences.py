@@ -37,11 +37,11 @@ class Difference:
     ----------
     file : str
         Name of the file.
-    row : int or None
+    row : int | None
         Row number from 1; None for a difference of the complete table.
     column : str
         Name of the column, or the path of a value in a JSON file.
-    before, now : str or None
+    before, now : str | None
         The values as text; None if a file does not have the value.
     is_rounding : bool
         True if the values are equal within rounding.

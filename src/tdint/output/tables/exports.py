@@ -165,7 +165,7 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
 
 
 def demand_names(stories: int, direction: int) -> list[str]:
-    """Return SimCenter's names of the demands of a building in one direction.
+    """Return SimCenter's names of the demands of a building in a single direction.
 
     The names are, for example, `1-PFA-0-1` to `1-PFA-N-1` (floor accelerations, floor 0 is the
     ground), `1-PID-1-1` to `1-PID-N-1` (drift ratios), `1-PRD-1-1` (roof drift ratio) and
@@ -262,7 +262,7 @@ STRENGTH = (
 
 
 def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[str] = ()) -> bytes:
-    """Return fragility functions of one intensity measure as an OpenQuake fragility model.
+    """Return fragility functions of a single intensity measure as an OpenQuake fragility model.
 
     An element `fragilityFunction` of the model contains the fragility functions of all limit
     states. The model has one element for each building type, or for each initial damage of the

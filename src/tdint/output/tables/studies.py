@@ -310,7 +310,7 @@ def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float
     The runs of a fit are counted in bins of the intensity.
 
     `bin_index` is the index of the bin, from 0. `attribute` is the attribute of `Counted`, an array
-    with one value per bin.
+    with a single value per bin.
     """
 
     def value(function: Fragility) -> float:
@@ -394,7 +394,7 @@ class _CurveRows:
         Study of the curve.
     curve : IdaCurve
         The curve.
-    capacity : Capacity or None
+    capacity : Capacity | None
         Capacity of the row; None for rows of runs.
     """
 
@@ -563,8 +563,8 @@ def motion_rows(study: IdaStudy) -> Iterator[tuple[str, str, IdaCurve]]:
 def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
     """Yield the IDA curve of each ground motion with its file and component.
 
-    A pair that counts as one ground motion has the file name of its first component and the names
-    of both components.
+    A pair that counts as a single ground motion has the file name of its first component and the
+    names of both components.
     """
     # Curves are identified by `id`, because they contain arrays, which have no hash.
     rows = {id(row.curve): row for row in _curves(study)}

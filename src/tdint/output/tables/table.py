@@ -166,7 +166,7 @@ def converted(value: Cell, factor: float) -> Cell:
 
 
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
-    """Return the rows of a result in a table, each with one cell per column.
+    """Return the rows of a result in a table, each with a single cell per column.
 
     The number of rows is the common length of the arrays among the values of the columns; without
     arrays, there is one row.
@@ -208,8 +208,9 @@ def error_percent(error: Cell, value: Cell) -> float | None:
 
 @dataclass(frozen=True)
 class Table:
-    """Table with the names of its columns, rows with one cell per column, and descriptions of the
-    columns, as `describe` returns them."""
+    """Table with the names of its columns, rows with a single cell per column, and descriptions of
+    the columns, as `describe` returns them.
+    """
 
     columns: tuple[str, ...]
     rows: list[tuple[Cell, ...]]

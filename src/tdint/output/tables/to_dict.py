@@ -42,7 +42,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     ----------
     result : object
         A result of `run`, `spectrum`, `modes`, `cyclic_test`, `pushover`, `stability` or another
-        function; also the response history of a run, a record, or several results of one type.
+        function; also the response history of a run, a record, or several results of a single type.
     units : str
         Units instead of SI, such as `kip,in,g`; the column names change accordingly.
 
