@@ -153,12 +153,12 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
     )
     profiles = {(row["quantity"], row["story"]): row for row in rows("out/profiles.csv")}
     for row in table_with(found, "mean peak drift ratio (%)"):
-        drift, shear = (
-            profiles[name, row["story"]] for name in ("peak_drift_ratio", "peak_total_shear")
-        )
+        drift, shear = (profiles[name, row["story"]] for name in ("peak_drift_ratio", "peak_shear"))
         assert row["mean peak drift ratio (%)"] == f"{100.0 * float(drift['mean']):.4g}"
         assert row["max peak drift ratio (%)"] == f"{100.0 * float(drift['max']):.4g}"
-        assert row["mean peak total shear (kN)"] == f"{float(shear['mean']) / 1e3:.4g}"
+        assert row["mean peak shear (kN)"] == f"{float(shear['mean']) / 1e3:.4g}"
+        # Without P-delta and dashpots, total shears are omitted.
+        assert "mean peak total shear (kN)" not in row
     assert [row["record"] for row in table_with(found, "pga (g)")] == ["motion.mseed"] * 2 + [
         "other.mseed"
     ]
@@ -275,7 +275,8 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     # damping
     restoring = float(stories[0]["peak_shear_N"]) / 1e3
     assert (
-        f"base shear {shears[0]} kN with viscous forces ({restoring:.4g} kN without)" in found.text
+        f"base shear {restoring:.4g} kN (restoring force; {shears[0]} kN with viscous forces)"
+        in found.text
     )
     tdint("run", "kilo.yaml", "--report", "us.html", "--output-units", "kip,in", code=0)
     found = page("us.html")
@@ -285,7 +286,8 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
 
 
 def test_the_base_shear_of_the_headline_is_in_the_table(folder: Path, tdint: Command) -> None:
-    """With dashpots, the table and the headline contain the base shear with viscous forces."""
+    """The base shear of the headline is the restoring force, as in the table, in summary.json and
+    on the terminal. The total with viscous forces follows."""
     table = rows(
         tdint("run", CONFIGS / "base-isolated.yaml", "--report", "page.html", code=0).stdout
     )
@@ -294,9 +296,11 @@ def test_the_base_shear_of_the_headline_is_in_the_table(folder: Path, tdint: Com
     )
     assert springs != total
     found = page("page.html")
-    assert table_with(found, "peak total shear (kN)")[0]["peak total shear (kN)"] == total
-    assert f"base shear {total} kN with viscous forces" in found.text
-    assert f"{springs} kN" not in found.text
+    row = table_with(found, "peak total shear (kN)")[0]
+    assert (row["peak shear (kN)"], row["peak total shear (kN)"]) == (springs, total)
+    assert (
+        f"base shear {springs} kN (restoring force; {total} kN with viscous forces)" in found.text
+    )
     # Residual drifts are in the unit of the other drifts, although they are small.
     stories = table_with(found, "peak total shear (kN)")[0]
     heads = [head for head in stories if "drift" in head or "displacement" in head]
@@ -306,6 +310,40 @@ def test_the_base_shear_of_the_headline_is_in_the_table(folder: Path, tdint: Com
         "residual drift (m)",
         "peak displacement (m)",
     ]
+
+
+@pytest.mark.parametrize(
+    ("p_delta", "damping", "forces"),
+    [
+        (True, "5%", "P-delta and viscous forces"),
+        (True, "none", "P-delta"),
+        (False, "5%", "viscous forces"),
+        (False, "none", ""),
+    ],
+)
+def test_base_shear_is_the_restoring_force_and_words_state_what_the_total_contains(
+    folder: Path, tdint: Command, p_delta: bool, damping: str, forces: str
+) -> None:
+    Path("tower.yaml").write_text(
+        f"name: tower\nunits: {{length: m, force: kN, mass: t}}\np_delta: {str(p_delta).lower()}\n"
+        f"stories: [{{mass: 200, height: 3.5, stiffness: 2.0e4}}]\ndamping: {damping}\n"
+    )
+    arguments = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
+    result = tdint("run", "tower.yaml", *arguments, "--report", "page.html", "-o", "out", code=0)
+    (story,) = rows("out/stories.csv")
+    peaks = json.loads(Path("out/summary.json").read_text())["peaks"]
+    restoring, total = (float(story[name]) for name in ("peak_shear_N", "peak_total_shear_N"))
+    assert (peaks["base_shear_N"], peaks["total_base_shear_N"]) == (restoring, total)
+    # Without P-delta and dashpots, the terminal states the base shear only.
+    terminal = f" ({total:.4g} N with {forces})" if p_delta else ""
+    assert f"base shear {restoring:.4g} N{terminal}.\n" in result.stderr
+    found = page("page.html")
+    words = f" (restoring force; {total / 1e3:.4g} kN with {forces})" if forces else ""
+    assert f"base shear {restoring / 1e3:.4g} kN{words}." in found.text
+    if p_delta and damping == "none":
+        # Equilibrium of the story: the weight on its drift reduces the force on the floor.
+        drift = float(story["peak_drift_m"])
+        assert restoring - total == pytest.approx(2e5 * 9.80665 * drift / 3.5, rel=1e-3)
 
 
 def test_small_masses_are_in_kilograms(folder: Path, tdint: Command) -> None:

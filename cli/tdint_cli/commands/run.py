@@ -615,11 +615,9 @@ def _maximum_demands(
 ) -> str:
     """Return a text with the maximum drift, roof displacement and base shear of a run.
 
-    The base shear has two values: the restoring force of the first story, and the total with
-    viscous forces. On the terminal (`page` False), the restoring force is reported, and in a
-    building with dashpots the total follows in parentheses. In a report, the total is reported, as
-    in the tables of the report. In a building without dashpots, the restoring force follows in
-    parentheses; with dashpots it is omitted, because the tables do not contain it.
+    The base shear is the restoring force of the first story, which its columns and walls resist.
+    The total shear with P-delta and viscous forces follows in parentheses: in a report always, on
+    the terminal (`page` False) only if the building has P-delta or dashpots.
 
     For example "drift ratio 0.012 in story 1, roof displacement 0.08 m, base shear 9e+05 N". Drift
     ratios in a report are in percent.
@@ -646,13 +644,12 @@ def _maximum_demands(
         else:
             drift_text = f"{ratio_text}, {drift_text}"
     roof = units.text(maximum.roof_displacement.value, "m")
-    springs = units.text(maximum.base_shear.value, "N")
-    total = f"{units.text(maximum.total_base_shear.value, 'N')} with viscous forces"
-    base_shear = springs
-    if any(story.dashpot or story.power_dashpot for story in model.stories):
-        base_shear = total if page else f"{springs} ({total})"
-    elif page:
-        base_shear = f"{total} ({springs} without)"
+    base_shear = units.text(maximum.base_shear.value, "N")
+    forces = model.forces_of_total_shear
+    if forces and (page or model.p_delta or model.has_dashpots):
+        total = units.text(maximum.total_base_shear.value, "N")
+        restoring = "restoring force; " if page else ""
+        base_shear += f" ({restoring}{total} with {forces})"
     return f"{drift_text}, roof displacement {roof}, base shear {base_shear}"
 
 

@@ -669,6 +669,20 @@ class Model:
     limits: tuple[Limit, ...] = ()
     weight_factor: float = 1.0
 
+    @property
+    def has_dashpots(self) -> bool:
+        """True if a story has a dashpot."""
+        return any(story.dashpot or story.power_dashpot for story in self.stories)
+
+    @property
+    def forces_of_total_shear(self) -> str:
+        """Forces that total shears contain in addition to the restoring forces, such as
+        `P-delta and viscous forces`; empty if both shears are equal."""
+        forces = ["P-delta"] if self.p_delta else []
+        if self.damping is not None or self.has_dashpots:
+            forces.append("viscous forces")
+        return " and ".join(forces)
+
     def replace(self, **changes: float | str) -> Model:
         """Return the building with changed parameters: `model.replace(damping=0.02)`.
 

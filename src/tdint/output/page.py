@@ -20,7 +20,7 @@ from tdint.units import OutputUnits, suffix
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_COLUMNS = 9
+MOST_COLUMNS = 10
 """Maximum number of columns of a table on A4, so that four-digit numbers at 8.5 pt do not wrap."""
 
 DIGEST = "SHA-256"
@@ -567,10 +567,17 @@ def _add_table(flow: _Flow, table: Table) -> None:
         is_absent_damper = "damper_force" in name and maximum == 0.0
         if any(column.cells) and not is_absent_damper:
             columns.append(column)
-    # Each part of a divided table repeats the first column, which identifies the row.
-    _add_columns(flow, columns[:MOST_COLUMNS])
-    for first in range(MOST_COLUMNS, len(columns), MOST_COLUMNS - 1):
-        _add_columns(flow, [columns[0], *columns[first : first + MOST_COLUMNS - 1]])
+    # Each part of a divided table repeats the first column, which identifies the row. The parts
+    # have about equal numbers of columns. Their number is even, so that a mean is not separated
+    # from the maximum that follows it.
+    first, *others = columns
+    if len(columns) > MOST_COLUMNS:
+        parts = -(-len(others) // (MOST_COLUMNS - 1))
+        part_size = 2 * math.ceil(len(others) / parts / 2)
+    else:
+        part_size = max(len(others), 1)
+    for start in range(0, max(len(others), 1), part_size):
+        _add_columns(flow, [first, *others[start : start + part_size]])
 
 
 def _column(table: Table, name: str, maximum: float) -> _Column:
@@ -619,8 +626,10 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
     longest_texts = sum(column.longest_cell for column in text_columns)
     # All text columns have the same fraction of the width of their longest cell.
     width_fraction = min(1.0, max(text_width, 20.0) / max(longest_texts, 1))
-    # A heading is wrapped to about 15 characters if not all headings fit in one line.
-    heading_lines = max((-(-len(column.heading) // 15) for column in columns), default=1)
+    # A heading is wrapped to about 15 characters if not all headings fit in one line; to about 8
+    # with the maximum number of columns.
+    letters = 15 if len(columns) < MOST_COLUMNS else 8
+    heading_lines = max((-(-len(column.heading) // letters) for column in columns), default=1)
     if sum(len(column.heading) for column in columns) < text_width:
         heading_lines = 1
     heading_height = heading_lines * _TABLE_LINE + _ROW

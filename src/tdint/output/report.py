@@ -169,9 +169,15 @@ _STORY_COLUMNS = (
 )
 _SUITE_COLUMNS = (
     "residual_drift",
+    "peak_shear",
     "peak_total_shear",
     "peak_absolute_acceleration",
     "peak_damper_force",
+)
+# This sentence precedes the table of peaks if restoring forces and total shears differ.
+_SHEARS = (
+    "Peak shears are restoring forces of the stories; peak total shears are the forces on all "
+    "floors above, with {}."
 )
 # This sentence precedes the tables of estimated errors.
 _ERRORS = (
@@ -200,15 +206,8 @@ def run_page(
     """
     model, check, units = response.model, response.check, page_units(units)
     table = story_table(response.stories, check.errors if check else None).in_units(units)
-    # The page is too narrow for restoring forces and damper forces. The table of a building with
-    # dampers contains only the damper forces.
-    damped = any(response.stories.peak_damper_force)
     columns = {_quantity(table, name): name for name in table.columns}
-    names = [
-        columns[quantity]
-        for quantity in _STORY_COLUMNS
-        if quantity in columns and not (damped and quantity == "peak_shear")
-    ]
+    names = [columns[quantity] for quantity in _STORY_COLUMNS if quantity in columns]
     run_figures = []
     if response.history is not None:
         run_figures.append(
@@ -228,7 +227,11 @@ def run_page(
         Chapter("Limits", _limit_parts(response, page_text, units)),
         Chapter(
             "Peaks of the stories",
-            (table.chosen(["story", *names]), *_errors_of_run(response, table, names)),
+            (
+                _SHEARS.format(model.forces_of_total_shear) if model.forces_of_total_shear else "",
+                table.chosen(["story", *names]),
+                *_errors_of_run(response, table, names),
+            ),
         ),
         Chapter("Elements of the stories", _element_parts(response, units)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
@@ -376,7 +379,7 @@ def suite_page(
     limit_text = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile_figure = Picture(
         lambda: figures.suites.profile_picture(profiles, units, limit=limit, title=plan.name),
-        f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{limit_text}",
+        f"Drifts, floor accelerations, story shears: ground motions, mean, maximum{limit_text}",
     )
     periods = _first_periods(store)
     spectra = Picture(
@@ -386,6 +389,9 @@ def suite_page(
     # Only the first buildings are described, because the report must remain readable.
     buildings_by_name = {building.name: building for building in plan.buildings[:_MAX_MODELS]}
     subjects = [building.subject() for building in buildings_by_name.values()]
+    models = {
+        name: subject.model for name, subject in zip(buildings_by_name, subjects, strict=True)
+    }
     # Warnings about the scaling and the records are printed at the top. Notes with the same text
     # are omitted.
     scaling_parts, scaling_warnings = _scaling(plan, units, periods)
@@ -399,7 +405,7 @@ def suite_page(
         Chapter("Result", (list(page_text.sentences), *((profile_figure,) if profiles else ()))),
         Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
         Chapter("Ratios to the baseline", (_ratio_rows(ratios),) if ratios else ()),
-        *(_statistics_chapter(profile, units) for profile in profiles),
+        *(_statistics_chapter(profile, units, models) for profile in profiles),
         _runs_chapter(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
@@ -510,19 +516,26 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
     return [(name, period) for name, period in periods if period is not None]
 
 
-def _statistics_chapter(profile: Profile, units: OutputUnits) -> Chapter:
+def _statistics_chapter(
+    profile: Profile, units: OutputUnits, models: Mapping[str, Model]
+) -> Chapter:
     """Return the chapter of means and maxima of a building at a single intensity level.
 
     `profile`: statistics of the building over the ground motions; estimated errors are added if the
-    runs have error estimates.
+    runs have error estimates. `models` contains the models by the name of the building. Total
+    shears are omitted if the model has neither P-delta nor dashpots.
     """
+    model = models.get(profile.building)
+    suite_columns = _SUITE_COLUMNS
+    if model and not (model.p_delta or model.has_dashpots):
+        suite_columns = tuple(name for name in suite_columns if name != "peak_total_shear")
     has_heights = not np.isnan(profile.height).any()
     # Isolators have no height, so their drifts in length units are listed in addition to the
     # ratios.
     drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
-    parts: list[Part] = [profile_table(profile, (*drifts, *_SUITE_COLUMNS), units)]
+    parts: list[Part] = [profile_table(profile, (*drifts, *suite_columns), units)]
     if profile.peak_errors:
-        parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_SUITE_COLUMNS))]
+        parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *suite_columns))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
     return Chapter(f"Statistics over the ground motions: {building}", parts)
 

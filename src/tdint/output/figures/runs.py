@@ -418,20 +418,25 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     if max(ground, np.max(floors)) > 0.0:
         accelerations.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
     accelerations.set_xlabel(f"absolute floor\nacceleration ({units.label('m/s^2')})")
-    # With dashpots, their forces and the total shears are shown in addition to the story shears.
-    damped = np.any(stories.peak_damper_force)
-    total = stories.peak_total_shear if damped else stories.peak_shear
-    factor, unit = scaled_unit(float(np.max(total)), "N", units)
+    # With dashpots or P-delta, the total shears are shown in addition to the restoring forces, with
+    # dashpots also their forces.
+    lines = []
+    if response.model.has_dashpots or response.model.p_delta:
+        forces = response.model.forces_of_total_shear.replace(" and ", " and\n")
+        lines.append((stories.peak_total_shear, DASHES[1], f"with {forces}"))
+    if np.any(stories.peak_damper_force):
+        lines.append((stories.peak_damper_force, DASHES[2], "dashpots"))
+    largest = max(
+        float(np.max(force)) for force in (stories.peak_shear, *(row[0] for row in lines))
+    )
+    factor, unit = scaled_unit(largest, "N", units)
     over_stories(shears, factor * stories.peak_shear, fill=True, color=INK, alpha=0.18)
     over_stories(shears, factor * stories.peak_shear, color=INK, linewidth=1.4)
-    if damped:
-        for force, dashes, label in (
-            (total, DASHES[1], "with viscous forces"),
-            (stories.peak_damper_force, DASHES[2], "dashpots"),
-        ):
-            over_stories(
-                shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label
-            )
+    for force, dashes, label in lines:
+        over_stories(
+            shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label
+        )
+    if lines:
         shears.legend(**_LEGEND_ABOVE)
     shears.set_xlabel(f"story shear ({unit})")
     for axes in panels:

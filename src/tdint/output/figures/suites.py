@@ -83,7 +83,7 @@ def profile_picture(
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
             accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
             for panel, values in zip(
-                axes, (drifts, accelerations, peaks["peak_total_shear"]), strict=True
+                axes, (drifts, accelerations, peaks["peak_shear"]), strict=True
             ):
                 if len(values):
                     line = partial(_line, panel, by_floor=values is accelerations)
@@ -261,7 +261,7 @@ def _finish_row(
         line.set_xdata(np.asarray(line.get_xdata()) * factor)
     shears.relim()
     shears.autoscale_view()
-    shears.set_xlabel(f"total story shear ({unit})")
+    shears.set_xlabel(f"story shear ({unit})")
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
     lost = sum(profile.collapsed + profile.failed for profile in profiles)
     if lost:
