@@ -526,7 +526,7 @@ def _statistics_chapter(
     shears are omitted if the model has neither P-delta nor dashpots.
     """
     model = models.get(profile.building)
-    suite_columns = _SUITE_COLUMNS
+    suite_columns: tuple[str, ...] = _SUITE_COLUMNS
     if model and not (model.p_delta or model.has_dashpots):
         suite_columns = tuple(name for name in suite_columns if name != "peak_total_shear")
     has_heights = not np.isnan(profile.height).any()
