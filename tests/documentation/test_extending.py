@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from textwrap import indent
 
 import numpy as np
@@ -80,6 +81,7 @@ def copy_of_the_project(folder, law, **kernels):
         )
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(readmes.ROOT / name, folder)
+    shutil.copytree(readmes.ROOT / ".ci", folder / ".ci")
     (folder / FORMATS / "recorder.py").write_text(readmes.block("format-file"))
     project = folder / "pyproject.toml"
     insert_after(
@@ -93,7 +95,12 @@ def copy_of_the_project(folder, law, **kernels):
     assert entry in publications.read_text()
     publications.write_text(publications.read_text().replace(entry, longer))
     if law:
-        (folder / LAWS / "hyperbolic.py").write_text(readmes.block("law-file"))
+        text = readmes.block("law-file")
+        lines = readmes.block("law-own-imports").splitlines()
+        for removed, added in re.findall(r"^-(.*\n)((?:\+.*\n)+)", "\n".join([*lines, ""]), re.M):
+            assert removed in text
+            text = text.replace(removed, re.sub(r"^\+", "", added, flags=re.M))
+        (folder / LAWS / "hyperbolic.py").write_text(text)
     for block_name, name, before in CHANGES:
         if law or not block_name.startswith("law"):
             text = re.sub(r"^\+", "", readmes.block(block_name), flags=re.MULTILINE)
@@ -114,6 +121,9 @@ def extended(tmp_path_factory):
     copy = copy_of_the_project(
         folder, law=True, TDINT_CACHE_DIR=str(folder / "cache"), TDINT_KERNELS="python"
     )
+    if find_spec("ruff") is not None:
+        python(copy, "-m", "ruff", "check", "-q", "--fix", ".")
+        python(copy, "-m", "ruff", "format", "-q", ".")
     python(copy, "tests/readmes.py", "--parts")
     return copy
 
@@ -166,6 +176,16 @@ def test_method_and_law_pass_the_tests_of_the_catalogue(extended, without_law):
         > 20
     )
     assert count_passed(without_law, "-k", "newmark-step", *files) > 15
+
+
+@pytest.mark.skipif(find_spec("ruff") is None, reason="no lint extra")
+def test_the_extended_copy_passes_the_checks_of_the_code(extended):
+    """Style, types, direction of imports, structure, and the tests of tables and summaries."""
+    for module in (("ruff", "check"), ("ruff", "format", "--check"), ("mypy",)):
+        python(extended, "-m", *module, *(["."] if module != ("mypy",) else []))
+    python(extended, "-c", "from importlinter.cli import lint_imports_command as run; run()")
+    tests = ("tests/test_architecture.py", "tests/output/test_tables.py")
+    assert count_passed(extended, *tests, "tests/output/test_summary.py") > 50
 
 
 def test_method_and_law_give_equal_results_compiled_and_interpreted(extended):
