@@ -252,11 +252,6 @@ def run_batch(
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
 
-    Returns
-    -------
-    Outcomes
-        Results in the order of `runs`.
-
     Raises
     ------
     AnalysisError
@@ -330,11 +325,6 @@ def run_sampled(
     subjects : sequence of callable
         One function without arguments for each sample, which assembles its building. It is called
         for runs that collapse or fail.
-
-    Returns
-    -------
-    Outcomes
-        Results in the order of `runs`.
 
     Raises
     ------

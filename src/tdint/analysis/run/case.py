@@ -143,21 +143,12 @@ def _drift_rates(building: Building, floors: Array) -> Array:
 def interstep_peak_errors(
     building: Building, space: Workspace, late: float, stories: StoryPeaks
 ) -> StoryErrors:
-    """Return bounds of the errors that arise because peaks are read at time steps only.
+    """Return bounds of the errors that arise because peaks are read at time steps only: the
+    possible excess of each peak, and the approximate change of each residual drift.
 
     If the time step does not resolve the highest modes, peaks between time steps may exceed the
-    peaks at time steps. Residual drifts are read at the end of the last time step, which may be
-    later than the requested end; their error is the change of the drifts in this interval.
-
-    Parameters
-    ----------
-    late : float
-        Time from the requested end to the end of the last step, s.
-
-    Returns
-    -------
-    StoryErrors
-        Possible excess of each peak, and the approximate change of each residual drift.
+    peaks at time steps. Residual drifts are read at the end of the last time step, `late` s after
+    the requested end; their error is the change of the drifts in this interval.
     """
     drift_change = np.zeros(building.stories)
     if late > 0.0:
@@ -409,8 +400,8 @@ class Case:
     def _long_step_warnings(self, steps: Steps) -> list[str]:
         """Return the warning that the time step is long for the building, if this applies.
 
-        Only the default time step, of the model file or of the record, is checked. A time step that
-        the user requests or that is chosen for a tolerance is intended.
+        A time step that the user requests or that is chosen for a tolerance is intended and not
+        checked.
         """
         interval = self.record.dt if self.record else None
         default = self.model.analysis.dt or interval
@@ -860,7 +851,6 @@ class Case:
     def _vibration_note(self, response: Response, free_vibration: float) -> list[str]:
         """Return the note that the building still vibrates at the end, if this applies.
 
-        The drifts at the end are then not the residual drifts of the building at rest.
         `free_vibration` is the time from the end of the record to the end of the run, s; it may be
         negative.
         """

@@ -210,15 +210,12 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
 
 
 def _amplification(integrator: Integrator, building: Building, h: float) -> Array:
-    """Return the amplification matrices of the uncoupled oscillators of one building, shape
-    (k, m, m).
+    """Return the amplification matrices of the uncoupled oscillators of a building (`oscillators`),
+    each of mass 1 kg, shape (k, m, m).
 
     The memory rows of a method are the m rows of its state that a step uses from the previous step,
     such as displacement and velocity. Column j of a matrix contains the memory rows after one step
     that starts with the value 1 in memory row j and 0 in all further rows.
-
-    `building` is the result of `oscillators`: its k stories are independent oscillators, each of
-    mass 1 kg. `h` is the time step, s.
 
     Raises
     ------

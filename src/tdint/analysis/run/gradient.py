@@ -43,15 +43,6 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     The derivative is the slope of the parabola through the result at the parameter value and the
     results at the two neighbors.
 
-    Parameters
-    ----------
-    base : ndarray, shape (runs, ...)
-        Results at the parameter values.
-    near : ndarray, shape (runs, parameters, 2, ...)
-        Results at the two neighbors of each parameter value.
-    offsets : ndarray, shape (runs, parameters, 2)
-        Neighbors minus the parameter value.
-
     Returns
     -------
     derivative : ndarray, shape (runs, parameters, ...)
@@ -71,25 +62,14 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
 
 
 def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Array:
-    """Estimate the errors of derivatives from the same derivatives with half the time step.
+    """Estimate the absolute errors of derivatives from the same derivatives (`others`) with half
+    the time step; nan if a derivative is not finite.
 
     The error of a derivative is the maximum of three terms, as for peaks
     (`tdint.analysis.run.error_estimate`): a factor times the difference of the two derivatives; a
     factor times the root mean square of these products over all stories; and a small fraction of
     the derivative. The second term covers a story in which the two derivatives agree by accident.
     It is not relative to the derivative, because derivatives can be zero.
-
-    Parameters
-    ----------
-    derivatives : ndarray, shape (..., n)
-        Derivatives whose errors are estimated; the last axis is the story.
-    others : ndarray, shape (..., n)
-        The same derivatives with half the time step.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
-        Absolute errors in the units of the derivatives; nan if a derivative is not finite.
     """
     errors = by.difference * np.abs(derivatives - others)
     known = np.isfinite(errors)
@@ -143,19 +123,13 @@ def number_at(model: Model, name: str) -> float:
 
 
 def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
-    """Return two values near the value of a parameter, at which runs are compared with it.
+    """Return two values near the value x of a parameter (name as in `vary`, SI units), at which
+    runs are compared with it.
 
-    The two values are x - d and x + d for the parameter value x. If x - d or x + d is out of range,
-    both values are on the other side: x + d and x + 2 d, or x - d and x - 2 d. The distance d is
-    `SIZE` times |x|. For x = 0 it is `SIZE` for a dimensionless parameter, and `SIZE` times
-    sqrt(stiffness * mass) of the story for a dashpot coefficient.
-
-    Parameters
-    ----------
-    name : str
-        Parameter, as in `vary` of `run_many`.
-    value : float
-        Parameter value, SI units.
+    The two values are x - d and x + d. If one of them is out of range, both values are on the other
+    side: x + d and x + 2 d, or x - d and x - 2 d. The distance d is `SIZE` times |x|. For x = 0 it
+    is `SIZE` for a dimensionless parameter, and `SIZE` times sqrt(stiffness * mass) of the story
+    for a dashpot coefficient.
 
     Raises
     ------
@@ -204,24 +178,13 @@ def neighbor_samples(
     names: Sequence[str],
     parameters: Mapping[str, Array],
 ) -> tuple[dict[tuple[tuple[int, int], int, int], int], dict[str, Array]]:
-    """Return samples in which one parameter at a time has a neighboring value.
+    """Return samples in which one parameter at a time has a neighboring value (`near`, by the
+    indices of building and sample).
 
     All other parameters have the values of the original sample, or nan for the value of the model.
-
-    Parameters
-    ----------
-    near : mapping
-        Two neighbors of the value of each parameter, by the indices of building and sample.
-    parameters : mapping of str to ndarray, shape (samples,)
-        Values of the varied parameters of buildings in the original samples.
-
-    Returns
-    -------
-    draws : dict of ((int, int), int, int) to int
-        Index of the new sample. The key contains the indices of building and original sample, the
-        index of the parameter, and the index of the neighbor (0 or 1).
-    columns : dict of str to ndarray, shape (new samples,)
-        Values of each parameter of buildings in the new samples; without the factor on the record.
+    The keys of the first result are ((building, original sample), parameter, neighbor 0 or 1), its
+    values the index of the new sample; the second result contains the values of each parameter of
+    buildings in the new samples, without the factor on the record.
     """
     draws = {item: draw for draw, item in enumerate(product(near, range(len(names)), range(2)))}
     origin = [draw for (_, draw), _, _ in draws]  # original sample of each new sample

@@ -207,15 +207,11 @@ class Runs(Tabular):
         return checks
 
     def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
-        """Return the runs of each suite, over which `limit_checks` averages the demands.
+        """Return the indices of the runs of each suite, over which `limit_checks` averages the
+        demands, by the index of the building and the text of the level.
 
         A suite contains one run under each record, of one building with equal parameters. If a
         record has several factors, each factor belongs to another suite.
-
-        Returns
-        -------
-        dict of (int, str) to ndarray of int
-            Indices of the runs, ascending, by the index of the building and the text of the level.
         """
         varied = {name: values for name, values in self.varied.items() if name != "scale"}
         # First group the runs by building, varied parameters and record, with increasing factors.
@@ -275,17 +271,10 @@ def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
 def history_arrays(
     shape: tuple[int, int, int], kept: tuple[str, ...], out: Any
 ) -> dict[str, NDArray[np.floating[Any]]]:
-    """Return the arrays for the histories: the arrays of the caller, or new arrays of nan.
+    """Return the arrays for the histories: the arrays of the caller (`out`), or new arrays of nan.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Number of runs, number of rows of the longest run, and number of stories of the tallest
-        building.
-    kept : tuple of str
-        Quantities.
-    out : ndarray, mapping of str to ndarray, or None
-        Arrays of the caller; None allocates arrays.
+    `shape` is the number of runs, number of rows of the longest run, and number of stories of the
+    tallest building.
 
     Raises
     ------

@@ -585,16 +585,8 @@ class History(Tabular):
 
 
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
-    """Combine each array of nested dataclasses with the same array of the other dataclasses.
-
-    `parts` contains the dataclasses of a single type with arrays, None or further dataclasses as
-    fields. `join` is the function that combines a sequence of arrays to a single array; by default,
-    it concatenates them.
-
-    Returns
-    -------
-    dataclass
-        Dataclass of the same type with the combined arrays.
+    """Combine each array of nested dataclasses of one type with the same array of the other
+    dataclasses (`join`).
     """
     if parts[0] is None:
         return None

@@ -278,10 +278,8 @@ def run_many(
 
 
 def _run_each_method(arguments: dict[str, Any]) -> ResultList[Runs]:
-    """Return the runs of each method with each time step, one result for each combination.
-
-    `arguments` contains the arguments of `run_many` by name; `method` or `dt` is a list. Both are
-    removed from the dictionary.
+    """Return the runs of each method with each time step, one result for each combination; `method`
+    and `dt` are removed from `arguments`.
 
     Raises
     ------
@@ -310,37 +308,12 @@ def _requested(
 ) -> tuple[RunsRequest, list[RunSpec], Runs, int, Path | None]:
     """Check the arguments of `run_many`, plan its runs, and allocate its result.
 
-    The tuples contain arguments of `run_many`, in this order.
-
-    `analysis` is `method`, `dt` (s) and `duration` (s), each None for the value of the model; and
-    `check`, True if errors are estimated. `jobs` is the number of threads; None for the number of
-    processors.
-
-    Parameters
-    ----------
-    inputs : tuple
-        `models`, `records`; `scales`, factors on the ground motions; and `zip_records`, True if
-        the items of these lists are combined in pairs, False for all combinations.
-    samples : tuple
-        `vary`, values of parameters by name; `product`, True for all combinations of these values;
-        and `errors`: `raise` or `keep` for samples that are out of range.
-    kept : tuple
-        `history`, names of the histories to keep; `every`, the interval of their rows in steps; and
-        `out`: None, arrays for the histories, or the path of a Parquet file for the table.
-
-    Returns
-    -------
-    request : RunsRequest
-        Checked arguments.
-    plan : list of RunSpec
-        Runs to integrate; runs with an invalid sample are omitted.
-    result : Runs
-        Result with a row for each run. Only the rows of invalid samples are complete: their status
-        is `OUT_OF_RANGE`, and their failure states the reason.
-    threads : int
-        Number of threads.
-    file : Path | None
-        Parquet file for the table of the runs.
+    The tuples contain arguments of `run_many`: `models`, `records`, `scales`, `zip_records`;
+    `method`, `dt`, `duration`, `check`; `vary`, `product`, `errors`; `history`, `every`, `out`. The
+    result contains the checked arguments, the runs to integrate (without those of an invalid
+    sample), the result with a row for each run, the number of threads, and the Parquet file for the
+    table or None. Only the rows of invalid samples are complete: their status is `OUT_OF_RANGE`,
+    and their failure states the reason.
 
     Raises
     ------
@@ -571,7 +544,7 @@ def _integrate_with_histories(
     subject: Subject, request: RunsRequest, result: Runs, runs: Sequence[RunSpec]
 ) -> BatchResult:
     """Integrate runs of one building with one time step, and write the requested histories to
-    `result`.
+    `result`; return the peaks and energies.
     """
     prepared, h = subject.prepared, runs[0].steps.h
     time = (
@@ -708,20 +681,11 @@ def _differentiated(
     names: Sequence[str],
     threads: int,
 ) -> Gradient:
-    """Return the derivatives of the results of completed runs with respect to parameters.
+    """Return the derivatives of the results of completed runs (`plan`) with respect to parameters
+    (`names`), with a row for each of all runs; nan for runs that are not in `plan`.
 
     For each run and parameter, two neighboring runs are integrated with another value of only this
     parameter (`neighbors`). The derivative follows from the three results (`slopes`).
-
-    `plan` contains the completed runs. Their attribute `number` is their row in `peaks` and
-    `history`. `peaks` contains the peaks of all runs, shape (all runs, n), including runs that are
-    not in `plan`. `names` contains the parameters of the buildings, or `record.scale` (`SCALE`) for
-    the factor on the ground motion, as in `vary` of `run_many`.
-
-    Returns
-    -------
-    Gradient
-        Derivatives with a row for each of all runs; nan for runs that are not in `plan`.
     """
     # Derivatives are computed at the values in `numbers`: the value of the sample if a parameter is
     # varied (never nan), otherwise the value of the model, or 1 for a factor such as
@@ -787,19 +751,10 @@ def _neighbor_runs(
     numbers: Mapping[tuple[int, int], list[float]],
     near: Mapping[tuple[int, int], list[tuple[float, float]]],
 ) -> tuple[RunsRequest, list[RunSpec]]:
-    """Plan the runs from which derivatives are computed: one parameter at a time has a neighboring
-    value.
-
-    The runs are in the order of `plan`, then of the parameters, then of the two neighbors.
+    """Return a request with the samples of the neighbors, without error estimates, and the
+    neighboring runs, in the order of `plan`, then of the parameters, then of the two neighbors.
 
     `numbers` contains the values of the parameters, by the indices of building and sample.
-
-    Returns
-    -------
-    request : RunsRequest
-        Request with the samples of the neighbors, without error estimates.
-    plan : list of RunSpec
-        Neighboring runs.
     """
     draws, columns = neighbor_samples(near, names, request.building_parameters)
     # A neighbor of the factor on the ground motion changes the scale of the run, not the building.

@@ -80,12 +80,6 @@ def sequence_of(
         Time step of the runs that determine the time of rest, s; by default that of the model,
         otherwise the sampling interval.
 
-    Returns
-    -------
-    ShockSequence
-        Ground motions, the samples at which they start, and the numbers (from 1) of the events
-        after which the building does not come to rest within the longest time of rest.
-
     Raises
     ------
     UsageError
