@@ -215,12 +215,8 @@ class Event:
 
 
 def _read(sensor: Sensor) -> Signal:
-    """Read the signal of a sensor.
-
-    Raises
-    ------
-    RecordError
-        The quantity of the samples differs from the quantity in the file of the recording.
+    """Read the signal of a sensor; raise RecordError if the quantity of the samples differs from
+    the quantity in the file of the recording.
     """
     if sensor.column is None:
         signal = read_signal(sensor.file, units=sensor.units, component=sensor.component)
@@ -246,14 +242,9 @@ def _read(sensor: Sensor) -> Signal:
 def _base_motion(
     signals: Sequence[Signal], source: str, notes: dict[str, None]
 ) -> tuple[Record, float]:
-    """Return the ground motion that drives the model: the mean acceleration of the base sensors.
-
-    Returns
-    -------
-    record : Record
-        Ground motion over the common time of the sensors.
-    common_start : float
-        Start of this time after the first sample of the first sensor, s.
+    """Return the ground motion that drives the model, the mean acceleration of the base sensors
+    over their common time, and the start of this time after the first sample of the first sensor,
+    s.
 
     Raises
     ------
@@ -309,16 +300,10 @@ def _floor_signal(signals: Sequence[Signal], label: str, notes: dict[str, None])
 def _mean_signal(
     signals: Sequence[Signal], label: str, notes: dict[str, None]
 ) -> tuple[Signal, float]:
-    """Return the mean of signals over their common time, and the start of this time.
+    """Return the mean of signals over their common time, with the properties of the first signal,
+    and the start of this time after its first sample, s.
 
-    `notes`: notes as keys, to which assumptions about the clocks are added.
-
-    Returns
-    -------
-    mean : Signal
-        Mean with the properties of the first signal, at its sampling interval.
-    common_start : float
-        Start of the common time after the first sample of the first signal, s.
+    Assumptions about the clocks are added to `notes`.
 
     Raises
     ------

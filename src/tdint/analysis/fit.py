@@ -201,11 +201,8 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     """Return the least-squares solution with the smallest difference between computed and recorded
     histories.
 
-    The difference of the histories has many local minima as a function of the fitted values. The
-    difference of the spectra converges from distant start values. Therefore the spectra are fitted
-    first, and the fits of the histories start from the `_CONTINUED_FITS` best of these fits.
-
-    `is_stiffness_fitted` is True if a value is a stiffness; see `_start_values`.
+    The fits of the histories start from the `_CONTINUED_FITS` best fits of the spectra (module
+    docstring).
     """
     event, free_values = problem.event, problem.free_values
     bounds = np.log([value.bounds for value in free_values]).T
@@ -383,9 +380,6 @@ def _minimize(
     at an upper bound. The differences of SciPy are not used: SciPy multiplies a specified step
     (`diff_step`) by the absolute value of the variable. The variable here is the logarithm, which
     is close to 0 for a value close to 1.
-
-    `residuals` contains the residuals, shape (m,), as a function of the logarithms of the values,
-    shape (n,).
     """
     stored: dict[bytes, Array] = {}
 
@@ -414,13 +408,9 @@ def _minimize(
 def _start_values(
     problem: _Problem, model_logarithms: Array, bounds: Array, fits_stiffness: bool
 ) -> list[Array]:
-    """Return several start values for the fit of the spectra.
-
-    The first start values are the values of the model. In the following, the stiffnesses of all
-    stories are multiplied by a common factor. Up to three factors that are local minima of the
-    spectral difference are used.
-
-    `fits_stiffness` is True if stiffnesses are fitted.
+    """Return several start values for the fit of the spectra: the values of the model, then with
+    all stiffnesses multiplied by up to three factors that are local minima of the spectral
+    difference.
     """
     if not fits_stiffness:
         return [model_logarithms]
@@ -450,13 +440,11 @@ def _start_values(
 
 
 def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Array:
-    """Return the natural logarithm of the smoothed Fourier amplitude, shape (_FREQUENCIES,).
+    """Return the natural logarithm of the smoothed Fourier amplitude, shape (_FREQUENCIES,), at
+    frequencies that are equally spaced on a logarithmic axis in `band` (Hz; None for all that the
+    samples resolve).
 
-    The squared amplitude is averaged over a band around each frequency. The frequencies are
-    equally spaced on a logarithmic axis.
-
-    `dt` is the sampling interval, s. `band` is the range of the frequencies, Hz; None for all
-    frequencies that the samples resolve.
+    The squared amplitude is averaged over a band around each frequency.
     """
     low, high = band or (0.0, math.inf)
     # The limit 0.4 / dt is slightly below the Nyquist frequency 0.5 / dt, because the average at a
@@ -480,19 +468,17 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
 
 
 def _standard_errors(solution: object) -> Array:
-    """Return the relative standard errors of the fitted values, shape (values,).
+    """Return the relative standard errors of the fitted values, shape (values,); inf for a value
+    that the residuals do not determine.
 
-    These are the standard errors of the logarithms of the values: the square roots of the diagonal
-    of their covariance matrix s^2 (J^T J)^-1. J is the Jacobian of the residuals at the minimum,
-    and s^2 is the variance of the residuals. The standard error of a value that the residuals do
-    not determine is inf.
-
-    `solution` is the result of `scipy.optimize.least_squares` for the logarithms.
+    These are the square roots of the diagonal of the covariance matrix s^2 (J^T J)^-1 of the
+    logarithms, with the Jacobian J of the residuals at the minimum and the variance s^2 of the
+    residuals.
     """
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     residual_count, value_count = jacobian.shape
-    # If there are fewer residuals than values, rows of zeros make J a square matrix. They do not
-    # change J^T J, and the decomposition then contains all directions of the values.
+    # With fewer residuals than values, rows of zeros make J a square matrix, so that the
+    # decomposition contains all directions of the values. They do not change J^T J.
     jacobian = np.pad(jacobian, ((0, max(0, value_count - residual_count)), (0, 0)))
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
     # The recording does not determine directions with singular values at the level of rounding.
@@ -507,13 +493,8 @@ def _standard_errors(solution: object) -> Array:
 
 
 def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
-    """Return the values of a model to be fitted, with their bounds.
-
-    Raises
-    ------
-    UsageError
-        No name, an unknown name, or both `stiffness` and `stiffness-factor` are requested; or the
-        model has no such values.
+    """Return the values of a model to be fitted, with their bounds; raise UsageError for invalid
+    names or a model without such values.
     """
     unknown = [name for name in names if name not in FITTED]
     if unknown or not names:
@@ -548,12 +529,8 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
 
 
 def _stiffness(model: Model, i: int) -> _FreeValue:
-    """Return the stiffness of story `i` (from 0) as a value to be fitted.
-
-    Raises
-    ------
-    UsageError
-        The stiffness is not a parameter of the model, because the law of the story determines it.
+    """Return the stiffness of story `i` (from 0) as a value to be fitted; raise UsageError if the
+    law of the story determines it.
     """
     story = model.stories[i]
     if story.elements:
@@ -580,14 +557,10 @@ def _stiffness(model: Model, i: int) -> _FreeValue:
 
 
 def _damping(damping: Damping) -> list[_FreeValue]:
-    """Return the positive coefficients or ratios of the damping of a model as values to be fitted.
+    """Return the positive coefficients or ratios of the damping as values to be fitted; raise
+    UsageError without damping.
 
     Zeros, for example of modes without damping, remain zero.
-
-    Raises
-    ------
-    UsageError
-        The model has no damping.
     """
     if damping is None:
         raise UsageError(

@@ -412,14 +412,8 @@ class _MatchTarget:
 
 
 def _spectra(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
-    """Compute the pseudo-acceleration spectra of a motion for several damping ratios.
-
-    `periods` contains the periods, s.
-
-    Returns
-    -------
-    ndarray, shape (damping ratios, k)
-        Pseudo-accelerations, m/s^2; RotD100 for a pair.
+    """Compute the pseudo-acceleration spectra of a motion (RotD100 for a pair) for several damping
+    ratios, m/s^2, shape (damping ratios, k).
 
     Raises
     ------
@@ -446,18 +440,12 @@ def _match_seed(
     seed_spectra: Array,
     report_stage: Callable[[int], None],
 ) -> Match:
-    """Match a seed to target spectra.
+    """Match a seed to target spectra; return the result for the first damping ratio, which contains
+    the remaining ratios (`Match.further`).
 
     The factor of the scaled seed minimizes the squares of ln(spectrum / target). The best motion of
-    all stages is returned, or the scaled seed if no stage reduces the misfit.
-
-    `seed_spectra` is the spectra of the seed, m/s^2. `report_stage` is the function that receives
-    the number of completed stages of the motion.
-
-    Returns
-    -------
-    Match
-        Result for the first damping ratio; `Match.further` contains the remaining ratios.
+    all stages is returned, or the scaled seed if no stage reduces the misfit. `report_stage`
+    receives the number of completed stages.
     """
     checked, dampings = match_target.checked, match_target.dampings
     target_psa = match_target.at(checked)
@@ -491,20 +479,10 @@ def _solve_stages(
     scaled_seed: Array,
     report_stage: Callable[[int], None],
 ) -> tuple[Array, float]:
-    """Match a seed in several stages, and return the best motion of all stages.
+    """Match a seed in several stages, and return the best motion of all stages with its score.
 
     The first stage matches few periods. Each further stage adds the periods with the largest
     misfits, until all misfits are small.
-
-    `scaled_seed` contains the samples of the scaled seed, m/s^2. `report_stage` is the function
-    that receives the number of completed stages of the motion.
-
-    Returns
-    -------
-    samples : ndarray, shape (components, n)
-        Samples of the best motion, m/s^2.
-    score : float
-        Its `_score`.
     """
     checked, dampings = match_target.checked, match_target.dampings
     target_psa = match_target.at(checked)
@@ -551,13 +529,8 @@ def _score(misfit: Array) -> float:
 
 
 def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
-    """Add periods with a large misfit to the matched periods of a damping ratio.
-
-    Checked periods are added at local maxima of the misfit above `SMALL_MISFIT`, except next to
-    matched periods (within 0.3 %). The result is sorted.
-
-    `periods` contains the matched periods, s. `checked` and `misfit` are the checked periods, s,
-    and the absolute misfit at each.
+    """Add periods with a large misfit to the matched periods of a damping ratio, at local maxima of
+    the misfit above `SMALL_MISFIT`, except next to matched periods (within 0.3 %).
     """
     is_maximum = (
         (misfit > SMALL_MISFIT) & (misfit >= np.roll(misfit, 1)) & (misfit >= np.roll(misfit, -1))

@@ -323,9 +323,7 @@ def _test(
 ) -> CyclicTest:
     """Impose a path of drifts on the law of one story, and return the result of the test.
 
-    `building` is the building without damping. `story` is the number of the story, from 1. `drifts`
-    is the path, m. `points` is the number of points in a quarter of a cycle; None for a path
-    without cycles.
+    `points` is the number of points in a quarter of a cycle; None for a path without cycles.
     """
     return CyclicTest(
         model=model,
@@ -616,13 +614,8 @@ class Pushover(Tabular):
 
 
 def _triangular(building: Building) -> Array:
-    """Return the triangular pattern of forces, mass times height of the floor above the ground
-    (kg m), shape (n,).
-
-    Raises
-    ------
-    UsageError
-        A story has no height.
+    """Return the triangular pattern of forces, mass times height of the floor above the ground (kg
+    m); raise UsageError if a story has no height.
     """
     if np.isnan(building.height_contributions).any():
         raise UsageError(
@@ -763,12 +756,8 @@ def _element_events(
 
 
 def _target(size: DriftSize, building: Building) -> float:
-    """Return the target roof displacement in m for a size, which is a length or a drift ratio.
-
-    Raises
-    ------
-    UsageError
-        The size is a multiple of a yield drift, or it is a drift ratio and a height is missing.
+    """Return the target roof displacement in m for a size, a length or a drift ratio; raise
+    UsageError for another size or a missing height.
     """
     unit_in_m = {"length": 1.0, "ratio": float(building.height_contributions.sum())}
     if size.quantity not in unit_in_m:
@@ -829,15 +818,11 @@ class _Chain:
         )
 
     def push(self, displacement: float, step: float) -> str:
-        """Advance to the next row of the result; return the reason if the path ends before it.
+        """Advance to the next row of the result; return the reason if the path ends before it,
+        otherwise an empty text.
 
-        The returned text is empty if the row is reached.
-
-        A row is reached at a roof displacement. If the roof displacement decreases, a row is
-        reached if the absolute changes of all story drifts add up to a step.
-
-        `displacement` is the roof displacement of the next row, m. `step` is the difference of roof
-        displacement between rows, m.
+        A row is reached at a roof `displacement`. If the roof displacement decreases, a row is
+        reached if the absolute changes of all story drifts add up to a `step`.
         """
         default_step, path_length = step / _STEPS_PER_ROW, 0.0
         drift_step = default_step
@@ -909,8 +894,6 @@ class _Chain:
 
         It follows from the difference between the new state and the extrapolation of the present
         state by the tangents: of the base shear, and of the drifts of the other stories.
-
-        `tangents` contains the tangent stiffnesses of the stories at the present state, N/m.
         """
         drift_change, shear_change = drift - self.drift, base_shear - self.base_shear
         # Error of the base shear times change of the roof displacement, plus error of the roof
@@ -927,20 +910,11 @@ class _Chain:
     def _find_state(
         self, excess: Excess, controlling: int, drift_step: float, drift: Array, base_shear: float
     ) -> tuple[Array, float]:
-        """Find the state within a step at which a quantity has its required value.
+        """Find the drifts and the base shear within a step at which a quantity has its required
+        value.
 
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.
-
-        `excess` is the function of drifts and base shear: excess over the required value, relative
-        to it. `drift_step` is the step of the drift of the controlling story, m.
-
-        Returns
-        -------
-        drift : ndarray, shape (n,)
-            Drifts of the stories, m.
-        base_shear : float
-            Base shear, N.
         """
         lower, upper = 0.0, drift_step
         lower_excess, upper_excess = excess(self.drift, self.base_shear), excess(drift, base_shear)
@@ -963,18 +937,8 @@ class _Chain:
         return drift, base_shear
 
     def _trial(self, controlling: int, drift_step: float) -> tuple[Array, float] | None:
-        """Compute the state of equilibrium after a drift step of one story, without accepting it.
-
-        The force of this story determines the base shear, and the base shear determines the shears
-        and drifts of the other stories.
-
-        `drift_step` is the change of its drift, m.
-
-        Returns
-        -------
-        tuple of (ndarray, float) or None
-            Drifts of the stories (m) and base shear (N); None if another story cannot resist its
-            shear.
+        """Compute the drifts and the base shear in equilibrium after a drift step of one story,
+        without accepting the state; None if another story cannot resist its shear.
         """
         force, _ = self.stories[controlling].response_at(self.drift[controlling] + drift_step)
         base_shear = force / self.shear_fraction[controlling]

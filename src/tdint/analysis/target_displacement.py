@@ -289,9 +289,6 @@ def _n2(
     """Apply N2 (EN 1998-1:2004, annex B) to the curve up to a roof displacement.
 
     The idealized curve is elastic and perfectly plastic, with equal strength and area.
-
-    `mass` and `participation` are the mass of the equivalent oscillator, kg, and participation
-    factor. `roof` is the roof displacement up to which the curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
     # Forces and displacements of the building are divided by the participation factor to obtain
@@ -330,9 +327,6 @@ def _coefficients(
 
     The idealized curve consists of two lines with equal area. The first line intersects the curve
     at 0.6 of the yield force.
-
-    `building` is the building without damping. `roof` is the roof displacement up to which the
-    curve is idealized, m.
     """
     roof = curve.idealized_to(roof)
     modes = building.modes()
@@ -355,30 +349,21 @@ def _coefficients(
 
 
 def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
-    """Idealize a pushover curve by two lines, and return the point at which the lines meet (yield).
+    """Idealize a pushover curve by two lines, and return base shear (N) and roof displacement (m)
+    of the point at which the lines meet (yield).
 
     The first line is a secant from the origin, which intersects the curve at 0.6 of the yield
     force. The second line ends on the curve at the displacement `roof`. The area below the two
     lines equals the area below the curve. If several yield forces satisfy this condition, the
     smallest is returned. (If the curve hardens after a yield, the secant becomes flatter, and the
     areas can be equal again at a larger force.)
-
-    `roof` is the roof displacement up to which the curve is idealized, m.
-
-    Returns
-    -------
-    tuple of float
-        Base shear (N) and roof displacement (m) at yield.
     """
     end_shear, area = curve.response_at(roof)
     maximum_shear = curve.maximum_shear(roof)
-    # For each possible yield force, the secant from the origin intersects the curve at 0.6 times
-    # this force. While this intersection moves along a straight part of the curve, the displacement
-    # at yield is a linear function of the yield force. The second line always ends at the same
-    # point, so that the area below the two lines is also a linear function of the yield force. Thus
-    # the difference between this area and the area below the curve is computed only at both ends
-    # of each straight part, and interpolated. Flat and decreasing parts are skipped, because they
-    # contain no new intersection.
+    # The intersection of the secant at 0.6 times the yield force moves along a straight part of the
+    # curve: the displacement at yield, and therefore the area below the two lines, are linear
+    # functions of the yield force. The difference of the areas is computed only at both ends of
+    # each straight part, and interpolated. Flat and decreasing parts contain no new intersection.
     maximum_before = np.maximum.accumulate(curve.shear)
     rising = np.flatnonzero(curve.shear[1:] > maximum_before[:-1]) + 1
     rising = rising[maximum_before[rising - 1] < _SECANT * maximum_shear]
@@ -424,19 +409,8 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
 def _solve(
     method: str, curve: _PushoverCurve, idealize: Callable[[float], _IdealizedCurve]
 ) -> _IdealizedCurve:
-    """Return the idealization for the smallest roof displacement that reproduces itself.
-
-    The curve is idealized up to a roof displacement, and the idealization yields a new roof
-    displacement. Both are equal at the result. It is enclosed between two points of the curve and
-    then bisected.
-
-    `idealize` is the function that receives a roof displacement, m, and returns the idealization of
-    the curve up to this displacement.
-
-    Raises
-    ------
-    AnalysisError
-        The displacement exceeds the range of the curve.
+    """Return the idealization for the smallest roof displacement that reproduces itself; raise
+    AnalysisError if it exceeds the range of the curve.
     """
     roof_displacements = curve.roof[1:]
     previous = roof_displacements[0]
@@ -467,15 +441,14 @@ def _solve(
 def _strength_note(
     curve: _PushoverCurve, building: Building, idealized: _IdealizedCurve, demand: TargetSpectrum
 ) -> tuple[str, ...]:
-    """Return a note if the strength ratio exceeds the limit of the coefficient method.
+    """Return a note if the strength ratio exceeds the limit of the coefficient method; empty if the
+    limit is met.
 
     The limit concerns buildings that lose strength. ASCE 41-17 gives it in 7.4.3.3.2 and equation
     7-32: mu_max = Delta_d / Delta_y + |alpha_e|^-h / 4, with h = 1 + 0.15 ln Te and the effective
     slope after the peak alpha_e = alpha_P-Delta + lambda (alpha_2 - alpha_P-Delta), both slopes
     relative to the effective stiffness. The factor lambda is 0.8 for near-fault sites and 0.2
-    otherwise. The result is empty if the limit is met.
-
-    `building` is the building without damping.
+    otherwise.
     """
     peak = curve.peak
     # The slope after the peak is measured up to the point at 0.6 of the yield force, or to the end.

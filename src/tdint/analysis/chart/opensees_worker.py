@@ -112,8 +112,6 @@ def _run(ops: Any, problem: Content, run: Content) -> Content:
 
     The motion is recorded in a separate run with a call of OpenSees for each step. The times (s)
     are measured in runs with a single call for all steps. They are missing if the first run fails.
-
-    `run` is the integrator, time step (s), number of steps and repetitions.
     """
     clock_seconds = getattr(time, run["clock"])
     _build(ops, problem, run)
@@ -190,11 +188,10 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
 
 
 def _load_floors(ops: Any, problem: Content) -> None:
-    """Define the forces cosine cos(omega t) + sine sin(omega t) of the problem in OpenSees.
+    """Define the harmonic forces of the problem in OpenSees.
 
-    Each term that is not zero is one load pattern. OpenSees' series Trig is factor sin(omega t +
-    shift). A cosine is thus a sine with the shift pi / 2. A force with omega = 0 is the constant
-    factor sin(shift), because Trig needs a period.
+    OpenSees' series Trig is factor sin(omega t + shift). A cosine is thus a sine with the shift pi
+    / 2. A force with omega = 0 is the constant factor sin(shift), because Trig needs a period.
     """
     tag = 2  # the ground motion has the tag 1
     # The remaining columns of a row belong to forces from tables, which OpenSees does not run.
@@ -220,15 +217,8 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     Accelerations satisfy equilibrium at the end of each step, as those of tdint do. They are
     computed from OpenSees' displacements, velocities and story forces. OpenSees' own accelerations
     differ if the integrator weights the equation of motion (HHT, generalized-alpha). Total shears
-    are the inertia forces of the masses above; they are nan with forces on floors.
-
-    Returns
-    -------
-    dict
-        `outcome`; if it is `done`, also `motion` (displacement, velocity and acceleration relative
-        to the ground at the samples), the maximum absolute values over all steps of each story or
-        floor (`peak_drift`, `peak_absolute_acceleration`, `peak_total_shear`), and the number of
-        `iterations`. SI units.
+    are the inertia forces of the masses above; they are nan with forces on floors. `motion` is
+    relative to the ground, at the samples; peaks are the maxima over all steps.
     """
     node_values, story_force, iterations = _run_steps(ops, problem, run)
     if not node_values:
@@ -265,20 +255,12 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
 
 
 def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any, int]:
-    """Run the time steps, and return the motion and the forces that OpenSees records.
+    """Run the time steps; return displacements, velocities and accelerations (empty if a step did
+    not converge), the forces of the materials of the stories (N), each of shape (steps, floors),
+    and the number of iterations.
 
     The model in OpenSees is deleted afterwards. OpenSees writes the motion of the nodes to files,
     because queries from Python take more time than the steps.
-
-    Returns
-    -------
-    list of ndarray
-        Displacements, velocities and accelerations at the end of each step; shape (steps, floors).
-        Empty if a step did not converge.
-    ndarray | None
-        Forces of the materials of the stories, N; shape (steps, floors).
-    int
-        Number of iterations.
     """
     floors = problem["mass"].size
     stories = range(1, floors + 1)
@@ -306,19 +288,10 @@ def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any
 
 
 def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any) -> Any:
-    """Return the absolute accelerations M^-1 (p - C v - f) at the end of each step.
+    """Return the absolute accelerations M^-1 (p - C v - f) at the end of each step, m/s^2, shape
+    (steps, floors).
 
-    M are the masses, p the forces on the floors, C v the viscous damping forces, and f the forces
-    of the hysteresis models and of P-delta.
-
-    `times` contains the times, s; shape (steps,). `u` and `v` are the displacements (m) and
-    velocities (m/s) relative to the ground; shape (steps, floors). `story_force` contains the
-    forces of the materials of the stories, N; shape (steps, floors).
-
-    Returns
-    -------
-    ndarray, shape (steps, floors)
-        Absolute accelerations, m/s^2.
+    `story_force` contains the forces of the materials of the stories; f includes P-delta.
     """
     # Damping in proportion to the mass acts on the floors, all other damping on the stories.
     force = -float(problem["alpha_mass"]) * problem["mass"] * v

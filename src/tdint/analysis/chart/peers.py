@@ -173,8 +173,6 @@ def openseespy_points(
         Time steps, s.
     reference : Reference
         Reference solution of the errors.
-    repeats : int
-        Number of times that each run is timed; at most 3.
     share : float
         Fraction of `opensees_worker.SECONDS` that all runs of a single integrator together may use.
         Runs with large steps are executed first; runs that are not executed have the outcome
@@ -183,13 +181,6 @@ def openseespy_points(
         Function that receives an object with the attributes `peak_drift`,
         `peak_absolute_acceleration` and `peak_total_shear` (arrays over the stories), and returns
         errors. By default, the errors of the motion are used.
-
-    Returns
-    -------
-    points : list of Point
-        One point for each method and time step.
-    notes : list of str
-        Notes on omitted points.
     """
     if reason := _unsupported(problem):
         return [], [f"openseespy is omitted: {reason}"]
@@ -251,13 +242,6 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     ----------
     goal : float
         Relative difference at which no smaller steps are tried.
-
-    Returns
-    -------
-    gap : float
-        Relative difference; nan if it cannot be computed.
-    description : str
-        Description of the steps, or the reason why the difference cannot be computed.
     """
     if reason := _unsupported(problem):
         return math.nan, reason
@@ -336,11 +320,10 @@ def _proportion(numerators: Array, denominators: Array) -> float | None:
 
 
 def _needs_one_solution(problem: Problem) -> bool:
-    """Return True if OpenSees needs a single solution of the equations per time step.
+    """Return True if OpenSees needs a single solution of the equations per time step: for a linear
+    building whose dampers are Rayleigh damping.
 
-    This is the case for a linear building whose dampers are Rayleigh damping (in proportion to the
-    stiffness). Other dampers are the material Viscous. Its tangent is not exact, so that a single
-    solution is not sufficient.
+    Other dampers are the material Viscous. Its tangent is not exact.
     """
     building = problem.building
     dampers, stiffness = (
@@ -357,23 +340,12 @@ def _run_worker(
     repeats: int,
     share: float,
 ) -> tuple[dict[str, Any], str]:
-    """Run OpenSeesPy in a separate process, because its libraries would stay loaded and may crash.
+    """Run OpenSeesPy in a separate process, because its libraries would stay loaded and may crash;
+    return its arrays (names `run number`_`quantity`) and the reason of a failure, empty if it
+    succeeds.
 
-    `share` is the fraction of `opensees_worker.SECONDS` that each integrator may use.
-
-    Parameters
-    ----------
-    reference : Reference
-        Reference solution. Its maximum inertia force scales the tolerance of OpenSees' iterations,
-        and its peak drifts scale the drifts of the force tables that replace curved laws.
-
-    Returns
-    -------
-    results : dict of str to ndarray
-        Arrays of the worker. A name consists of the number of the run, an underscore, and the
-        quantity. Empty if the process fails.
-    failure_reason : str
-        Reason of the failure; empty if the process succeeds.
+    The maximum inertia force of the reference scales the tolerance of OpenSees' iterations, and its
+    peak drifts scale the drifts of the force tables that replace curved laws.
     """
     # The function in `_OPENSEES` receives the first parameter of the method, or nan.
     run_descriptions = [
@@ -526,13 +498,6 @@ def solve_ivp_points(
         Reference solution of the errors.
     seconds : float
         Time limit of a run, s.
-
-    Returns
-    -------
-    points : list of Point
-        One point for each method and relative tolerance.
-    notes : list of str
-        Notes on omitted points.
     """
     if problem.model.excitation.tables:
         return [], ["scipy's solve_ivp is omitted: forces on floors are from tables"]
@@ -558,17 +523,12 @@ def solve_ivp_points(
 
 
 def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
-    """Split each story into an elastic spring and a parallel elastic-perfectly plastic spring.
+    """Return stiffness (N/m) of an elastic spring, and stiffness and strength (N) of a parallel
+    elastic-perfectly plastic spring, of each story.
 
-    The elastic spring has the stiffness after yield, and includes P-delta. A linear story has only
-    the elastic spring. None is the result if a story is neither linear nor bilinear with equal
-    strengths.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n,), or None
-        Stiffness of the elastic spring (N/m); stiffness (N/m) and strength (N) of the
-        elastic-perfectly plastic spring. For a linear story the latter are 0 and inf.
+    The elastic spring has the stiffness after yield, and includes P-delta. For a linear story, the
+    second spring has the stiffness 0 and the strength inf. None is the result if a story is neither
+    linear nor bilinear with equal strengths.
     """
     law_parameters = problem.building.story_laws
     is_bilinear = law_parameters[rows.CODE] == CODES["bilinear"]
@@ -594,14 +554,9 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
 def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
     """Return the right-hand side of the equations of motion as a function rate(t, state).
 
-    The state is (u, v, z), and its rate is (v, acceleration relative to the ground, rate of z).
-
-    u and v are the displacements and velocities of the floors relative to the ground, and z the
-    hysteretic forces of the stories. Without bilinear stories, z is omitted.
-
-    `law` is the elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
-    `deadline` is the reading of `tdint.system.seconds` after which the function raises
-    `_TimeExceeded`, s.
+    The state (u, v, z) contains the displacements and velocities of the floors relative to the
+    ground, and the hysteretic forces of the stories, without z if no story is bilinear. The
+    function raises `_TimeExceeded` after the reading `deadline` of `tdint.system.seconds`.
     """
     building = problem.building
     floor_count = building.stories
@@ -771,9 +726,6 @@ def _plugin_point(
     problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int
 ) -> Point:
     """Time a function of a plug-in and return its point; the caller adds the name of the point.
-
-    `function` is the function of the problem that returns times (s) and displacements of the floors
-    (m).
 
     Raises
     ------

@@ -263,12 +263,6 @@ def pose(
     dts : tuple of float
         Time steps of the runs, s; used only without a record and without a time step in the model.
 
-    Returns
-    -------
-    Problem
-        Its interval is the sampling interval of the record. Without a record, it is the time step
-        of the model, or the maximum of `dts` if the model has no time step.
-
     Raises
     ------
     UsageError
@@ -524,11 +518,7 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
 
 def _solve(problem: Problem, samples: int) -> Reference:
-    """Compute the reference for a problem over a number of sampling intervals.
-
-    The time step is halved until the gap is at most the target of the methods, decreases by less
-    than half, or the time is used up. The gap is the difference from the solution of a second
-    method. The solution with the smallest gap is returned.
+    """Compute the reference for a problem over a number of sampling intervals (`find_reference`).
 
     Raises
     ------

@@ -508,19 +508,12 @@ def measure_problem(
 
 
 def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
-    """Compute the reference of a problem, and confirm it by a second method.
+    """Compute the reference of a problem by impulse4 with small time steps; return it with the
+    difference of the peaks of a second method, the minimum over its time steps, and the name of
+    this method with its last time step.
 
     The time step of the second method is reduced until the difference is small enough to confirm
     the reference at the smallest tolerance.
-
-    Returns
-    -------
-    reference : Response
-        Response by impulse4 with small time steps.
-    gap : PeakErrors
-        Difference of the peaks of the second method, the minimum over its time steps.
-    confirmed_by : str
-        Second method with its last time step.
 
     Raises
     ------
@@ -547,13 +540,10 @@ def _repeat_contenders(
     repeats: int,
     progress: Progress,
 ) -> None:
-    """Repeat the timing of all points that can be the cheapest for some tolerance.
+    """Repeat the timing of all points that can be the cheapest for some tolerance, until they have
+    `repeats` times; they are replaced in `points`.
 
     Each repetition times every such point, so that a slow phase of the machine affects all points.
-
-    `points` contains the points by method and time step, each timed one time. The repeated points
-    are replaced by points with further times. `repeats` is the final number of times of a repeated
-    point, including the first.
     """
     contenders = _contenders(points.values())
     for repetition in range(1, repeats):
@@ -631,21 +621,11 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
 def _opensees_results(
     posed: Problem, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> tuple[list[Point], float, str]:
-    """Measure OpenSeesPy with all time steps.
+    """Measure OpenSeesPy with all time steps; return the points, the relative difference between
+    OpenSees with small steps and the reference (nan if unknown), and a note.
 
     Points are returned only if OpenSees integrates the same building: with small steps, its
     histories must equal the reference within a fifth of the smallest tolerance.
-
-    `dts` contains the time steps, s.
-
-    Returns
-    -------
-    points : list of Point
-        Points; empty if OpenSees cannot be used for this problem.
-    gap : float
-        Relative difference between OpenSees with small steps and the reference; nan if unknown.
-    note : str
-        Description of these steps and of omitted points, or the reason for an empty list.
     """
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 
@@ -906,15 +886,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
 def _read_problem(
     entry: Section, origin: SourceText, motions: Sequence[str]
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
-    """Read one entry of the list of problems.
-
-    None is the result if the entry is invalid. Its errors are then stored in the document.
-
-    Returns
-    -------
-    tuple | None
-        Name (str), reason (str), model (Model) or its file (str), and factors on the ground motions
-        (dict, by name of the motion).
+    """Read one entry of the list of problems: name, reason, model or its file, and factors on the
+    ground motions by name; None if the entry is invalid (the errors are stored in the document).
     """
     name, model_value = (
         entry.need("name", "specify a name of the problem"),

@@ -231,23 +231,12 @@ class _Search:
         return self.runs[level]
 
     def within(self, largest: float) -> tuple[int, Response]:
-        """Find a level that meets the tolerance with a time step of at most `largest` (s).
+        """Find a level that meets the tolerance with a time step of at most `largest` (s; inf for
+        no maximum); return the level and its response with error estimates.
 
-        Level 0 is the first time step of the search, `coarsest`; each further level halves it. The
-        search estimates the errors of a level, and predicts the number of levels to skip. The
-        result is the first of the estimated levels that meets the tolerance; a skipped level with a
-        longer step could also meet it. The last level is `_MAX_HALVINGS` levels after the level
-        `power`, which has the sampling interval or the requested time step; but at least the first
-        estimated level.
-
-        `largest` is the maximum time step, s; inf for no maximum.
-
-        Returns
-        -------
-        level : int
-            Level that meets the tolerance.
-        response : Response
-            Response with error estimates.
+        The search estimates the errors of a level, and predicts the number of levels to skip. A
+        skipped level with a longer step could also meet the tolerance. The last level is
+        `_MAX_HALVINGS` levels after the level `power`, but at least the first estimated level.
 
         Raises
         ------
@@ -313,15 +302,12 @@ class _Search:
         return FailedRun(message, NO_STEP, label, response.dt, story=story)
 
     def _halvings(self, level: int, error: float | None, is_reference: bool) -> int:
-        """Predict the number of halvings from a level to a level that meets the tolerance.
+        """Predict the number of halvings from a level that does not meet the tolerance to a level
+        that meets it, and store the estimated error of the level.
 
         The prediction uses the order that the errors of this level and of the previous level show.
-        The error of this level is stored.
-
-        `level` is the level that does not meet the tolerance. `error` is the estimated error of
-        this level; None leads to a single halving. `is_reference` is True if runs are compared with
-        the previous run. Jumps are then shorter, because the time steps of the two runs should be
-        similar.
+        Jumps are shorter if runs are compared with the previous run, because the time steps of the
+        two runs should be similar.
         """
         if error is None or not math.isfinite(error):
             return 1
@@ -338,15 +324,10 @@ class _Search:
 
     def _with_coarser_run(self, previous: int, level: int) -> Response | FailedRun:
         """Return the response of a level with errors estimated from its difference to the response
-        of the previous level.
+        of the previous level, which is added to `pairs`.
 
-        The difference of the pair is added to `pairs`.
-
-        Returns
-        -------
-        Response or FailedRun
-            Without error estimates if the previous run failed, or if one of the two runs ended
-            early by a collapse. A failure if the run of `level` failed.
+        The response has no error estimates if the previous run failed, or if one of the two runs
+        ended early by a collapse. The result is a failure if the run of `level` failed.
         """
         coarse, response = self.run(previous), self.run(level)
         if isinstance(response, FailedRun) or isinstance(coarse, FailedRun):
