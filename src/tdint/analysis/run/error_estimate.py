@@ -501,12 +501,10 @@ def ended_at_rest(response: Response) -> Response:
     """Add the amplitude of the remaining motion to the estimated errors of the residual drifts.
 
     A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
-    rest, differ from these by up to the amplitude of the remaining motion (`residual_oscillation`,
-    m, shape (n,)). The amplitude of a story is approximate and can be too small by accident. It is
-    therefore increased to at least 0.2 (`COMMON`) times the amplitude that the story would have if
-    the ratio of amplitude to peak drift were the same in all stories: the root mean square of these
-    ratios times the peak drift of the story (`common`). A response without error estimates is
-    returned unchanged.
+    rest, differ from these by up to the amplitude of the remaining motion (`residual_oscillation`).
+    The amplitude of a story is approximate and can be too small by accident. It is therefore
+    increased to at least 0.2 (`COMMON`) times the amplitude that the story would have if the ratio
+    of amplitude to peak drift were the same in all stories (`common`).
     """
     if response.check is None:
         return response
@@ -544,11 +542,8 @@ def _chunks_with_error(
     ratio: int,
     every: int = 1,
 ) -> Iterator[History]:
-    """Yield the chunks of a history with the estimated errors at each row.
-
-    `chunks` and `other_chunks` are the functions that return the chunks of the history of the run
-    and of the additional run, with every N-th time step for the argument N. `ratio` is the number
-    of time steps of the additional run in one time step of the run.
+    """Yield the chunks of a history with the estimated errors at each row; `ratio` is the number of
+    time steps of the additional run in one time step of the run.
     """
     return map(_with_error, chunks(every), other_chunks(ratio * every))
 

@@ -592,17 +592,12 @@ class PreparedBuilding:
         runs: Sequence[RunSpec],
         space: Workspace,
     ) -> Callable[..., None]:
-        """Return a function that integrates runs in the compiled loop with the arrays of `space`.
+        """Return a function that integrates runs in the compiled loop with the arrays of `space`:
+        (runs to integrate, `BatchResult` to fill, `RestCriterion`) -> None.
 
-        `h` is the time step, s. `samples` contains the concatenated ground accelerations of all
-        runs, m/s^2. `runs` contains all runs that the returned function may integrate. Only the
-        maximum number of their samples is used, as the size of a work array.
-
-        Returns
-        -------
-        function
-            (runs to integrate, `BatchResult` to fill, `RestCriterion`) -> None. Without a
-            criterion, runs are not continued after the record.
+        `runs` contains all runs that the returned function may integrate. Only the maximum number
+        of their samples is used, as the size of a work array. Without a criterion, runs are not
+        continued after the record.
         """
         called = (
             integrate,
@@ -769,25 +764,11 @@ class PreparedBuilding:
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
-        """Return a function that integrates a range of time steps by the compiled time loop.
+        """Return a function (steps, first, last) that integrates the steps from `first` to `last` -
+        1 by the compiled time loop, and returns 0 or the negative code of a step that fails.
 
         All arguments of the compiled loop except the steps are fixed. The function continues from
-        the state of the arrays at the time of its call, and changes them.
-
-        Parameters
-        ----------
-        h : float
-            Time step, s.
-        ground : ndarray, shape (samples,)
-            Ground acceleration at the samples, m/s^2.
-        space : Workspace
-            Arrays of the time integration, as from the method `arrays`: state, peaks and history.
-
-        Returns
-        -------
-        Loop
-            Function (steps, first, last) that integrates the steps from `first` to `last` - 1,
-            counted from 0. It returns 0, or the negative code of a step that fails.
+        the state of the arrays in `space` at the time of its call, and changes them.
         """
         building = self.building
         loop_arrays = (
