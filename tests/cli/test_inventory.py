@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from csv_rows import rows
@@ -92,6 +93,14 @@ def test_a_pushover_curve(folder, tdint, drawn):
     assert float(table[1]["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
     assert "\nshaken, uniform pattern: maximum base shear " in result.stderr
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_number_of_points(folder, tdint):
+    """The roof displacement of a pushover curve increases in this number of equal steps."""
+    curve = rows(tdint("pushover", "forced.yaml", "--drift", "1%", "--points", "8", code=0).stdout)
+    roof = [float(row["roof_displacement_m"]) for row in curve]
+    assert len(roof) == 9
+    assert np.diff(roof) == pytest.approx(np.full(8, roof[-1] / 8.0))
 
 
 def test_a_pushover_with_a_design_spectrum(folder, tdint):
