@@ -498,9 +498,52 @@ def available_memory() -> float:
     return min(limits, default=math.inf)
 
 
+def lock_failure(file: Path) -> str | None:
+    """Return the reason why a file cannot be locked, if its file system does not support locks (or
+    has none left); None if it supports locks.
+
+    The locks of the library SQLite (`fcntl`) are tested, which differ from those of `lock`. The
+    caller has no such lock, because this function would remove it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    with suppress(OSError), file.open("rb") as stream:
+        try:
+            fcntl.lockf(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):  # another process has locked the file
+            return None
+        except OSError as error:
+            return error.strerror or str(error)
+    return None
+
+
+def is_at(descriptor: int, file: Path) -> bool:
+    """Return True if an open file is still the file with this path: it was neither removed nor
+    replaced."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), file.stat())
+    except OSError:
+        return False
+
+
+def _open_to_lock(file: Path | None) -> BinaryIO | None:
+    """Open a file for locking, and create it if necessary; None if this is not possible."""
+    try:
+        # Opening a named pipe of this name would block. `exists` is called first: in the other
+        # order, a file that another process creates between the two calls would not be locked.
+        return file.open("ab") if file and (not file.exists() or file.is_file()) else None
+    except OSError:
+        return None
+
+
 @contextmanager
 def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
     """Lock a file during a `with` statement. The statement starts when the lock is available.
+
+    The process with the lock may remove the file at the end of the statement: processes that wait
+    for it then lock the new file of this name.
 
     Parameters
     ----------
@@ -510,24 +553,28 @@ def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
     on_wait : callable
         Function that is called a single time if another process has locked the file.
     """
-    try:
-        # Opening a named pipe of this name would block. `exists` is called first: in the other
-        # order, a file that another process creates between the two calls would not be locked.
-        stream = file.open("a") if file and (not file.exists() or file.is_file()) else None
-    except OSError:
-        stream = None
-    if stream is None:
-        yield
-        return
-    with stream:
-        is_reported = False
-        while not lock(stream.fileno()):
-            if not is_reported:
-                on_wait()
-                is_reported = True
-            time.sleep(0.05)  # s, between two attempts
-        yield
+    is_reported = False
+    # On a file system with unstable inode numbers, each attempt would fail.
+    for _ in range(_MAX_REOPENED):
+        stream = _open_to_lock(file)
+        if file is None or stream is None:
+            break
+        with stream:
+            while not lock(stream.fileno()):
+                if not is_reported:
+                    on_wait()
+                    is_reported = True
+                time.sleep(0.05)  # s, between two attempts
+            # A removed file does not exclude processes that create it again.
+            if is_at(stream.fileno(), file):
+                yield
+                return
+    yield
 
+
+_MAX_REOPENED = 1000
+"""Maximum number of times that a lock file is opened again, because another process has removed
+it."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -4,14 +4,17 @@ of other commands."""
 import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from time import monotonic
 
 import pytest
 
 from cli.conftest import STUDY, Command, change, made_once, write_folder
+from cli.read_only import read_only
 from facts import states
 from tdint.campaign import store_schema
 from tdint.campaign.store import FILE
@@ -255,3 +258,71 @@ def test_overwrite_does_not_restart_an_unchanged_campaign(
     tdint("campaign", "study.yaml", "-o", "out", code=2)
     tdint("campaign", "study.yaml", "-o", "out", "--overwrite", code=0)
     assert tables("out") != done
+
+
+def kept_open(*statements: str) -> None:
+    """Change the store in another process that is killed, so that its log or journal remains."""
+    script = (
+        "import os, sqlite3, sys\n"
+        f"connection = sqlite3.connect({f'out/{FILE}'!r}, isolation_level=None)\n"
+        f"for statement in {statements!r}: connection.execute(statement).fetchall()\n"
+        "os._exit(0)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
+LEFT_BEHIND: dict[str, Callable[[], None]] = {
+    "complete": lambda: None,
+    "marked as having a log": lambda: sql("PRAGMA journal_mode=WAL"),
+    "log of a killed process": lambda: kept_open(
+        "PRAGMA journal_mode=WAL", "INSERT INTO written VALUES('x', 'y')"
+    ),
+    "log without shared memory": lambda: (
+        kept_open("PRAGMA journal_mode=WAL", "INSERT INTO written VALUES('x', 'y')"),
+        Path("out", f"{FILE}-shm").unlink(),
+    ),
+    "journal of a killed process": lambda: kept_open(
+        "PRAGMA cache_size=1",
+        "PRAGMA cache_spill=1",
+        "BEGIN",
+        "UPDATE run_rows SET peak_drift_m = 1.0",
+        "UPDATE story_rows SET height_m = 1.0",
+        "CREATE TABLE large AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n "
+        "LIMIT 20000) SELECT i, hex(randomblob(20)) AS text FROM n",
+    ),
+}
+"""States in which processes leave a store: a closed store, a killed reader or writer."""
+
+
+def names(folder: str) -> set[str]:
+    return {path.name for path in Path(folder).iterdir()}
+
+
+@pytest.mark.parametrize("state", LEFT_BEHIND)
+@pytest.mark.parametrize("medium", ["writable", "read-only"])
+def test_every_command_reads_a_store_anywhere_and_leaves_nothing(
+    done: dict[str, bytes], tdint: Command, state: str, medium: str
+) -> None:
+    assert names("out") <= {FILE, LOCK, "runs.csv", "stories.csv", "profiles.csv", "summary.json"}
+    LEFT_BEHIND[state]()
+    before, content = names("out"), Path("out", FILE).read_bytes()
+    with read_only(Path("out")) if medium == "read-only" else nullcontext():
+        assert "of 9 runs completed" in tdint("campaign", "status", "out", code=0).stderr
+        tdint("campaign", "merge", "out", "-o", "merged", code=0)
+        tdint("sensitivity", "out", code=2)  # the campaign varies no parameter
+        assert "runs.csv: the same" in tdint("rerun", "out", code=0).stderr
+        if medium == "read-only":
+            tdint.refused("no permission to write ... merge", "campaign", "export", "out", code=6)
+            assert names("out") == before and Path("out", FILE).read_bytes() == content
+    assert tables("merged") == done
+    # Commands that may write to the directory remove the log of a killed process.
+    if medium == "writable":
+        assert names("out") <= before and not list(Path("out").glob("*-*"))
+
+
+def test_a_store_that_cannot_be_read_is_reported(
+    done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.R_OK and access(path, mode))
+    tdint.refused("no permission to read the file", "campaign", "status", "out", code=6)

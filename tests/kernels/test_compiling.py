@@ -31,6 +31,7 @@ from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.stories.law_state import follow
 from tdint.methods.catalogue import parse as parse_method
+from tdint.system import lock
 
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
 CALL = """
@@ -464,6 +465,19 @@ def test_clean_counts_only_removed_objects(cache, monkeypatch):
     monkeypatch.setattr(os, "unlink", refuse)
     assert store.clean() == 2
     assert [file.name for file in cache.rglob("*.object")] == ["two.object"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of other open files")
+def test_clean_keeps_only_locks_in_use(cache):
+    for number in (1, 2):
+        (cache / "kernels-0123" / "part").mkdir(parents=True, exist_ok=True)
+        (cache / "kernels-0123" / f".lock-{number}").touch()
+    with (cache / "kernels-0123" / ".lock-1").open("ab") as stream:
+        assert lock(stream.fileno())
+        store.clean()
+        assert [path.name for path in (cache / "kernels-0123").iterdir()] == [".lock-1"]
+    store.clean()
+    assert not list(cache.iterdir())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no umask")

@@ -31,6 +31,7 @@ from tdint.campaign.store import (
     open_store,
 )
 from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.files import is_there
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.time_loop.loop import integrate_many
@@ -142,6 +143,7 @@ def execute_plan(
     # Compile before the clock starts: compilation is not part of the reported time per run.
     if missing:
         compile_for(plan)
+        store.start_log()
     start_time = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
     for result in engine(plan, missing):
@@ -414,7 +416,10 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     missing_text = _describe_missing(parts_and_target)
     if missing_text and not partial:
         raise AnalysisError(f"{missing_text}; add their directories, or use --partial")
-    name = str(target / FILE)
+    # The target can be one of the directories; its store contains its own runs already.
+    file = target / FILE
+    sources = [part for part in parts if not (is_there(file) and file.samefile(part.folder / FILE))]
+    name = str(file)
     with schema.sqlite_errors_reported(name):
         store = Store(schema.connect(name), name)
     with schema.closed_on_failure(store.connection):
@@ -422,11 +427,11 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
             if not is_empty(store):
                 schema.check_store(store.connection, name)
                 _check_same_campaign(parts_and_target[-1], parts[0])
-            _copy_buildings(parts, store)
+            _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
         if removed_count := store.remove_invalid_chunks():
             _warn_of_corrupt_chunks(name, removed_count)
-        for part in parts:
+        for part in sources:
             _warn_of_corrupt_chunks(part.name, part.corrupt_count)
             with _open_part(part) as source, schema.sqlite_errors_reported(name):
                 _copy_chunks(source, store, set(part.chunks))

@@ -406,7 +406,7 @@ def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Stor
         Store, and messages for the user about the store.
     """
     with locked(folder) if folder else nullcontext():
-        store, remarks = open_or_create(folder / STORE if folder else None, identity, log=False)
+        store, remarks = open_or_create(folder / STORE if folder else None, identity)
         with store:
             yield store, remarks
 

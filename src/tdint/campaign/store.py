@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sqlite3
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -34,7 +34,6 @@ from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.pairs import LARGER, PairRule, recording_numbers
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import (
-    CLOSE_WAIT,
     UntrustedStoreError,
     connect,
     connect_to_read,
@@ -318,15 +317,11 @@ class Store:
         return self
 
     def __exit__(
-        self, error: type[BaseException] | None, raised: BaseException | None, *_: object
+        self, _: type[BaseException] | None, raised: BaseException | None, *__: object
     ) -> None:
-        """Close the store. If no exception occurred, first move the write-ahead log of the database
-        into the file.
-
-        Parameters
-        ----------
-        error : type | None
-            Type of the exception in the `with` block; None: no exception.
+        """Close the store. Unless SQLite failed, first move the write-ahead log into the file, so
+        that the store can be read on a read-only medium. `raised` is the exception in the `with`
+        block.
 
         Raises
         ------
@@ -338,13 +333,7 @@ class Store:
             if isinstance(raised, sqlite3.Error | UnicodeDecodeError):
                 with sqlite_errors_reported(self.name):
                     raise raised
-            if error is None:
-                # While another program reads the file, the log cannot be moved into it. The log
-                # file is then kept next to the store.
-                with sqlite_errors_reported(self.name), suppress(sqlite3.OperationalError):
-                    self.connection.executescript(
-                        f"PRAGMA busy_timeout={CLOSE_WAIT}; PRAGMA wal_checkpoint(TRUNCATE)"
-                    )
+            schema.end_log(self.connection)
         finally:
             self.connection.close()
 
@@ -414,6 +403,12 @@ class Store:
         query = f"SELECT count(*) FROM run_rows WHERE {condition}"
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
+
+    def start_log(self) -> None:
+        """Write the following chunks to a write-ahead log, so that other processes can read the
+        store while it is written."""
+        with sqlite_errors_reported(self.name):
+            schema.start_log(self.connection, self.name)
 
     def add(self, result: ChunkResult) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
@@ -805,9 +800,7 @@ def open_store(
     )
 
 
-def open_or_create(
-    file: Path | None, identity: Identity, *, log: bool = True
-) -> tuple[Store, list[str]]:
+def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[str]]:
     """Open the store in a file, or create it if the file does not exist.
 
     Parameters
@@ -816,8 +809,6 @@ def open_or_create(
         Path of the store; None: in memory.
     identity : Identity
         Campaign or study that the store must contain.
-    log : bool
-        True to use a write-ahead log, so that other processes can read while the store is written.
 
     Returns
     -------
@@ -833,7 +824,7 @@ def open_or_create(
     """
     name = ":memory:" if file is None else str(file)
     with sqlite_errors_reported(name):
-        store = Store(connect(name, log=log), name)
+        store = Store(connect(name), name)
     with schema.closed_on_failure(store.connection):
         # `remarks` is None if the file is new or empty.
         remarks = check_same(store, identity) if _has_contents(store) else None
@@ -870,6 +861,11 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
             "that was specified with -o of `tdint campaign`"
         )
     protect_input(folder / FILE)
+    if write and not os.access(folder, os.W_OK):
+        raise OutputError(
+            f"{folder}: no permission to write to the directory; copy it, or call `tdint campaign "
+            f"merge {folder} -o DIR`, which writes the tables to another directory"
+        )
     name = str(folder / FILE)
     with sqlite_errors_reported(name):
         store = Store(connect(name) if write else connect_to_read(folder / FILE), name)
@@ -882,8 +878,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 
 
 def open_written(file: Path) -> Store:
-    """Open the store of a study and verify it. Unlike the store of a campaign, it is written
-    without a write-ahead log.
+    """Open the store of a study for writing, and verify it.
 
     Raises
     ------
@@ -891,7 +886,7 @@ def open_written(file: Path) -> Store:
         The store cannot be used or trusted.
     """
     with sqlite_errors_reported(str(file)):
-        store = Store(connect(str(file), log=False), str(file))
+        store = Store(connect(str(file)), str(file))
     _has_contents(store)  # raises the error of a store with invalid contents
     return store
 

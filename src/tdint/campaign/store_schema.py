@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import os
+import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
@@ -22,7 +25,7 @@ from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
 from tdint.campaign.batch import RunRow
 from tdint.errors import OutputError
 from tdint.files import is_file, is_there, remove_abandoned
-from tdint.system import file_system
+from tdint.system import file_system, is_at, lock_failure
 from tdint.units import Quantity
 
 # ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
@@ -50,17 +53,11 @@ class UntrustedStoreError(OutputError):
         )
 
 
-def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
+def connect(name: str) -> sqlite3.Connection:
     """Return a connection for reading and writing with safe transactions: if the process is killed,
-    the file remains valid.
+    the file remains valid. Each transaction is written to the file; see also `start_log`.
 
-    Parameters
-    ----------
-    name : str
-        Path of the file.
-    log : bool
-        True to write to a write-ahead log, which is faster and lets other processes read; not for
-        network file systems. False to write each transaction to the file.
+    `name` is the path of the file.
 
     Raises
     ------
@@ -68,31 +65,170 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
         The path is not a file, or another program keeps it locked.
     """
     _refuse_special_files(name)
-    connection = sqlite3.connect(name, isolation_level=None)
+    connection = sqlite3.connect(name, timeout=0.0, isolation_level=None)
     with closed_on_failure(connection):
         _protect(connection)
-        wait_for(connection, name, f"PRAGMA journal_mode={'WAL' if log else 'DELETE'}")
-        connection.execute(f"PRAGMA synchronous={'NORMAL' if log else 'FULL'}")
+        wait_for(connection, name, "SELECT count(*) FROM sqlite_master", is_first=True)
+        connection.execute("PRAGMA synchronous=FULL")
     return connection
+
+
+def start_log(connection: sqlite3.Connection, name: str) -> None:
+    """Write the following transactions to a write-ahead log, which is faster and lets other
+    processes read at the same time; not for network file systems.
+
+    `name` is the path of the file, for messages.
+
+    Raises
+    ------
+    OutputError
+        Another program keeps the file locked.
+    """
+    wait_for(connection, name, "PRAGMA journal_mode=WAL")
+    # After a power failure the last transactions may be missing, but the file is valid.
+    connection.execute("PRAGMA synchronous=NORMAL")
+
+
+def end_log(connection: sqlite3.Connection) -> None:
+    """Move the write-ahead log into the file and remove it. Without a log, other programs can also
+    read the file on a read-only medium.
+
+    While another program reads the file, or the disk is full, the log is kept next to the file,
+    without loss of data. In a transaction, which each connection for reading has, nothing is done.
+    """
+    if not connection.in_transaction:
+        with suppress(sqlite3.Error):
+            connection.execute(f"PRAGMA busy_timeout={CLOSE_WAIT}")
+            connection.execute("PRAGMA journal_mode=DELETE")
 
 
 def connect_to_read(file: Path) -> sqlite3.Connection:
     """Return a read-only connection, which can be opened while another process writes. All queries
     read the state of the store at the time of the call.
 
+    The file may be on a read-only medium or belong to another user. The connection leaves no files
+    next to it.
+
     Raises
     ------
     OutputError
-        The path is not a file, or another program keeps it locked.
+        The path is not a file, cannot be read, or another program keeps it locked.
     """
-    _refuse_special_files(str(file))
+    name = str(file)
+    _refuse_special_files(name)
+    # SQLite also follows links, and keeps the log next to the linked file.
+    target = Path(os.path.realpath(file))
+    if is_there(target) and not os.access(target, os.R_OK):
+        raise OutputError(f"{name}: no permission to read the file")
+    log, shared_memory, journal = (
+        target.with_name(target.name + end) for end in ("-wal", "-shm", "-journal")
+    )
+    # A connection that may write removes the log when it is closed, and completes or reverses the
+    # last transaction of a killed process.
+    is_writable = os.access(target, os.W_OK) and os.access(target.parent, os.W_OK)
+    try:
+        if is_writable:
+            return _begin_reading(target, name, "mode=rw")
+        # Without the file of the shared memory, no process has opened a store with a log.
+        if not _uses_log(target) or is_there(shared_memory):
+            return _begin_reading(target, name, "mode=ro")
+        if _is_empty(log) and _is_empty(journal):
+            return _begin_reading(target, name, "immutable=1")
+    except (sqlite3.OperationalError, OutputError) as error:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_BUSY) & 0xFF
+        is_restricted = code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+        # A transaction of a killed process cannot be reversed without write permission. Without
+        # locks, a copy is consistent, because `_read_copy` notices changes.
+        if not (is_restricted and not is_writable) and not lock_failure(target):
+            raise
+    return _read_copy(target, name, (log, journal))
+
+
+_POSITION_OF_LOG = slice(18, 20)
+"""Bytes of a file of SQLite that state the type of its journal: 2 is a write-ahead log."""
+
+
+def _uses_log(file: Path) -> bool:
+    """Return True if a store is marked as having a write-ahead log."""
+    try:
+        with file.open("rb") as stream:
+            return stream.read(_POSITION_OF_LOG.stop)[_POSITION_OF_LOG] == b"\2\2"
+    except OSError:  # opening the store reports the error
+        return False
+
+
+def _is_empty(file: Path) -> bool:
+    """Return True if a file is missing or empty."""
+    return not is_there(file) or not file.stat().st_size
+
+
+def _begin_reading(
+    file: Path, name: str, mode: str, connection_type: type[sqlite3.Connection] = sqlite3.Connection
+) -> sqlite3.Connection:
+    """Open a file with the parameter `mode` of SQLite, and begin a transaction for reading. `name`
+    is the path for messages."""
     connection = sqlite3.connect(
-        f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None
+        f"{file.as_uri()}?{mode}",
+        timeout=0.0,
+        uri=True,
+        isolation_level=None,
+        factory=connection_type,
     )
     with closed_on_failure(connection):
         _protect(connection)
+        connection.execute("PRAGMA query_only=ON")
         connection.execute("BEGIN")  # all queries read the same state of the store
-        wait_for(connection, str(file), "SELECT count(*) FROM sqlite_master")
+        wait_for(connection, name, "SELECT count(*) FROM sqlite_master", is_first=True)
+    return connection
+
+
+class _Copy(sqlite3.Connection):
+    """Connection to a file in a temporary directory, which is removed with the connection."""
+
+    folder: TemporaryDirectory[str] | None = None
+
+    def close(self) -> None:
+        """Close the connection and remove the directory."""
+        super().close()
+        if self.folder:
+            self.folder.cleanup()
+
+
+def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Connection:
+    """Copy a store with its additional files, the logs, to a temporary directory, and open it for
+    reading.
+
+    Raises
+    ------
+    OutputError
+        The files cannot be copied, or another process changes them.
+    """
+    logs = [path for path in additional if not _is_empty(path)]
+    files = [file, *logs]
+    folder = TemporaryDirectory(prefix="tdint-store-")
+
+    def states() -> list[tuple[int, int]]:
+        """Return the modification time, ns, and the size of each file."""
+        return [(status.st_mtime_ns, status.st_size) for status in map(Path.stat, files)]
+
+    try:
+        before = states()
+        for path in files:
+            shutil.copyfile(path, Path(folder.name, path.name))
+        is_changed = states() != before
+    except OSError as error:
+        folder.cleanup()
+        raise OutputError(f"{name}: cannot be read: {error.strerror or error}") from None
+    try:
+        if is_changed:
+            raise OutputError(f"{name}: another process is changing the file; try again")
+        mode = "mode=rw" if logs else "immutable=1"
+        connection = _begin_reading(Path(folder.name, file.name), name, mode, _Copy)
+    except BaseException:
+        folder.cleanup()
+        raise
+    assert isinstance(connection, _Copy)
+    connection.folder = folder
     return connection
 
 
@@ -123,7 +259,9 @@ def _refuse_special_files(name: str) -> None:
         )
 
 
-def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
+def wait_for(
+    connection: sqlite3.Connection, name: str, statement: str, *, is_first: bool = False
+) -> None:
     """Execute a statement that may have to wait for the lock of another program. A message is shown
     after a second; waiting ends after ten seconds.
 
@@ -131,11 +269,14 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
     ----------
     name : str
         Path of the file, for messages.
+    is_first : bool
+        True for the first statement of a connection, which has no locks. Only then it can be tested
+        without losing locks if the file system supports them.
 
     Raises
     ------
     OutputError
-        The lock was not released.
+        The lock was not released, or the file system does not support locks.
     """
     try:
         # Wait for a short time without a message, then for longer with a message.
@@ -148,6 +289,12 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
                     raise
             else:
                 return
+            # SQLite reports a missing support of locks as a lock of another process.
+            if is_first and (reason := lock_failure(Path(name))):
+                raise OutputError(
+                    f"{name}: its file system does not support locks ({reason}); use a copy on "
+                    "another file system"
+                )
             if timeout == SHORT_WAIT:
                 _log.info("%s: locked by another program; waiting for at most ten seconds", name)
     finally:
@@ -277,24 +424,14 @@ def locked(folder: Path) -> Iterator[None]:
             f"{folder / LOCK}: this path is not a regular file; remove it, or write elsewhere"
         )
     try:
-        connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
-    except sqlite3.Error as error:
-        raise OutputError(f"{folder}: cannot write to the directory: {error}") from None
-    with closing(connection):
-        try:
-            connection.execute("PRAGMA journal_mode=MEMORY")  # no journal file next to the lock
-            # This transaction is never committed: it keeps the lock until the connection is closed.
-            connection.execute("BEGIN EXCLUSIVE")
-        except sqlite3.OperationalError as error:
-            reason = "in use by another tdint process" if "locked" in str(error) else str(error)
-            raise OutputError(
-                f"{folder}: {reason}; wait until it ends, or write to another directory"
-            ) from None
-        except sqlite3.Error as error:
-            raise OutputError(
-                f"{folder / LOCK}: not a lock file of tdint ({error}); remove it, or write to "
-                "another directory"
-            ) from None
+        lock = _lock_file(folder)
+    except _NoLocksError:
+        with suppress(OSError):
+            (folder / LOCK).unlink()
+            if is_new:
+                folder.rmdir()
+        raise
+    with lock:
         # No other process can write to the locked directory. Unfinished files in it are therefore
         # from processes that were killed, and can be removed.
         remove_abandoned(folder)
@@ -307,6 +444,70 @@ def locked(folder: Path) -> Iterator[None]:
                 if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
                     (folder / LOCK).unlink()
                     folder.rmdir()
+
+
+class _NoLocksError(OutputError):
+    """The file system of a directory does not support locks."""
+
+
+_LOCK_ATTEMPTS = 100
+"""Maximum number of attempts to lock a directory whose lock file other processes remove."""
+
+
+def _lock_file(folder: Path) -> ExitStack:
+    """Lock the lock file of a directory until the returned stack is closed.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be created, another process has locked it, or its file system does not
+        support locks.
+    """
+    file = folder / LOCK
+    for _ in range(_LOCK_ATTEMPTS):
+        with ExitStack() as stack:
+            try:
+                # The open file keeps its inode number, so that its removal can be detected. It is
+                # closed last, because closing it removes all locks of this process.
+                stream = stack.enter_context(file.open("ab"))
+            except OSError as error:
+                raise OutputError(
+                    f"{folder}: cannot write to the directory: {error.strerror or error}"
+                ) from None
+            try:
+                connection = sqlite3.connect(file, timeout=0.0, isolation_level=None)
+                stack.callback(connection.close)
+                connection.execute("PRAGMA journal_mode=MEMORY")  # no journal file next to the lock
+                # This transaction is never committed: it keeps the lock until the connection is
+                # closed.
+                connection.execute("BEGIN EXCLUSIVE")
+            except sqlite3.OperationalError as error:
+                stack.close()
+                raise _lock_error(folder, error) from None
+            except sqlite3.Error as error:
+                raise OutputError(
+                    f"{file}: not a lock file of tdint ({error}); remove it, or write to another "
+                    "directory"
+                ) from None
+            # A removed file does not exclude processes that create it again.
+            if is_at(stream.fileno(), file):
+                return stack.pop_all()
+    raise OutputError(f"{file}: other processes remove this lock file repeatedly; try again")
+
+
+def _lock_error(folder: Path, error: sqlite3.OperationalError) -> OutputError:
+    """Return the error for a directory that SQLite could not lock because of `error`."""
+    if reason := lock_failure(folder / LOCK):
+        return _NoLocksError(
+            f"{folder}: the file system of the directory does not support locks ({reason}), which "
+            "prevent that two processes write at the same time; write to another file system"
+        )
+    if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
+        return OutputError(
+            f"{folder}: in use by another tdint process; wait until it ends, or write to another "
+            "directory"
+        )
+    return OutputError(f"{folder}: cannot lock the directory: {error}; write to another directory")
 
 
 # ---- Schema

@@ -120,7 +120,7 @@ def _load_missing(
     # by a checksum of the missing kernels, so that processes that need other kernels usually do not
     # wait. Without a writable directory, nothing is locked.
     kernel_list = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
-    file = folder and folder / f".lock-{crc32(kernel_list.encode()) % 16}"
+    file = folder and folder / f"{store.LOCK_PREFIX}{crc32(kernel_list.encode()) % 16}"
     with locked(
         file, lambda: LOG.info("waiting for another tdint process that compiles time loops")
     ):

@@ -17,6 +17,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -29,7 +30,10 @@ from tdint.kernels.building.compilable import parse
 from tdint.kernels.building.loading import unpack
 from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
-from tdint.system import cache_home, cache_subfolder, is_trusted, remove_unused
+from tdint.system import cache_home, cache_subfolder, is_trusted, lock, remove_unused
+
+LOCK_PREFIX = ".lock-"
+"""Beginning of the names of the lock files in a directory of object files."""
 
 _DAYS_KEPT = 30  # days after which an unused object file is removed from the cache
 _DAY = 86400.0  # s
@@ -194,10 +198,9 @@ def clean() -> int:
 
     Object files for other versions of Python and of the compiler are included, and files that
     earlier versions of tdint have left in the installed package. A file that cannot be removed
-    remains without a message and is not counted.
+    remains without a message and is not counted. The locks of processes that are compiling remain,
+    so that no other process compiles the same kernels.
     """
-    import shutil
-
     homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
     stores = (store for root in homes for store in root.glob("kernels-*"))
     folders = [store for store in stores if store.is_dir() and not store.is_symlink()]
@@ -207,10 +210,27 @@ def clean() -> int:
         return {file for directory in folders for file in directory.glob("*.object")}
 
     found = object_files()
+    for path in (path for directory in folders for path in directory.iterdir()):
+        with suppress(OSError):
+            if path.name.startswith(LOCK_PREFIX):
+                _remove_lock(path)
+            elif path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink()
     for directory in folders:
-        shutil.rmtree(directory, ignore_errors=True)
+        with suppress(OSError):  # files remain in the directory
+            directory.rmdir()
     # Files can remain, for example of another user, or on Windows files that a process has opened.
     return len(found - object_files())
+
+
+def _remove_lock(file: Path) -> None:
+    """Remove a lock file, unless another process has locked it. Processes that wait for the lock
+    then lock the new file of this name (`tdint.system.locked`)."""
+    with file.open("ab") as stream:
+        if lock(stream.fileno()):
+            file.unlink()
 
 
 def _make_readable_directory(directory: Path) -> None:
