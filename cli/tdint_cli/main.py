@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 import click
 
 from tdint.errors import did_you_mean
-from tdint.files import INPUT_DIGESTS, PROTECTED
+from tdint.files import INPUT_DIGESTS, PROTECTED, is_encodable
 from tdint_cli.options.grammar import HelpAsData, flag, general, recorded_words, shown_when_asked
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
@@ -89,6 +89,23 @@ class LazyGroup(HelpAsData, click.Group):
         command = import_module(f"tdint_cli.commands.{COMMANDS[cmd_name][0]}").command
         assert isinstance(command, click.Command)
         return command
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse a command line, and return the words after the general options.
+
+        Raises
+        ------
+        UsageError
+            A word contains a character that cannot be encoded.
+        """
+        if unreadable := next((word for word in args if not is_encodable(word)), None):
+            raise click.UsageError(
+                f"the argument {unreadable!a:.80} contains a character that the encoding "
+                f"{sys.getfilesystemencoding()} of this system does not have; use other "
+                "characters",
+                ctx,
+            )
+        return super().parse_args(ctx, args)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -209,6 +209,17 @@ def is_file(name: str | Path) -> bool:
     return os.path.isfile(name)  # noqa: PTH113  Path.is_file raises an error for names too long
 
 
+def is_encodable(text: str) -> bool:
+    """Return True if a text can be the name of a file: no character is a surrogate without a
+    meaning, which results from invalid escapes in JSON files, or missing in the encoding of this
+    locale. Bytes of file names that are not UTF-8 are allowed."""
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 # ---- Files
 
 Writer = Callable[[BinaryIO], object]

@@ -101,6 +101,54 @@ def test_different_cells_are_reported_as_a_table(folder, tdint, rerun):
     assert "the original file is missing" in rerun("out", code=5).stderr
 
 
+@pytest.mark.parametrize("arguments", ["modes forced.yaml -o out/t.csv", "run shaken.yaml -o out"])
+def test_a_link_to_another_directory_is_not_compared(folder, tdint, rerun, arguments):
+    """The cells of the linked file are not printed, also if the bytes are equal."""
+    tdint(*arguments.split(), code=0)
+    for original in sorted(Path("out").iterdir()):
+        content = original.read_bytes()
+        for private in (content, re.sub(rb"\d+", b"4711", content)):
+            Path("private").write_bytes(private)
+            original.unlink()
+            original.symlink_to(folder / "private")
+            if original.suffix == ".json" and private != content:
+                continue  # the file contains another command line
+            result = rerun(f"out/{'t.json' if 't.csv' in arguments else 'summary.json'}", code=5)
+            assert f"{original.name}: not compared, because {folder / original} is a link" in (
+                result.stderr
+            )
+            assert "4711" not in result.stdout + result.stderr
+        original.unlink()
+        original.write_bytes(content)
+
+
+def test_an_output_outside_of_the_directory_is_compared_by_its_bytes(folder, tdint, rerun):
+    """A JSON file of another author may name any file of this user as an output."""
+    (folder / "work").mkdir()
+    Path("work/forced.yaml").write_bytes(Path("forced.yaml").read_bytes())
+    os.chdir("work")
+    tdint("run", "forced.yaml", "--history=../h.csv", "-o", "out", code=0)
+    assert "h.csv: the same, byte for byte" in rerun("out", code=0).stderr
+    Path("../h.csv").write_text(re.sub(r"(?m)^0\.1,", "4711,", Path("../h.csv").read_text()))
+    result = rerun("out", code=5)
+    assert "h.csv: the bytes differ; the contents are not compared" in result.stderr
+    assert "4711" not in result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("key", ["arguments", "export"])
+def test_characters_that_cannot_be_encoded_are_refused(folder, tdint, rerun, key):
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    tdint("campaign", "campaign.yaml", "-o", "study", code=0)
+    tdint("campaign", "export", "study", "--simcenter", code=0)
+    summary = Path("study/summary.json")
+    content = json.loads(summary.read_text())
+    for index, word in enumerate(content[key]):
+        changed = [*content[key]]
+        changed[index] = f"{word}\ud800"
+        summary.write_text(json.dumps(content | {key: changed}))
+        assert len(rerun("study", code=2).stderr.splitlines()) == 1
+
+
 def test_reproduced_files_are_kept_in_a_requested_directory(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "modes.csv.gz", code=0)
     rerun("modes.json", "-o", "again/new", code=0)

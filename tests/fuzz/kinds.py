@@ -9,7 +9,17 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fuzz import api, command_lines, model_files, oracle, reruns, shards, stores, studies
+from fuzz import (
+    api,
+    characters,
+    command_lines,
+    model_files,
+    oracle,
+    reruns,
+    shards,
+    stores,
+    studies,
+)
 from fuzz import names as file_names
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
@@ -66,6 +76,7 @@ KINDS = {
         lambda name, seed: run(command_lines.command_line(name, seed)),
         tuple(CODES.values()),
     ),
+    "characters": Kind(characters.names, characters.outcome, tuple(CODES.values())),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
     "stores": Kind(lambda: list(stores.CALLS), stores.outcome, stores.OUTCOMES),
     "names": Kind(file_names.names, file_names.outcome, tuple(CODES.values())),

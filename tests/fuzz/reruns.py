@@ -324,6 +324,27 @@ def _link_to_changed(file: Path, source: random.Random) -> None:
     file.symlink_to(elsewhere.absolute())
 
 
+_PRIVATE = "4711.625"
+"""Number in a file that must not be printed."""
+
+
+def _link_to_private(file: Path, source: random.Random) -> None:
+    """Link to a file outside of the directory of the command, in which all numbers are private."""
+    data = file.read_bytes()
+    data = gzip.decompress(data) if file.suffix == ".gz" else data
+    private = Path(tempfile.mkdtemp(prefix="private-", dir=Path.cwd().parent), file.name)
+    head, separator, rest = data.partition(b"\n")
+    rest = re.sub(rb"(?<![\w.])\d[\d.]*", _PRIVATE.encode(), rest)
+    private.write_bytes(head + separator + rest)
+    file.unlink()
+    if source.random() < 0.5 or file.parent == Path():
+        file.symlink_to(private)
+    else:  # a link to the directory
+        shutil.move(file.parent, private.parent / "moved")
+        (private.parent / "moved" / file.name).write_bytes(private.read_bytes())
+        file.parent.symlink_to(private.parent / "moved")
+
+
 def _quoted(file: Path, source: random.Random) -> None:
     """Write text into a number."""
     data = file.read_bytes()
@@ -352,6 +373,7 @@ ON_FILES = {
     "link to /proc/self/mem": _link("/proc/self/mem"),
     "link to another file": _link_to_other,
     "link to a changed copy": _link_to_changed,
+    "link to a private file": _link_to_private,
 }
 """Attacks on a file that a command has written."""
 
@@ -564,6 +586,8 @@ def _attack(scene: Scene, written: _Outputs, attack: tuple[str, str], source: ra
     finally:
         tempfile.tempdir = usual
     message = f"{name} {file}: exit code {code}: {err[-400:]!r}"
+    if _PRIVATE in out + err and not Path(file).parent.is_symlink():
+        raise Failure(f"private cells are printed: {message}")
     if remaining := sorted(path.name for path in Path("temporary").iterdir()):
         raise Failure(f"{name} {file}: left behind: {remaining}")
     if code in (0, 1) and not (code == 0 and _is_rounding(err, str(named), name, file)):

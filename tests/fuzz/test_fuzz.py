@@ -20,6 +20,7 @@ TRIED: dict[str, tuple[int, set[str]]] = {
     "records": (6, {REFUSED}),
     "models": (6, {model_files.REFUSED, model_files.RUNS}),
     "commands": (2, set()),
+    "characters": (3, {"usage"}),
     "studies": (8, {"done"}),
     # Recovery is too rare for so few cases; tests/cli/test_campaign_store.py tests it for each type
     # of damage.
@@ -38,7 +39,8 @@ CASES = [
     )
     for kind in TRIED
     for name in dict.fromkeys(KINDS[kind].names())
-    if not (kind == "commands" and name in SLOW) and (kind != "models" or name in MODELS)
+    if not (kind in ("commands", "characters") and name in SLOW)
+    and (kind != "models" or name in MODELS)
 ]
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, OutputError, UsageError
-from tdint.files import STDIN, digest_of, is_file, is_folder, is_there
+from tdint.files import STDIN, digest_of, is_encodable, is_file, is_folder, is_there
 from tdint.number_parsing import pluralize
 from tdint.output import tables
 from tdint.output.printed import TRUSTED
@@ -339,6 +339,11 @@ class _RecordedCommand:
         if any("\0" in word for word in (*arguments, *export)):
             raise UsageError(
                 f"{file}: the command line contains a null character, which no file name can have"
+            )
+        if not all(map(is_encodable, (*arguments, *export))):
+            raise UsageError(
+                f"{file}: the command line contains a character that cannot be encoded, which no "
+                "file name can have"
             )
         try:
             inputs = {
@@ -693,9 +698,25 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     is_same = True
     shown: list[Difference] = []
     files = list(outputs.files())
+    own_folders = (recorded.file.absolute().parent, outputs.folder)
     for name, original, file in files:
         if not is_file(original):
             say(f"{name}: not compared, because the original file is missing ({original})")
+            is_same = False
+            continue
+        # The author of the JSON file must not have the cells of other files printed.
+        if not _is_inside(original, [original.parents[len(Path(name).parts) - 1]]):
+            say(
+                f"{name}: not compared, because {original} is a link to a file in another "
+                "directory; replace the link by the file"
+            )
+            is_same = False
+            continue
+        if not _is_inside(original, own_folders) and digest_of(original) != digest_of(file):
+            say(
+                f"{name}: the bytes differ; the contents are not compared, because {original} is "
+                "outside of the directory of the command"
+            )
             is_same = False
             continue
         is_table = name.lower().endswith(TABLES) or name == recorded.output_name
@@ -725,6 +746,12 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     if is_same and not has_results and status in (None, "done"):
         raise AnalysisError(f"{recorded.file}: the command writes no file that can be compared")
     return is_same and status == new_status
+
+
+def _is_inside(file: Path, folders: Iterable[Path]) -> bool:
+    """Return True if a file, with links resolved, is in one of the directories."""
+    real = Path(os.path.realpath(file))
+    return any(real.is_relative_to(os.path.realpath(folder)) for folder in folders)
 
 
 @dataclass(frozen=True)
