@@ -674,7 +674,6 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
         Buildings, motions and settings of the campaign. Floor spectra, the report and intensity
         measures are written only with a plan.
     """
-    from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read
 
     # Update only exports that an earlier call has written to this directory.
@@ -683,7 +682,7 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     export_writers = _exports(profiles, existing_exports)
     updated = {name: writer for name, writer in export_writers.items() if writer}
     contents = {**_suite_contents(profiles, folder, plan), **updated}
-    provenance = {"arguments": current().arguments, "time_loops": time_loops()}
+    provenance = {"arguments": current().arguments, "time_loops": profiles.store.time_loops()}
     _write(profiles, folder, contents, files_read(), provenance)
     for name, writer in export_writers.items():
         if writer:
@@ -774,7 +773,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     last_summary = stored_summary(folder / SUMMARY)
     provenance = {
         "arguments": last_summary.get("arguments", []),
-        "time_loops": last_summary.get("time_loops"),
+        "time_loops": store.time_loops(),
         "export": list(current().arguments),
     }
     _write(

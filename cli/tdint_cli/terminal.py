@@ -12,7 +12,7 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -307,7 +307,9 @@ _PACKAGES = {"yaml": "pyyaml"} | {
 }
 """Import name and pip name of each dependency, for the message about a missing package."""
 
-OUT_OF_MEMORY = 5
+OUT_OF_RESOURCES = 5
+"""Exit code if the system has not enough memory, or allows no further threads or processes."""
+
 ENDING = tuple(
     signal.Signals[name]
     for name in (
@@ -329,10 +331,11 @@ shells: `AFTER_SIGNAL` plus the signal number."""
 AFTER_SIGNAL = 128  # POSIX shells report 128 plus the signal number.
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
 
-_NO_MEMORY = re.compile(
-    r"failed to map segment|annot allocate memory|can't start new thread|out of memory"
-)
-"""Messages of loaders, threads and SQLite for insufficient memory (no MemoryError is raised)."""
+_NO_MEMORY = re.compile(r"failed to map segment|annot allocate memory|out of memory")
+"""Messages of loaders and SQLite for insufficient memory (no MemoryError is raised)."""
+
+_NO_THREAD = re.compile("can't start new thread")
+"""Message of Python if the limit of threads and processes is reached."""
 
 
 class Ended(BaseException):
@@ -383,8 +386,8 @@ def _signal_word(number: int) -> str:
 def _report_error(error: BaseException, settings: Settings) -> int:
     """Print the message of an exception that ended a command, and return the exit code.
 
-    Errors of click and of tdint, insufficient memory, a full disk and a missing package have their
-    own messages. Any other exception is reported as a bug, with exit code 1.
+    Errors of click and of tdint, insufficient memory, a limit of threads, a full disk and a missing
+    package have their own messages. Any other exception is reported as a bug, with exit code 1.
     """
     # The exception is raised again, so that its type selects one of the following clauses.
     try:
@@ -408,12 +411,8 @@ def _report_error(error: BaseException, settings: Settings) -> int:
         # Distinguish errors of tdint, errors that the user can correct, and bugs.
         if isinstance(error, TdintError):
             lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
-        elif _lacks_memory(error):
-            lines = [
-                "not enough memory; omit --history and --plot, or use fewer time steps, stories "
-                "or periods"
-            ]
-            code = OUT_OF_MEMORY
+        elif resource := _missing_resource(error, settings.options):
+            lines, code = [resource], OUT_OF_RESOURCES
         # Click raises OSError if it writes to a full disk; `emit` raises OutputError.
         elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
             lines, code = (
@@ -436,17 +435,36 @@ def _report_error(error: BaseException, settings: Settings) -> int:
         return code
 
 
-def _lacks_memory(error: BaseException | None) -> bool:
-    """Return True if an error or one of its causes reports insufficient memory."""
+def _missing_resource(error: BaseException | None, options: Collection[str]) -> str:
+    """Return a message if an error or one of its causes reports insufficient memory, or a limit of
+    threads and processes; otherwise an empty text. Remedies use the `options` of the command."""
     while error is not None:
-        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
-            return True
-        if isinstance(error, ImportError | OSError | RuntimeError) and _NO_MEMORY.search(
-            str(error)
-        ):
-            return True
+        number = getattr(error, "errno", None)
+        text = str(error) if isinstance(error, ImportError | OSError | RuntimeError) else ""
+        if isinstance(error, MemoryError) or number == errno.ENOMEM or _NO_MEMORY.search(text):
+            return _no_memory(options)
+        # The system refuses to start a process with EAGAIN.
+        if number == errno.EAGAIN or _NO_THREAD.search(text):
+            fewer = "use a smaller --jobs, or " if "--jobs" in options else ""
+            return (
+                f"no process or thread can be started; {fewer}raise the limit on processes (ulimit "
+                "-u, pids of a container), or end other programs"
+            )
         error = error.__cause__ or error.__context__
-    return False
+    return ""
+
+
+def _no_memory(options: Collection[str]) -> str:
+    """Return the message about insufficient memory, with remedies that the command has."""
+    omitted = [name for name in ("--history", "--plot", "--report") if name in options]
+    remedies = [f"omit {' and '.join(omitted)}"] if omitted else []
+    if "--jobs" in options:
+        remedies.append("use a smaller --jobs")
+    if "--dt" in options:
+        remedies.append("use a larger --dt")
+    if "--period" in options:
+        remedies.append("use fewer periods")
+    return f"not enough memory; {', or '.join([*remedies, 'use a smaller model or record'])}"
 
 
 @contextmanager

@@ -307,7 +307,8 @@ def write_files(
     """Write files completely or not at all, in the given order. Missing directories are created.
 
     All files are written under temporary names first and renamed afterwards. After an error or
-    Ctrl-C before that, the directory is unchanged. Symbolic links are followed.
+    Ctrl-C before that, the directory is unchanged. Symbolic links are followed. Temporary files of
+    killed processes are removed from the directories.
 
     Parameters
     ----------
@@ -364,6 +365,8 @@ def write_files(
         raise
     finally:
         _unfinished.difference_update(temporaries.values())
+    for folder in {temporary.parent for temporary in temporaries.values()}:
+        remove_abandoned(folder)
     # The results are complete. Now remove the files of an earlier run that would not match them.
     for file, digest in (stale or {}).items() if overwrite else ():
         if (

@@ -1,6 +1,7 @@
 """Campaign stores that are corrupt, edited, locked by other programs, or in a directory with tables
 of other commands."""
 
+import json
 import os
 import shutil
 import sqlite3
@@ -326,3 +327,24 @@ def test_a_store_that_cannot_be_read_is_reported(
     access = os.access
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.R_OK and access(path, mode))
     tdint.refused("no permission to read the file", "campaign", "status", "out", code=6)
+
+
+def test_a_call_without_runs_keeps_the_execution_of_the_time_loops(
+    done: dict[str, bytes], tdint: Command
+) -> None:
+    """Each call is a separate process, of which only the first executes time loops."""
+
+    def recorded(folder: str) -> object:
+        return json.loads(Path(folder, "summary.json").read_text())["time_loops"]
+
+    execution = recorded("out")
+    assert execution in ("compiled", "interpreted")
+    lines = [
+        ["campaign", "study.yaml", "-o", "out"],
+        ["campaign", "export", "out"],
+        ["campaign", "merge", "out", "-o", "new"],
+    ]
+    for line in lines:
+        script = f"import sys; sys.argv[1:] = {line!r}\nfrom tdint_cli.main import main; main()"
+        subprocess.run([sys.executable, "-c", script], check=True, capture_output=True)
+        assert recorded(line[-1]) == execution

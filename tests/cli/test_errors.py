@@ -62,7 +62,7 @@ def raises(error: BaseException):
         (
             MemoryError(),
             5,
-            "Error: not enough memory; omit --history and --plot",
+            "Error: not enough memory; use a smaller model or record",
         ),
         (KeyboardInterrupt(), 130, "Interrupted\n"),
         (click.Abort(), 130, "Interrupted\n"),

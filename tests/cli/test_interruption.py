@@ -1,13 +1,16 @@
 """Ctrl-C and SIGTERM while a library is executing and Python cannot handle signals."""
 
 import errno
+import re
 import signal
 import subprocess
 import sys
 import time
 
+import click
 import pytest
 
+from tdint_cli.main import COMMANDS, cli
 from tdint_cli.terminal import Settings, exit_code_of
 
 # The process writes a file and spends more than ten seconds in LAPACK.
@@ -153,16 +156,25 @@ def test_an_ignored_signal_is_ignored(capsys):
 
 
 @pytest.mark.parametrize(
-    "error",
+    ("error", "message"),
     [
-        OSError(errno.ENOMEM, "Cannot allocate memory"),
-        ImportError("libx.so: failed to map segment from shared object"),
-        RuntimeError("can't start new thread"),
+        (MemoryError(), "not enough memory; "),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), "not enough memory; "),
+        (ImportError("libx.so: failed to map segment from shared object"), "not enough memory; "),
+        (RuntimeError("can't start new thread"), "no process or thread can be started; "),
+        (BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable"), "no process or thread"),
     ],
 )
-def test_lack_of_memory_is_one_line_for_every_source(capsys, error):
+@pytest.mark.parametrize("name", COMMANDS)
+def test_missing_memory_and_threads_are_one_line_with_options_of_the_command(
+    capsys, name, error, message
+):
     def command():
         raise ValueError("something else") from error
 
-    assert exit_code_of(command, Settings()) == 5
-    assert capsys.readouterr().err.startswith("Error: not enough memory; omit")
+    parameters = cli.get_command(click.Context(cli), name).params
+    options = frozenset(word for parameter in parameters for word in parameter.opts)
+    assert exit_code_of(command, Settings(options=options)) == 5
+    text = capsys.readouterr().err
+    assert text.startswith(f"Error: {message}") and text.count("\n") == 1
+    assert options.issuperset(re.findall(r"--[a-z-]+", text))

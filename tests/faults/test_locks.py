@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks processes
 @pytest.mark.parametrize("removed", ["never", "with the lock"])
 def test_removing_a_lock_file_allows_no_second_process(name, removed):
     sections, overlaps = stress(name, removed, seconds=0.7, processes=4)
-    assert sections > 50 and overlaps == 0
+    assert sections > 10 and overlaps == 0
 
 
 def test_a_lock_file_that_cannot_be_created_does_not_block(tmp_path):

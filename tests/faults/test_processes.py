@@ -102,6 +102,19 @@ def test_a_terminated_run_leaves_no_incomplete_file(folder, start):
     assert not code or not (folder / "out" / "summary.json").exists()
 
 
+@pytest.mark.slow
+def test_a_complete_run_removes_the_files_of_a_killed_run(folder, start):
+    line = ("run", "model.yaml", "--history", "-o", "out", "--dt", "2e-5")
+    killed = start(*line)
+    killed.wait_for(lambda: temporary_files(folder))
+    os.kill(killed.process.pid, signal.SIGKILL)
+    killed.end()
+    assert temporary_files(folder)
+    code, _, messages = start(*line[:-2]).end()
+    assert code == 0, messages
+    assert not temporary_files(folder)
+
+
 WORKER = """\
 import sys, time
 from tdint.analysis.chart import opensees_worker

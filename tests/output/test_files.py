@@ -256,6 +256,20 @@ def test_temporary_files_of_running_processes_are_kept_and_old_ones_reported(tmp
     assert names(tmp_path) == sorted([remote, old])
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_a_later_call_removes_the_temporary_files_of_a_killed_process(tmp_path):
+    """Both calls write to the same directories; the second call is complete."""
+    (tmp_path / "more").mkdir()
+    for number in range(2):
+        command = [sys.executable, "-c", WAITS, str(tmp_path / ("more/b.csv", "a.csv")[number])]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+            assert writer.stdout is not None and writer.stdout.readline() == "half\n"
+            writer.kill()
+    assert len(list(tmp_path.rglob(".tdint-*"))) == 2
+    write_files({tmp_path / "a.csv": b"x", tmp_path / "more/b.csv": b"y"}, overwrite=False)
+    assert names(tmp_path) == ["a.csv", "more"] and names(tmp_path / "more") == ["b.csv"]
+
+
 @pytest.mark.parametrize(
     ("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)]
 )

@@ -32,7 +32,7 @@ from tdint.campaign.store import (
 )
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import is_there
-from tdint.kernels.building.compilable import EVERYTHING
+from tdint.kernels.building.compilable import EVERYTHING, time_loops
 from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.time_loop.loop import integrate_many
 from tdint.number_parsing import first_warning, pluralize
@@ -143,6 +143,7 @@ def execute_plan(
     # Compile before the clock starts: compilation is not part of the reported time per run.
     if missing:
         compile_for(plan)
+        store.record_time_loops(time_loops())
         store.start_log()
     start_time = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
@@ -433,6 +434,7 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
             _warn_of_corrupt_chunks(name, removed_count)
         for part in sources:
             _warn_of_corrupt_chunks(part.name, part.corrupt_count)
+            store.record_time_loops(part.time_loops)
             with _open_part(part) as source, schema.sqlite_errors_reported(name):
                 _copy_chunks(source, store, set(part.chunks))
     return store
@@ -459,6 +461,8 @@ class _Part:
         Number of runs of each chunk that is complete and not corrupt, by the number of the chunk.
     corrupt_count : int
         Number of corrupt chunks.
+    time_loops : str or None
+        Execution of the time loops (`Store.time_loops`).
     """
 
     folder: Path
@@ -468,6 +472,7 @@ class _Part:
     shards: list[str]
     chunks: dict[int, int]
     corrupt_count: int
+    time_loops: str | None
 
 
 def _read_part(folder: Path, store: Store) -> _Part:
@@ -488,7 +493,16 @@ def _read_part(folder: Path, store: Store) -> _Part:
         runs = int(store.meta("runs"))
     # Corrupt chunks count as missing, because they are not copied.
     intact = {number: count for number, count in chunks.items() if number not in corrupt}
-    return _Part(folder, store.name, identity, runs, store.shards(), intact, len(corrupt))
+    return _Part(
+        folder,
+        store.name,
+        identity,
+        runs,
+        store.shards(),
+        intact,
+        len(corrupt),
+        store.time_loops(),
+    )
 
 
 def _open_part(part: _Part) -> Store:

@@ -620,6 +620,20 @@ class Store:
                 self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
                 self.seal()
 
+    def time_loops(self) -> str | None:
+        """Return how the time loops of the runs were executed: `compiled`, or `interpreted` if this
+        applies to some of them; None without runs."""
+        return self._meta_or_none("time_loops")
+
+    def record_time_loops(self, execution: str | None) -> None:
+        """Record how the time loops of the following runs are executed; see `time_loops`. None
+        means that this process executes none."""
+        if execution is not None and self.time_loops() not in (execution, "interpreted"):
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+                values = ("time_loops", execution)
+                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+                self.seal()
+
     def events(self) -> list[str]:
         """Return the names of the events of ground motion fields. The sample number of a run is the
         number of its event, from 1. The list is empty without fields."""
