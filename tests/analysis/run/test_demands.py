@@ -6,9 +6,12 @@ import math
 import numpy as np
 import pytest
 
+import tdint
 from tdint.analysis.run.demands import DECLARED, demands, demands_of_runs
 from tdint.analysis.run.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks
 from tdint.campaign.batch import demand_cells
+from tdint.kernels import layout as rows
+from tdint.model.building import assemble
 
 HEIGHT = np.array([4.0, math.nan, 2.5])
 RANDOM = np.random.default_rng(2)
@@ -92,3 +95,15 @@ def test_error_of_demand_covers_all_possible_maxima():
     assert drift.error(peaks, errors(0.01, math.nan, 0.4)) == 0.01
     assert math.isnan(drift.error(peaks, errors(math.nan, math.nan, math.nan)))
     assert roof.error(peaks, errors(0.01, 0.03, 0.4)) == 0.4
+
+
+@pytest.mark.parametrize("story", [{}, {"dashpot": 5.0}])
+def test_unobserved_peaks_are_not_zero(story):
+    """Time loops compute drift rates only with dashpots, and forces of braces only with braces."""
+    building = assemble(
+        tdint.load_model({"stories": [{"mass": 10.0, "height": 3.0, "stiffness": 800.0, **story}]})
+    )
+    found = building.observed(np.ones((rows.PEAK_ROWS, 1)))
+    missing = {rows.PEAK_BRACE_FORCE} | (set() if story else {rows.PEAK_DRIFT_RATE})
+    assert set(np.flatnonzero(np.isnan(found[:, 0]))) == missing
+    assert building.peak_damper_force(found) == pytest.approx([story.get("dashpot", 0.0)])

@@ -130,7 +130,7 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
     building : Building
         Building; its heights, yield drifts and dashpots are used.
     peaks : ndarray, shape (..., PEAK_ROWS, n)
-        Peaks in the rows of `Workspace.peaks`.
+        Peaks in the rows of `Workspace.peaks`; rows that the run has not observed become nan.
     end : ndarray, shape (..., n)
         Drifts at the end of the run, m.
 
@@ -139,8 +139,9 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
     dict of str to ndarray, shape (..., n)
         Values by the name of the quantity (`StoryValues`), SI units.
     """
+    observed = building.observed(peaks)
     return {
-        quantity.name: quantity.value(building, peaks, end)
+        quantity.name: quantity.value(building, observed, end)
         for quantity in STORY_QUANTITIES
         if quantity.value
     }
