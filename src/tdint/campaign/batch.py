@@ -487,21 +487,12 @@ class Batch:
     settings: RunSettings
 
     def results(self, runs: Sequence[Run], max_step: float | None = math.inf) -> Rows:
-        """Integrate runs and return their rows.
+        """Integrate runs and return their rows, with stories and elements if they are stored, and
+        the events of sequences.
 
-        Parameters
-        ----------
-        max_step : float | None
-            Maximum time step that meets the tolerance, s. The time step of the settings is halved
-            or doubled to obtain the longest step up to this limit. None: no time step meets the
-            tolerance; the runs are not integrated, and the status in their rows states this reason.
-            By default (infinity) the time step of the settings is used.
-
-        Returns
-        -------
-        Rows
-            One row per run, its stories and elements if they are stored, and its events if it is a
-            sequence.
+        The time step of the settings is halved or doubled to obtain the longest step up to
+        `max_step` (s); with infinity it is used unchanged. None: no time step meets the tolerance;
+        the runs are not integrated, and the status in their rows states this reason.
 
         Raises
         ------
@@ -544,13 +535,8 @@ class Batch:
 
         The events of the sequence are joined to a single record. The time between two events
         depends on the building if each event starts after the free vibration of the previous event.
-
-        Returns
-        -------
-        Rows
-            One row for the run, the rows of its stories and elements if they are stored, and one
-            row per event if the run did not fail. Rows of stories and elements contain the peaks
-            over all events.
+        Rows of stories and elements contain the peaks over all events. A run that did not fail also
+        has one row per event.
         """
         case, dt = self._case(run), self.settings.dt
         record = case.record
@@ -595,10 +581,8 @@ class Batch:
 
     def _time_steps(self, motion: int, max_step: float) -> Steps:
         """Return the time steps for a ground motion: the longest steps of at most `max_step` (s)
-        that are obtained from the time step of the settings by repeated doubling or halving.
-
-        If `max_step` is infinity, the time step of the settings is not changed. `motion` is the
-        number of the ground motion.
+        that are obtained from the time step of the settings by repeated doubling or halving; with
+        infinity, the steps of the settings.
         """
         case, duration = self._case(Run(motion, 1.0)), self.settings.duration
         steps = case.steps(self.settings.dt, duration)
@@ -618,15 +602,9 @@ class Batch:
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs that have the same time step in a single call of compiled code.
-
-        `results`: the rows of completed runs, and of failed runs that are not repeated, are
-        appended to this object.
-
-        Returns
-        -------
-        list of _Job
-            Failed runs that must be repeated, with half the time step.
+        """Integrate runs that have the same time step in a single call of compiled code. Return the
+        failed runs that must be repeated with half the time step; the rows of all others are
+        appended to `results`.
         """
         settings = self.settings
         run_requests = [(job.run.motion, job.run.scale, job.steps) for job in jobs]
@@ -679,8 +657,8 @@ class Batch:
         """Return the row of a run with its time step, status, PGA, Sa(T1), number of repetitions
         and collapse.
 
-        `**values` contains the further values by the name of their quantity in `RUN`, such as
-        demands. They are omitted for a failed run: its other quantities are None.
+        The further values by the name of their quantity in `RUN`, such as demands, are omitted for
+        a failed run: these quantities are then None.
         """
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
@@ -778,15 +756,8 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
 def _first_mode_accelerations(
     chunk: Chunk, periods: Sequence[float]
 ) -> list[dict[int, float | None]]:
-    """Return Sa(T1) of the ground motions under which each building of a chunk is run.
-
-    `periods` is the first natural period of each building, s.
-
-    Returns
-    -------
-    list of dict
-        One dictionary per building, from the number of the ground motion to its unscaled Sa(T1),
-        m/s^2; None if the period is too short for the record.
+    """Return for each building of a chunk a dictionary from the number of a ground motion under
+    which it is run to the unscaled Sa(T1), m/s^2; None if the period is too short for the record.
     """
     spectral: list[dict[int, float | None]] = [{} for _ in periods]
     # Indices in `periods` of the buildings that are run under each ground motion.

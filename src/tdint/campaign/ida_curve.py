@@ -225,11 +225,8 @@ class LevelSearch:
 
     def _probe_level(self, collapse: IdaRun | None, runs: Sequence[IdaRun]) -> float | None:
         """Return a level above the first collapse at which the building may survive again: 1.25 or
-        1.5 times the level of the first collapse (`_PROBES`).
-
-        None is the result if the building has been run at both levels, or has not collapsed.
-
-        `collapse` is the run of the first collapse.
+        1.5 times the level of this collapse (`_PROBES`). None if the building has been run at both
+        levels, or has not collapsed.
         """
         if collapse is None:
             return None
@@ -255,13 +252,9 @@ def below_collapse(runs: Sequence[IdaRun]) -> Iterator[IdaRun]:
 
 
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
-    """Return a new level between two levels.
-
-    The new level is at one of the positions `_POSITIONS`. None is the result if runs at all these
-    positions exist.
-
-    `low` and `high` are the adjacent levels of runs with a result. There may be runs without a
-    result between them.
+    """Return a new level between two adjacent levels of runs with a result, at one of the positions
+    `_POSITIONS`; None if runs at all these positions exist. There may be runs without a result
+    between the two levels.
     """
     # A level has been tried if its distance from a run is less than 1 % of the interval between the
     # two levels, on a logarithmic scale.
@@ -487,11 +480,7 @@ class PairCurve(IdaCurve):
 
 
 def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
-    """Return the drift ratios of a curve at levels of intensity, by interpolation.
-
-    `curve` is the curve with at least one run below its first collapse, unless `levels` is empty.
-    `levels` is the levels up to the last level of the curve below its first collapse.
-    """
+    """Return the drift ratios of a curve at levels below its first collapse, by interpolation."""
     if not levels:
         return np.empty(0)
     im = np.array([run.im for run in curve.stable])
@@ -662,19 +651,8 @@ def _factor_for_drift(
     subject: Subject, mainshock: Record, drift: float, *, first_factor: float, dt: float | None
 ) -> float:
     """Return the scale factor of a mainshock at which the maximum drift ratio of a building equals
-    a specified value.
-
-    `dt` is the time step, s; None: the default of the building.
-
-    Returns
-    -------
-    float
-        Scale factor; the drift ratio differs by at most 0.01 % (`_DRIFT_TOLERANCE`).
-
-    Raises
-    ------
-    AnalysisError
-        The building collapses before it reaches the drift ratio.
+    a specified value within 0.01 % (`_DRIFT_TOLERANCE`). AnalysisError is raised if the building
+    collapses at a smaller drift ratio.
     """
 
     def max_drift_ratio(factor: float) -> float:

@@ -89,16 +89,8 @@ class Statistics:
 def _maximum_error(
     increasing_function: Callable[[Array], Array], values: Array, errors: Array
 ) -> Array:
-    """Return the maximum error of a function that increases with each of its values. The error is
-    maximum if all values are increased, or all are decreased, by their errors.
-
-    `increasing_function` is the function of an array with the shape of `values`; it returns an
-    array.
-
-    Returns
-    -------
-    ndarray
-        Maximum error of each element of the result of the function.
+    """Return the maximum error of a function that increases with each of its values: the error if
+    all values are increased, or all are decreased, by their errors.
     """
     result = increasing_function(values)
     increase = increasing_function(values + errors) - result
@@ -182,22 +174,12 @@ class Profile(SuiteLevel):
     isolators: tuple[int, ...] = ()
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
-        """Compare the mean demands over the motions with limits.
+        """Compare the mean demands over the motions with limits: by default all limits of the
+        model, otherwise a drift limit or a performance level of the model.
 
-        The mean is computed in each story, and the comparison uses the story with the maximum
-        ratio of mean demand to limit, as in design codes. A building that collapsed or failed under
-        a motion does not meet any limit.
-
-        Parameters
-        ----------
-        limit : float or str, optional
-            Drift limit that is used instead of the limits of the model, or the name of a
-            performance level of the model. By default, all limits of the model.
-
-        Returns
-        -------
-        tuple of LimitCheck
-            One comparison for each limit; empty if no run is completed.
+        The mean is computed in each story, and the comparison uses the story with the maximum ratio
+        of mean demand to limit, as in design codes. A building that collapsed or failed under a
+        motion does not meet any limit. Without a completed run, the result is empty.
 
         Raises
         ------
@@ -326,16 +308,9 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
 
 
 def _story_ratios(compared_values: Array, base_values: Array) -> Array:
-    """Divide the values of the stories of a building by the values of the baseline building.
-
-    `compared_values` and `base_values` are the value of each story of the two buildings, which may
-    have different numbers of stories.
-
-    Returns
-    -------
-    ndarray, shape (1 + common stories,)
-        Ratio of the maxima over all stories, then the ratio of each story that both buildings have.
-        NaN if the value of the baseline is zero or missing.
+    """Divide the values of the stories of a building by the values of the baseline building: the
+    ratio of the maxima over all stories, then the ratio of each story that both buildings have. NaN
+    if the value of the baseline is zero or missing.
     """
     common_count = min(compared_values.size, base_values.size)
     # The maxima may occur in different stories of the two buildings. Without any finite value, the
@@ -385,15 +360,8 @@ def profiles(store: Store) -> Iterator[Profile]:
 
 
 def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Array]:
-    """Read the peaks of the stories in all runs of a building.
-
-    `has_errors` is True if the store contains estimated errors of the peaks.
-
-    Returns
-    -------
-    dict of Run to ndarray, shape (stories, columns)
-        For each run, the height, the quantities of `STORY_QUANTITIES` and their errors, if
-        estimated, of each story from the ground up.
+    """Read the peaks of the stories in all runs of a building: for each run and story from the
+    ground up, the height, the quantities of `STORY_QUANTITIES` and, if estimated, their errors.
     """
     quantities = [quantity.column for quantity in STORY_QUANTITIES]
     errors = [f"{quantity}_error" for quantity in quantities] if has_errors else []
@@ -549,18 +517,9 @@ def has_levels(store: Store) -> bool:
 def _peaks(
     level: SuiteLevel, values_of_run: Mapping[Run, Array], stories: int, checked: bool
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Return the peaks of the completed runs of a level.
-
-    `values_of_run` contains the values of each run: in each story its height, the quantities of
-    `STORY_QUANTITIES`, and their errors. `checked` is True if errors were estimated.
-
-    Returns
-    -------
-    height : ndarray, shape (stories,)
-        Story heights, m; NaN if no run is completed.
-    peaks, errors : dict of str to ndarray, shape (motions, stories)
-        Peaks by the name of the quantity, and their errors; the second dictionary is empty if
-        errors were not estimated.
+    """Return the story heights (m; NaN if no run is completed), and the peaks of the completed runs
+    of a level and their errors (empty if not estimated), shape (motions, stories), by the name of
+    the quantity. The values of each run are those of `_story_values`.
     """
     if not level.completed:
         no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}

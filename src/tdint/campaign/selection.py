@@ -196,27 +196,12 @@ def _check_arguments(
 def _number_events(
     suite: Sequence[GroundMotion], events: Sequence[object] | None, per_event: int | None
 ) -> tuple[NDArray[np.int64], list[str]]:
-    """Return the number of the event of each motion, and the labels of the events.
+    """Return the number of the event of each motion, from 0, and the label of the event of each
+    motion.
 
-    `events` is the event of each motion, empty if unknown; None: read the events from the files.
-
-    Parameters
-    ----------
-    per_event : int | None
-        Maximum number of selected motions of a single event. None: events are not needed, so each
-        motion counts as a separate event and the list of labels is empty.
-
-    Returns
-    -------
-    numbers : ndarray of int, shape (n,)
-        Number of the event of each motion, from 0.
-    labels : list of str
-        Label of the event of each motion; empty if `per_event` is None.
-
-    Raises
-    ------
-    UsageError
-        The event of a motion is unknown.
+    Without `events` they are read from the files; an empty event is unknown. Without a maximum
+    number of motions per event, events are not needed: each motion is a separate event and the list
+    of labels is empty. UsageError is raised if the event of a motion is unknown.
     """
     if per_event is None:
         return np.arange(len(suite)), []
@@ -234,10 +219,8 @@ def _check_pool_size(
 ) -> None:
     """Raise UsageError if fewer motions can be selected than requested.
 
-    `pool_events` is the number of the event of each motion in the pool, which contains all motions
-    that can be selected. `event_numbers` is the number of the event of each motion, from 0,
-    including the motions outside of the pool. `per_event` is the maximum number of selected motions
-    of a single event; None: no maximum.
+    The pool contains all motions that can be selected; `event_numbers` also those outside of the
+    pool.
     """
     motion_count = len(event_numbers)
     # `bincount` returns the number of motions of each event in the pool. Of each event, at most
@@ -259,13 +242,8 @@ def _check_pool_size(
 
 def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int) -> Array | None:
     """Return the target standard deviation of ln Sa at each period; None if not specified.
-
-    `periods` contains the periods, s.
-
-    Raises
-    ------
-    UsageError
-        A value is negative or not finite, or fewer than three motions are selected.
+    UsageError is raised if a value is negative or not finite, or fewer than three motions are
+    selected.
     """
     if scatter is None:
         return None
@@ -291,29 +269,17 @@ def _within_limits(
     limits: tuple[float, float],
     choose: Callable[[Array], list[int]],
 ) -> tuple[list[int], Scaling, Array]:
-    """Return a selection with factors within the limits after the common factor of a rule.
+    """Return a selection with factors within the limits after the common factor of a rule (`asce7`
+    or `ec8`): the indices of the motions, their final factors, and the factors of all motions
+    before the common factor.
 
     The common factor of a selection may raise factors above the upper limit. In this case the
     factors of all motions are limited to a lower value, so that the search prefers stronger
     motions, until the product of this value and the common factor is within the limit.
 
-    `fitted` contains all motions with their individual factors within the limits. `rule` is `asce7`
-    or `ec8`. `choose` is the function that returns the indices of the selected motions for the
-    factors of all motions.
-
-    Returns
-    -------
-    chosen : list of int
-        Indices of the selected motions.
-    scaling : Scaling
-        The selected motions with their final factors.
-    factors : ndarray
-        Factors of all motions before the common factor.
-
-    Raises
-    ------
-    AnalysisError
-        No selection was found. The message reports the selection with the smallest maximum factor.
+    `fitted` contains all motions with their individual factors within the limits. `choose` returns
+    the indices of the selected motions for the factors of all motions. If no selection is found,
+    the AnalysisError reports the selection with the smallest maximum factor.
     """
     low, high = limits
     upper_limit = high
@@ -526,15 +492,9 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
 
 
 def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
-    """Return the names of the recordings to which the files of each motion belong.
-
-    `motions` contains the motions. The two components of a recording may be in one file or in two
-    files.
-
-    Returns
-    -------
-    list of list of str
-        For each motion, one name per file. Files of the same recording have equal names.
+    """Return the names of the recordings to which the files of each motion belong: one name per
+    file, equal for files of the same recording. The two components of a recording may be in one
+    file or in two files.
     """
     # Distinct files of each motion: one, or two for a pair in two files
     files_by_motion = [
@@ -572,20 +532,11 @@ def _event_of_motion(motion: GroundMotion) -> Earthquake:
 def _pool(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> tuple[list[int], Array, dict[str, int]]:
-    """Return the motions that can be selected.
+    """Return the indices of the motions that can be selected, their spectra (m/s^2, one row per
+    motion), and the number of motions that cannot be selected, by reason.
 
-    `periods` contains the periods, s.
-
-    Returns
-    -------
-    indices : list of int
-        Indices of the motions that can be selected.
-    spectra : ndarray, shape (n, k)
-        Their spectra, m/s^2.
-    excluded_counts : dict of str to int
-        Number of motions that cannot be selected, by reason: `duplicate` (equal to another
-        motion), `range of periods` (the sampling interval is too long for a period) or `zero` (a
-        component without motion).
+    The reasons are `duplicate` (equal to another motion), `range of periods` (the sampling interval
+    is too long for a period) and `zero` (a component without motion).
     """
     excluded_counts = {"duplicate": 0, "range of periods": 0, "zero": 0}
     indices, spectra, previous_hashes = [], [], set()
@@ -616,19 +567,17 @@ def _search(
     events: NDArray[np.int64],
     max_per_event: int,
 ) -> list[int]:
-    """Search for the selection of motions with the minimum score.
+    """Search for the selection of `count` motions with the minimum score.
+
+    The score is the mean over the periods of (mean deviation)^2, plus half of (standard deviation -
+    target)^2. A deviation is the ln of the scaled spectrum divided by the target, for each motion
+    (row) and period. The search adds the best row repeatedly, and then exchanges rows as long as
+    the score decreases. It is repeated from many starting points. The first starting point is the
+    best single motion; later starting points alternate between half of the best selection so far
+    and random motions.
 
     A selection with `count` rows must exist, as `_check_pool_size` checks. A row can then always be
     added to an incomplete selection.
-
-    The score is the mean over the periods of (mean deviation)^2, plus half of (standard deviation -
-    target)^2. The search adds the best row repeatedly, and then exchanges rows as long as the score
-    decreases. It is repeated from many starting points. The first starting point is the best single
-    motion; later starting points alternate between half of the best selection so far and random
-    motions.
-
-    `deviations` is the ln of the scaled spectrum divided by the target, for each motion (row) and
-    period. `events` is the event of each row.
     """
     # A fixed seed makes the selection reproducible.
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
@@ -659,16 +608,8 @@ def _search(
 
 
 def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Array]) -> float:
-    """Replace rows of a selection by better rows as long as the score decreases, and return the
-    final score.
-
-    `selection` contains the selected rows; changed in place.
-
-    Parameters
-    ----------
-    scores : callable
-        Function that receives selected rows and the size of the selection after one more row. It
-        returns the score for each additional row, shape (n,): the method `_Scores.with_row`.
+    """Replace rows of a selection in place by better rows as long as the score decreases, and
+    return the final score. `scores` is the method `_Scores.with_row`.
     """
     # Each pass tries to replace every row. The first pass sets the score, which is infinite before.
     score, is_improved = np.inf, True

@@ -137,18 +137,9 @@ def _read_points(
     """Read the ground motions of all points of a grid. A record that several points list is read a
     single time.
 
-    `folder` is the directory of the grid, which contains the files of the points and of the
-    records. `unit` is the unit of the samples, m/s^2.
-
-    Returns
-    -------
-    motions : list of SuiteMotion
-        Components of all records.
-    failures : list of RecordError
-        Error of each record that cannot be read.
-    point_motions : list of list of PointMotion
-        For each point, its motions: the indices of their components in `motions` (empty if the
-        record cannot be read), and their factors.
+    `unit` is the unit of the samples, m/s^2. The result contains the components of all records, the
+    error of each record that cannot be read, and for each point its motions. A motion of a point
+    without components belongs to a record that cannot be read.
     """
     motions: list[SuiteMotion] = []
     failures: list[RecordError] = []
@@ -177,20 +168,9 @@ def _rows_as_events(
 ) -> FieldMotions:
     """Convert the ground motions of a grid to ground motion fields.
 
-    The points of the grid are the sites, and row k of the file of each point is the motion of
-    event k at this site.
-
-    `points` is the file and location (degrees) of each point.
-
-    Returns
-    -------
-    FieldMotions
-        Motion of each event at each site. The names of the events are their numbers, from 1.
-
-    Raises
-    ------
-    ModelError
-        The files of the points have different numbers of rows.
+    The points (file, location in degrees) are the sites, and row k of the file of each point is the
+    motion of event k at this site. Events are named by their numbers, from 1. ModelError is raised
+    if the files have different numbers of rows.
     """
     # An event is identified by its row, so that all files must have the same number of rows.
     event_count = len(point_motions[0])
@@ -254,15 +234,11 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
 
 
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
-    """Return the annual rate (1/year) of each event of the fields, by its name.
+    """Return the annual rate (1/year) of each event of the fields, by its name, from a CSV file
+    with the columns event and rate.
 
-    `file` is the CSV file with the columns event and rate. Events that are not in the fields are
-    ignored.
-
-    Raises
-    ------
-    ModelError
-        The file cannot be read, a rate is negative, or an event has no rate.
+    Events that are not in the fields are ignored. ModelError is raised if the file cannot be read,
+    a rate is negative, or an event has no rate.
     """
     table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
     event = _find_column(table, _EVENT_NAMES)
@@ -283,14 +259,8 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
 
 
 def _by_name(table: CsvTable, column: str, noun: str, values: Iterable[Value]) -> dict[str, Value]:
-    """Return a dictionary from the name in each row to the value of the row.
-
-    `column` is the column with the names, which must be unique. `values` is the value of each row.
-
-    Raises
-    ------
-    ModelError
-        A name is listed twice, or is missing.
+    """Return a dictionary from the name in each row to the value of the row. ModelError is raised
+    if a name is missing or listed twice.
     """
     by_name: dict[str, Value] = {}
     for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
@@ -349,13 +319,12 @@ class _FieldRows:
         are_sites_known: bool,
         measure: IntensityMeasure | None,
     ) -> bool:
-        """Append many rows and return True, if all of them are valid; otherwise return False.
+        """Append many rows (line number, cells) and return True, if all of them are valid;
+        otherwise return False.
 
-        `block` contains the line number and cells of each row. `indices` contains the indices of
-        the columns of event, record, site, component, file of the second component, and value;
-        `width` for a column that does not exist. `are_sites_known` is True if a table of sites
-        exists, so that no site may be added. `measure` is the intensity measure of the values; None
-        for factors.
+        `indices` contains the indices of the columns of event, record, site, component, file of the
+        second component, and value; `width` for a column that does not exist. If `are_sites_known`,
+        a table of sites exists, so that no site may be added. `measure` is None for factors.
         """
         line_numbers, cells = zip(*block, strict=True)
         if set(map(len, cells)) != {width}:
@@ -441,8 +410,8 @@ def _numbers_of(
 ) -> list[int]:
     """Return the number of each name; -1 if the name has no number and must not be added.
 
-    `numbers` contains the numbers by name without surrounding spaces. New names are added in place,
-    if allowed. `first` is the number of the first name. `may_add` is True if names may be added.
+    `numbers` contains the numbers by name without surrounding spaces, from `first`. New names are
+    added in place, if allowed.
     """
     # Usually all names are known and have no surrounding spaces. The spaces are removed, and new
     # names are added, only if a name without this change has no number.
@@ -465,26 +434,12 @@ def _strip_each(texts: tuple[str, str, str]) -> tuple[str, str, str]:
 def _field_rows(
     field: FieldFile, sites: dict[str, int]
 ) -> tuple[_FieldRows, IntensityMeasure | None]:
-    """Read the rows of a table of ground motion fields.
+    """Read the rows of a table of ground motion fields, and the intensity measure of their values
+    (None for factors).
 
-    Parameters
-    ----------
-    sites : dict of str to int
-        Numbers of the sites with a known location. If no file with the locations is specified, the
-        sites of the table are added; a table without a column of sites then has a single site with
-        an empty name.
-
-    Returns
-    -------
-    rows : _FieldRows
-        The rows.
-    measure : IntensityMeasure | None
-        Intensity measure of their values; None for factors.
-
-    Raises
-    ------
-    ModelError
-        The table cannot be read; the error lists all errors of its rows.
+    `sites` contains the numbers of the sites with a known location. If no file with the locations
+    is specified, the sites of the table are added; a table without a column of sites then has a
+    single site with an empty name. ModelError lists all errors of the rows.
     """
     file = field.file
     needs = (
@@ -582,10 +537,7 @@ class _RowReader:
 
     def _add_row(self, line: int, cells: list[str]) -> str:
         """Append a row to `rows` and return an empty text. If the row is invalid, return its error
-        and do not append it.
-
-        `line` is the line number of the row. `cells` contains the cells of the row. Cells may be
-        missing at the end of the row.
+        and do not append it. Cells may be missing at the end of the row.
         """
         width = len(self.table.header)
         if self.table.overfull(cells):
@@ -617,9 +569,8 @@ class _RowReader:
     def _row_error(self, event: str, record: str, site: str, value_text: str, value: float) -> str:
         """Return the error of a row; an empty text if it is valid.
 
-        `event`, `record`, `site` and `value_text` are the cells of the row; an empty text if the
-        cell is empty or the column does not exist. `value` is the number in `value_text`; NaN if it
-        is not a number, 1 if it is empty.
+        The texts are empty if the cell is empty or the column does not exist. `value` is NaN if
+        `value_text` is not a number, 1 if it is empty.
         """
         event_column, _, site_column, _, _, value_column = self.columns
         has_site_column = self.indices[2] < len(self.table.header)
@@ -642,23 +593,12 @@ class _RowReader:
 
 
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
-    """Return the column with the values of a table of fields. The values are factors on the
-    records, or intensities computed by OpenQuake; the records are scaled to these values.
+    """Return the column with the values of a table of fields, its unit, and its intensity measure.
+    The values are factors on the records (no measure), or intensities computed by OpenQuake; the
+    records are scaled to these values.
 
-    Returns
-    -------
-    column : str
-        Name of the column: `factor`, `gmv_PGA`, `gmv_PGV` or `gmv_SA(0.6)`; empty if all factors
-        are 1.
-    unit : float
-        Unit of the column in SI.
-    measure : IntensityMeasure | None
-        Intensity measure of the column; None for factors.
-
-    Raises
-    ------
-    ModelError
-        The table has several columns of intensities, or an unknown intensity.
+    The column is `factor`, `gmv_PGA`, `gmv_PGV` or `gmv_SA(0.6)`, or empty if all factors are 1.
+    ModelError is raised if the table has several columns of intensities, or an unknown intensity.
     """
     columns = [name for name in table.header if name.startswith("gmv_")]
     # If the table has a column of factors, OpenQuake's columns of intensities are not used.
@@ -731,20 +671,12 @@ class _FieldRecords:
         second_file: str,
         measure: IntensityMeasure | None,
     ) -> tuple[tuple[int, float], ...]:
-        """Read a record, append its motions to `motions`, and return their numbers. An error is
-        appended to `failures`.
+        """Read a record, append its motions to `motions`, and return the number of each motion and
+        its intensity, SI (geometric mean of a pair), or 1 for factors.
 
-        `line` is the line of the table that first uses the record, for messages. `record`,
-        `component` and `second_file` are the file of the record, its component, and the file of the
-        second component of a pair; the last two may be empty. `measure` is the intensity measure of
-        the values; None for factors.
-
-        Returns
-        -------
-        tuple of (int, float)
-            Number of each motion, and its intensity, SI (geometric mean of a pair), or 1 for
-            factors. The result is empty if the record cannot be read or the intensity cannot be
-            computed.
+        If the record cannot be read or the intensity cannot be computed, the error is appended to
+        `failures` and the result is empty. `line` is the line of the table that first uses the
+        record, for messages. `component` and `second_file` (of a pair) may be empty.
         """
         first_number = len(self.motions)
         try:
@@ -762,14 +694,10 @@ class _FieldRecords:
     def _read(self, record: str, component: str, second_file: str) -> tuple[SuiteMotion, ...]:
         """Read a record and return its motions: its components, or the two components of a pair.
 
-        `component` is the component to read; empty for the component of the settings. It also
-        selects components of the files of a pair. `second_file` is the file of the second component
-        of a pair; may be empty. It is used only if the settings combine components to pairs.
-
-        Raises
-        ------
-        RecordError
-            The record cannot be used, or the second component is not found.
+        An empty `component` means the component of the settings. The component is also selected
+        from the files of a pair. `second_file` is used only if the settings combine components to
+        pairs. RecordError is raised if the record cannot be used, or the second component is not
+        found.
         """
         field, folder = self._field, Path(self._field.file).parent
         file = resolve(record, folder)
@@ -820,19 +748,11 @@ class _FieldRecords:
 
 
 def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
-    """Read the components of a motion in SimCenter's format.
+    """Read the components of a motion in SimCenter's format; with the setting `pairs`, the
+    components of a pair.
 
-    `component_name` is the component in the table; empty: the component of the campaign file.
-
-    Returns
-    -------
-    tuple of SuiteMotion
-        Selected components; with the setting `pairs`, the components of a pair.
-
-    Raises
-    ------
-    RecordError
-        The file cannot be used, its units are not specified, or the component is not found.
+    An empty name means the component of the campaign file. RecordError is raised if the file cannot
+    be used, its units are not specified, or the component is not found.
     """
     # The format does not state units, so the campaign file must specify them.
     unit = file_units(field.choice.units).of(file, "JSON")
@@ -889,20 +809,9 @@ def _listed_records(file: str) -> list[tuple[str, float]]:
 
 
 def _read_components(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
-    """Read the components of a ground motion from a JSON file.
-
-    `name` is the name of the file, with or without the suffix .json. `unit` is the unit of the
-    samples, m/s^2.
-
-    Returns
-    -------
-    list of SuiteMotion
-        One component, or the two components of a pair.
-
-    Raises
-    ------
-    RecordError
-        The file cannot be read, or contains invalid values.
+    """Read one component or the two components of a pair from a JSON file (with or without the
+    suffix .json). `unit` is the unit of the samples, m/s^2. RecordError is raised if the file
+    cannot be read, or contains invalid values.
     """
     file = folder / (name if name.endswith(".json") else f"{name}.json")
     too_large_text = f"larger than {MOST_BYTES // 1024**2} MiB; this is not a ground motion"

@@ -250,16 +250,9 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
 
 
 def _table_of_study(folder: Path, fit: str | None) -> str:
-    """Return the path of the table in the directory of a study that suits a fit. Stripes are fitted
-    to the runs. Other fits use the capacities that the study has computed, if they exist; a cloud
-    prefers the curves of `tdint ida`.
-
-    `fit` is `stripes`, `ida` or `cloud`; None: the fit that suits the table.
-
-    Raises
-    ------
-    ModelError
-        The directory contains no such table.
+    """Return the path of the table in the directory of a study that suits a fit (None: any);
+    ModelError if there is none. Stripes are fitted to the runs. Other fits use the capacities that
+    the study has computed, if they exist; a cloud prefers the curves of `tdint ida`.
     """
     if fit == STRIPES:
         names = ["runs.csv"]
@@ -277,16 +270,9 @@ def _table_of_study(folder: Path, fit: str | None) -> str:
 
 
 def _table_type(table: CsvTable, fit: str | None) -> _TableType:
-    """Return the type of a table, which follows from its columns and the requested fit.
-
-    `fit` is `stripes`, `ida` or `cloud`; None: any fit.
-
-    Raises
-    ------
-    ModelError
-        The table has the columns of no type.
-    UsageError
-        The fit does not suit the table, or the table has the columns of two types.
+    """Return the type of a table, which follows from its columns and the requested fit (None: any).
+    ModelError is raised if the table has the columns of no type; UsageError, if the fit does not
+    suit the table, or the table has the columns of two types.
     """
     types = [
         table_type
@@ -318,14 +304,8 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     """Fit stripes to a table with the columns `im`, `collapses` and `records`: for each intensity
     level, the number of records that cause collapse (or exceed a threshold), and the number of all
-    records. Each requested threshold (`request`) has a function.
-
-    Raises
-    ------
-    UsageError
-        The table does not contain a requested threshold.
-    ModelError
-        The table contains invalid values.
+    records. Each requested threshold has a function. A requested threshold that is not in the table
+    is a UsageError.
     """
     im, exceeding, records = (
         np.array(table.numbers(name)) for name in ("im", "collapses", "records")
@@ -362,15 +342,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     """Fit functions to the capacities of an incremental dynamic analysis, for each state of
     previous damage (column `damage`) and each threshold.
 
-    `table` is the table with the column `capacity`.
-
-    Raises
-    ------
-    UsageError
-        The table does not contain a requested threshold, or the requested rule for pairs of
-        components is not the rule of the table.
-    ModelError
-        The table contains invalid values.
+    UsageError is raised if the table does not contain a requested threshold, or the requested rule
+    for pairs of components is not the rule of the table.
     """
     # The capacities were computed with the rule for pairs of components that the table states. They
     # cannot be used for another rule.
@@ -422,14 +395,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
 def _fit_capacity_rows(
     table: CsvTable, request: FragilityRequest, capacity: Array, rows: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
-    """Fit a function to some capacities, for each threshold.
-
-    `capacity` is the capacity in each row.
-
-    Returns
-    -------
-    list of Fragility or AnalysisError
-        Function of each threshold, or the error that prevents its fit.
+    """Fit a function to some capacities, for each threshold; the error that prevents a fit takes
+    the place of the function.
     """
     censored = np.array(table.truths("censored"))
     motion = motions_if_known(table)
@@ -470,9 +437,8 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit stripes or a cloud to the runs of a study.
-
-    Runs without a result count neither as exceedance nor as non-exceedance.
+    """Fit stripes or a cloud to the runs of a study. Runs without a result count neither as
+    exceedance nor as non-exceedance.
 
     Raises
     ------
@@ -493,12 +459,8 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> FragilityResult:
     """Fit the requested type of function to runs; by default stripes if each intensity level has
-    enough runs, otherwise a cloud.
-
-    Raises
-    ------
-    UsageError
-        No threshold is specified, or stripes are requested for runs without common levels.
+    enough runs, otherwise a cloud. UsageError is raised if no threshold is specified, or stripes
+    are requested for runs without common levels.
     """
     # Each stripe is a mask of the runs with a result at a level.
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
@@ -568,15 +530,8 @@ class _Runs:
 
 def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     """Return the runs of a table of runs of one building, with the components of pairs combined.
-
-    `request` contains the settings, with the intensity measure and the rule for pairs.
-
-    Raises
-    ------
-    ModelError
-        The table contains several buildings, or no run has a result.
-    UsageError
-        The table does not contain the intensity measure.
+    ModelError is raised if the table contains several buildings, or no run has a result;
+    UsageError, if it does not contain the intensity measure.
     """
     try:
         table.only("building")
@@ -630,20 +585,11 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
 
 
 def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:
-    """Return the column with the intensities of runs.
+    """Return the title of the column with the intensities of runs, the name of the intensity
+    measure, for example `sa(0.5)`, and the unit.
 
-    It is the column of the intensity measure in `request`. If no measure is requested, it is the
-    column `im` of the table if it exists, otherwise the column of Sa(T1).
-
-    Returns
-    -------
-    tuple of three str
-        Title of the column; name of the intensity measure, for example `sa(0.5)`; unit.
-
-    Raises
-    ------
-    UsageError
-        The table has no column of the requested measure.
+    Without a requested measure, it is the column `im` of the table if it exists, otherwise the
+    column of Sa(T1). UsageError is raised if the table has no column of the requested measure.
     """
     if request.measure is None and table.has("im"):
         return "im", table.only("im_name"), table.only("unit")
@@ -660,13 +606,8 @@ def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, 
 
 def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
     """Fit a function to the stripes of the runs that have a result. If some runs have no result,
-    add two fits as bounds. The first bound counts these runs as exceedances of the threshold; the
-    second bound counts them as runs that do not exceed it.
-
-    Raises
-    ------
-    AnalysisError
-        The runs with a result do not determine a function.
+    add two fits as bounds: the first counts these runs as exceedances of the threshold; the second
+    counts them as runs that do not exceed it.
     """
     is_exceeding = runs.collapsed | (runs.drift > threshold)
     has_result = runs.result
@@ -718,9 +659,9 @@ def _cloud(
     """Fit a function to a cloud for each requested threshold. If the cloud cannot be fitted, the
     result contains the reason and no function.
 
-    `censored` is True for demands known only to be above their value. `names` is the name and unit
-    of the intensity measure; default are the columns `im_name` and `unit`. `motion` is the ground
-    motion of each row; by default all rows are independent.
+    Censored demands are known only to be above their value. By default, the name and unit of the
+    intensity measure are the columns `im_name` and `unit`, and the rows belong to independent
+    ground motions (`motion`).
     """
     _check_thresholds(table, request)
     # Demands below the requested range are elastic and omitted. Demands above it are censored.
@@ -758,23 +699,12 @@ def _cloud(
 def _by_threshold(
     table: CsvTable, request: FragilityRequest, fit: Callable[[NDArray[np.bool_]], Fragility]
 ) -> list[Fragility | AnalysisError]:
-    """Fit a function to the rows of each requested threshold of a table; by default for all
-    thresholds in its column `threshold`. Without this column, all rows are used for a function.
+    """Fit a function to the rows (a mask) of each requested threshold of a table, by default of all
+    thresholds in its column `threshold`. Without this column, all rows are used for a function. The
+    error that prevents a fit takes the place of the function.
 
-    `fit` is the function that fits a fragility function to the rows that a mask, shape (rows,),
-    selects.
-
-    Returns
-    -------
-    list of Fragility or AnalysisError
-        Function of each threshold, or the error that prevents its fit.
-
-    Raises
-    ------
-    UsageError
-        The table does not contain a requested threshold.
-    ModelError
-        The column `threshold` is empty.
+    UsageError is raised if the table does not contain a requested threshold; ModelError, if the
+    column `threshold` is empty.
     """
     names = (table.only("im_name"), table.only("unit"))
     # Without a column `threshold`, all rows refer to the same threshold.

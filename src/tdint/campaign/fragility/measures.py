@@ -153,15 +153,11 @@ def run_measure(text: str) -> RunMeasure:
 
 def _period(text: str) -> tuple[float | None, str, str]:
     """Parse the period of an intensity measure: `T1` or an empty text for the first period of each
-    building, or a number of seconds. ValueError or UsageError is raised for any other text.
+    building, or a number of seconds.
 
-    Returns
-    -------
-    period : float | None
-        Period, s; None for the first period of each building.
-    description, symbol : str
-        Texts of the period in descriptions and in names; the symbol {} is replaced by the first
-        period later.
+    The result is the period (s; None for the first period), its text in descriptions, and its text
+    in names, in which {} is replaced by the first period later. ValueError or UsageError is raised
+    for any other text.
     """
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
@@ -428,11 +424,7 @@ class RunIntensities:
 
     def _next_value(self, building: BuildingDamage, run: Run) -> float:
         """Return the value in the next row of measures.csv, SI units; nan if the cell is empty.
-
-        Raises
-        ------
-        ModelError
-            The row belongs to another run, or there are no more rows.
+        ModelError is raised if the row belongs to another run, or there are no more rows.
         """
         # After the last row, the empty row leads to the error below.
         line, row = next(self._rows, (0, []))
@@ -609,25 +601,11 @@ def line(
     name: str = "the measure",
     motion: NDArray[np.intp] | None = None,
 ) -> MeasureFit:
-    """Fit a line by least squares, and lines of its residuals over characteristics of the ground
-    motions.
+    """Fit a line by least squares to logarithms of the intensity measure and of the demand, and
+    lines of its residuals over characteristics of the ground motions.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Logarithms of the intensity measure and of the demand.
-    characteristics : dict
-        Values of each characteristic, shape (n,).
-    name : str
-        Name of the measure in messages.
-    motion : ndarray of int, shape (n,), optional
-        Ground motion of each run. Runs under the same ground motion are correlated; by default all
-        runs are independent.
-
-    Returns
-    -------
-    MeasureFit
-        Line with its dependences; name and unit are empty, and no runs count as omitted.
+    Runs with the same number in `motion` are correlated; by default all runs are independent. Name
+    and unit of the result are empty, and no runs count as omitted.
 
     Raises
     ------
@@ -823,26 +801,13 @@ def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
 
 
 def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
-    """Group the rows of a table of runs by ground motion and level.
+    """Group the indices of the rows of a table of runs by ground motion and level; return the rule
+    for pairs and the groups.
 
     The rows of the two components of a pair at a level form a group. Each row is a separate group
-    if the table has no pairs or if their components count separately.
-
-    Parameters
-    ----------
-    table : CsvTable
-        Runs, with the columns record and component, and optionally scale, sample and building.
-        Pairs are defined by the store in the same directory, otherwise by their names.
-    pair_demand : str | None
-        One of `tdint.campaign.pairs.PAIR_DEMANDS`; None for the rule of the store, or the default
-        if there is no store.
-
-    Returns
-    -------
-    rule : PairRule
-        Rule that combines the demands of the components of pairs.
-    groups : list of list of int
-        Indices of the rows of each group.
+    if the table has no pairs or if their components count separately. Pairs are defined by the
+    store in the same directory, otherwise by their names. Without `pair_demand`, the rule of the
+    store applies, or the default if there is no store.
 
     Raises
     ------
@@ -1026,20 +991,12 @@ def no_measure_message(source: str, name: str) -> str:
 def _characteristics(
     table: CsvTable, file: str | Path | None
 ) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Read the characteristics of ground motions from a CSV file with one row per record; None: no
-    characteristics.
+    """Read the characteristics of ground motions from a CSV file with one row per record; none
+    without a file.
 
-    Returns
-    -------
-    characteristics : dict of str to ndarray, shape (n,)
-        Values for the record of each of the n runs of `table`, by the name of the characteristic.
-    events : ndarray of int, shape (n,), or None
-        Index of the event of each run; None if the file has no column `event`.
-
-    Raises
-    ------
-    ModelError
-        The file cannot be read or does not contain a record.
+    The result contains the values for the record of each run of `table`, by the name of the
+    characteristic, and the index of the event of each run, or None if the file has no column
+    `event`. ModelError is raised if the file cannot be read or does not contain a record.
     """
     if file is None:
         return {}, None

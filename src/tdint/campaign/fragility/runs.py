@@ -294,15 +294,8 @@ def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
 
     The rule determines the demand of a pair, and the demand determines its damage. The building has
     collapsed under a pair if it has collapsed under at least one component. A pair has no result if
-    one component has no result. Key, rank, Sa(T1) and PGA are those of the first component.
-
-    Parameters
-    ----------
-    damage : BuildingDamage
-        Damage after each run.
-    rule : PairRule
-        Rule that combines the demands. If it counts components separately, the damage is returned
-        unchanged.
+    one component has no result. Key, rank, Sa(T1) and PGA are those of the first component. If the
+    rule counts components separately, the damage is returned unchanged.
     """
     if rule.demand == SEPARATE or not rule.pairs:
         return damage
@@ -523,16 +516,11 @@ class _Group:
 
 
 def _mean(sums: Array) -> Mean:
-    """Return the mean of quantities over all runs with a jackknife standard error over ground
-    motions.
+    """Return the mean of k quantities over all runs with a jackknife standard error over ground
+    motions (nan for a single motion).
 
-    `sums` is the number of runs under each ground motion (or another weight, such as their cost),
-    and the sums of k quantities over these runs.
-
-    Returns
-    -------
-    Mean
-        Mean of each quantity and its standard error, nan for a single ground motion, shape (k,).
+    Each row of `sums` contains the number of runs under a ground motion (or another weight, such as
+    their cost), and the sums of the quantities over these runs.
     """
     counts, motions = sums[:, :1], len(sums)
     value = sums[:, 1:].sum(axis=0) / counts.sum()
