@@ -143,12 +143,8 @@ def run_chunk_with_plugins(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk)
 
 
 def _connect(cluster: Cluster) -> Any:
-    """Connect to the Dask scheduler of a cluster and return the client.
-
-    Raises
-    ------
-    UsageError
-        Dask is not installed, a certificate is missing, or no scheduler responds at the address.
+    """Connect to the Dask scheduler of a cluster and return the client. UsageError is raised if
+    Dask is not installed, a certificate is missing, or no scheduler responds at the address.
     """
     try:
         from distributed import Client, Security
@@ -204,13 +200,8 @@ variables that set them in the configuration of Dask."""
 
 def _security(configured: Any, cluster: Cluster) -> Any:
     """Return the certificates in the configuration of Dask for an encrypted connection; None for a
-    connection within this machine.
-
-    Raises
-    ------
-    UsageError
-        A certificate is not configured, or its file cannot be read; the error of the connection
-        would not name it.
+    connection within this machine. UsageError names a certificate that is not configured or cannot
+    be read; the error of the connection would not name it.
     """
     if not cluster.is_encrypted:
         return None
@@ -231,14 +222,9 @@ def _security(configured: Any, cluster: Cluster) -> Any:
 def _results(
     client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]
 ) -> Iterator[ChunkResult]:
-    """Submit chunks to the workers and yield their results in order of completion.
-
-    `numbers` contains the numbers of the chunks that have not been submitted.
-
-    Raises
-    ------
-    AnalysisError
-        Workers failed repeatedly, for example because their memory was exhausted.
+    """Submit the remaining chunks to the workers and yield their results in order of completion.
+    AnalysisError is raised if workers failed repeatedly, for example because their memory was
+    exhausted.
     """
     from distributed import KilledWorker, as_completed
 

@@ -225,11 +225,9 @@ class ParameterSweep:
     def _label(
         self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
     ) -> str:
-        """Return the label of a variation in tables, such as `damping=0.05, draw 3, dt=0.01`. The
-        label contains the number of the sample (`draw 3`) instead of all sampled values.
-
-        `number` is the number of the variation in the order of `changes`, from 1. `method` is the
-        method, if varied. `dt` is the time step, s, if varied.
+        """Return the label of a variation in tables, such as `damping=0.05, draw 3, dt=0.01`. It
+        contains the number of the sample (`draw 3`) instead of all sampled values; `number` counts
+        the variations from 1.
         """
         texts = [
             f"{name}={value:.{_LABEL_DIGITS}g}"

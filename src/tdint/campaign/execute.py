@@ -476,13 +476,7 @@ class _Part:
 
 
 def _read_part(folder: Path, store: Store) -> _Part:
-    """Read the identity, shards and chunks of a part of a campaign, such as a shard.
-
-    Raises
-    ------
-    OutputError
-        The store cannot be read.
-    """
+    """Read the identity, shards and chunks of a part of a campaign, such as a shard."""
     with schema.sqlite_errors_reported(store.name):
         corrupt = schema.corrupt_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
@@ -546,13 +540,8 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
 
 
 def _describe_missing(parts: Sequence[_Part]) -> str:
-    """Describe the runs of a campaign that none of its parts contains.
-
-    Returns
-    -------
-    str
-        Number of missing runs, and the shards to which they belong, if known. The text is empty if
-        no runs are missing.
+    """Return the number of runs that no part of a campaign contains, and the shards to which they
+    belong, if known; an empty text if no runs are missing.
     """
     stored_runs = {number: runs for part in parts for number, runs in part.chunks.items()}
     missing_chunks = set(range(int(parts[0].identity["chunks"]))) - set(stored_runs)

@@ -342,8 +342,6 @@ def ida(
 def _partners(motions_and_records: Sequence[tuple[GroundMotion, Record]]) -> dict[int, int]:
     """Return the pairs of components: the key is the index of the second component in the list of
     records, and the value is the index of the first component, which precedes it.
-
-    `motions_and_records` is each record with its ground motion, which is a single record or a pair.
     """
     return {
         index: index - 1
@@ -395,15 +393,9 @@ STORE = "ida.sqlite"
 
 @contextmanager
 def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
-    """Lock the directory of a study and open its store.
-
-    `folder` is the directory of the study; None: the store is in memory. `identity` is the complete
-    input of the study, which an existing store must match.
-
-    Yields
-    ------
-    Store, list of str
-        Store, and messages for the user about the store.
+    """Lock the directory of a study and open its store, in memory without a directory. An existing
+    store must match the complete input of the study (`identity`). The texts are messages for the
+    user about the store.
     """
     with locked(folder) if folder else nullcontext():
         store, remarks = open_or_create(folder / STORE if folder else None, identity)
@@ -506,14 +498,8 @@ class _WorkItem:
 
     def integrate(self) -> tuple[ChunkResult, RecordRuns]:
         """Integrate the building under the record at increasing levels until the search for its
-        capacities is complete. A failed run is repeated with half the time step.
-
-        Returns
-        -------
-        ChunkResult
-            Rows of the runs for the store, and the processor time.
-        RecordRuns
-            The runs in ascending order of their levels.
+        capacities is complete. Return the rows for the store, and the runs in ascending order of
+        their levels. A failed run is repeated with half the time step.
 
         Raises
         ------
@@ -568,18 +554,11 @@ class _WorkItem:
 def _run_work_items(
     items: Sequence[_WorkItem], store: Store, jobs: int, progress: Progress
 ) -> tuple[list[RecordRuns], int]:
-    """Return the runs of all work items, and store the results of new runs.
+    """Return the runs of all work items and the number of items that were stored before; store the
+    results of new runs.
 
     Items with complete results in the store are not run again. All other items are distributed over
     threads.
-
-    `jobs` is the number of threads; values below 1 are replaced by 1. `progress` is the function
-    that is called with the number of completed items and the number of all items.
-
-    Returns
-    -------
-    list of RecordRuns, int
-        Runs of each work item, and number of work items that were stored before.
     """
     runs_by_number: dict[int, RecordRuns] = {}
     for number in sorted(store.completed_chunks()):
@@ -600,23 +579,9 @@ def _run_work_items(
 def _prepare(
     model: Model, settings: IdaSettings, method: str | None
 ) -> tuple[Subject, IdaSettings]:
-    """Check the model and the settings of a study, and replace all defaults by values.
-
-    `model` is the building; every story that is not an isolator must have a height. `method` is the
-    specification of the method; None: the method of the model, otherwise the default method.
-
-    Returns
-    -------
-    Subject, IdaSettings
-        Building with its method, and settings in which `collapse_drift` and `thresholds` are
-        numbers.
-
-    Raises
-    ------
-    UsageError
-        A setting is out of range.
-    ModelError
-        A story has no height.
+    """Check the model and the settings of a study, and replace all defaults by values. UsageError
+    is raised if a setting is out of range; ModelError, if a story that is not an isolator has no
+    height.
     """
     collapse_drift = (
         model.collapse_drift if settings.collapse_drift is None else settings.collapse_drift
@@ -690,11 +655,6 @@ def _damaged_states(
     building is undamaged (None). In each other item, a mainshock has caused one of the specified
     drift ratios.
 
-    Returns
-    -------
-    list of list of DamagedState | None
-        For each state of the building, the damage before each record.
-
     Raises
     ------
     UsageError
@@ -733,14 +693,8 @@ def _damaged_states(
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
-    """Return a scale factor of a record at which no story of the building yields, by the response
-    in the first elastic mode.
-
-    Returns
-    -------
-    float
-        Maximum scale factor at which the first-mode drift of each story is at most 0.7 times its
-        yield drift and at most a tenth of the collapse drift.
+    """Return the maximum scale factor of a record at which the drift of each story in the first
+    elastic mode is at most 0.7 times its yield drift and at most a tenth of the collapse drift.
     """
     # Circular frequency (rad/s) and mode shape at the floors
     omega, shape = building.vibration.first

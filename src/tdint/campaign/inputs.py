@@ -263,21 +263,9 @@ def _select_located(
     fields, the nearest site and its distance are added to each selected building; tables contain
     them as columns.
 
-    Returns
-    -------
-    selected : InventoryRows
-        Selected buildings.
-    unlocated : list of ModelFault
-        Errors of the buildings without a location.
-    too_far : tuple of ModelFault
-        Buildings that are too far from all sites.
-
-    Raises
-    ------
-    UsageError
-        The campaign has no inventory.
-    ModelError
-        No building is selected.
+    The result contains the selected buildings, the errors of the buildings without a location, and
+    the buildings that are too far from all sites. UsageError is raised if the campaign has no
+    inventory; ModelError, if no building is selected.
     """
     if rows is None:
         raise UsageError(
@@ -328,8 +316,6 @@ def _assignment(
     A building has samples of the motions of its nearest grid points, or all events of its site. The
     site is the nearest one, or the site that the inventory names. If the fields have no sites, a
     building has all events.
-
-    `model_count` is the number of models; used if there is no inventory.
 
     Raises
     ------
@@ -476,15 +462,9 @@ def _sequence(
     name: str, events: Sequence[_SequenceEvent], sequences: SequenceFile, notes: dict[str, None]
 ) -> Iterator[SuiteMotion]:
     """Yield the ground motions of a sequence: one joined record for each component that the records
-    of all its events have.
+    of all its events have. Notes of the reader for the user are added to `notes` as keys.
 
-    `notes`: notes of the reader for the user are added to this dictionary as keys; its values are
-    not used.
-
-    Raises
-    ------
-    RecordError
-        A record cannot be used; the records have different components.
+    RecordError is raised if a record cannot be used, or the records have different components.
     """
     components_by_event: list[list[Record]] = []
     defaults = sequences.choice
@@ -589,25 +569,9 @@ def read_listed_motions(
 def read_listed(
     table: FactorTable, choice: RecordChoice, pairs: PairNames | None
 ) -> tuple[FactorTable, Suite]:
-    """Read the ground motions that a table of factors lists. Other components of the files are
-    ignored.
-
-    Parameters
-    ----------
-    table : FactorTable
-        The table. A path in it is relative to the working directory or, if it is not found there,
-        to the directory of the table.
-    choice : RecordChoice
-        Selection of components and processing of the files.
-    pairs : PairNames | None
-        Naming scheme of the files of pairs; None for single components.
-
-    Returns
-    -------
-    table : FactorTable
-        Table with the paths of the files.
-    suite : Suite
-        Motions that the table lists, and errors of files that could not be read.
+    """Read the ground motions that a table of factors lists, and return the table with the paths of
+    the files, and the motions with the errors of files that could not be read. Other components of
+    the files are ignored.
 
     Raises
     ------
@@ -649,13 +613,9 @@ def read_listed(
 
 
 def _located(table: FactorTable) -> FactorTable:
-    """Return a table of factors with the path of each existing file. A path in the table is
-    relative to the working directory, otherwise to the directory of the table.
-
-    Raises
-    ------
-    ModelError
-        Files are not found.
+    """Return a table of factors with the path of each file. A path in the table is relative to the
+    working directory or, if it is not found there, to the directory of the table. ModelError lists
+    the files that are not found.
     """
     directory = Path(table.source).parent
     located: dict[str, str] = {}  # path at which the file exists, by the path in the table

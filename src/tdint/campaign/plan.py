@@ -279,14 +279,8 @@ class Plan:
         return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
 
     def _with_runs(self, slices: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
-        """Return buildings with some of their runs.
-
-        `slices` is the number of each building, and the slice of its runs to return.
-
-        Returns
-        -------
-        tuple of BuildingRuns
-            The buildings with these runs and with the maximum time step that meets the tolerance.
+        """Return buildings (by number) with a slice of their runs and with the maximum time step
+        that meets the tolerance.
         """
         # `draws` contains the motions of each building; each item has the number of the motion, its
         # factor, and the number of the sample. The keys of `factors` are the index of the building
@@ -318,13 +312,8 @@ class Plan:
 
     def _max_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
         """Return the maximum time step of a building at which the estimated errors are within the
-        tolerance of the campaign, s. It is computed once for all chunks.
-
-        Returns
-        -------
-        float | None
-            Time step, s; None if no time step meets the tolerance; infinity if the campaign has no
-            tolerance.
+        tolerance of the campaign, s: None if there is none, infinity without a tolerance. It is
+        computed once for all chunks.
         """
         tolerance = self.settings.tolerance
         if tolerance is None:
@@ -354,12 +343,8 @@ class Plan:
     def _factors(
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
     ) -> dict[tuple[int, int], tuple[float, ...]]:
-        """Return the scale factors of the motions of some buildings.
-
-        Returns
-        -------
-        dict of (int, int) to tuple of float
-            Scale factors by the index of the building in `sources` and the number of the motion.
+        """Return the scale factors of the motions of some buildings, by the index of the building
+        in `sources` and the number of the motion.
         """
         # Compute the spectrum of each motion once for the periods of all buildings.
         buildings_of_motion: dict[int, list[int]] = {}
@@ -438,12 +423,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
     """Return the scale factors of the motions. The campaign file specifies the factors, levels of
-    an intensity measure from which factors are computed, or a file of factors.
-
-    Raises
-    ------
-    ModelError
-        A file of factors does not contain a motion.
+    an intensity measure from which factors are computed, or a file of factors. ModelError is raised
+    if this file does not contain a motion.
     """
     motions = inputs.motions.motions
     if isinstance(campaign.intensity, Scales):
@@ -466,17 +447,12 @@ def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    """Return the buildings of a campaign, each with its time integration method.
+    """Return the buildings of a campaign, each with its time integration method, and append notes
+    for the user to `notes`.
 
     The method is specified by the campaign for all buildings, or by each model. A building without
-    a specified method has the default method, which a note reports.
-
-    `notes`: notes for the user; the notes of the function are appended.
-
-    Raises
-    ------
-    ModelError
-        A variation of a sweep is invalid.
+    a specified method has the default method, which a note reports. ModelError is raised if a
+    variation of a sweep is invalid.
     """
     inventory, analysis = campaign.buildings, campaign.analysis
     # All buildings of an inventory are derived by the same rules. Errors of the rules are reported

@@ -262,24 +262,13 @@ def scale_asce7(
     damping: float = SA_DAMPING,
     pair: str = MAXIMUM_DIRECTION,
 ) -> Scaling:
-    """Scale pairs by ASCE 7-16 (16.2.3.2): the average of the maximum-direction spectra is at least
-    90 % of the target at all periods of the range.
+    """Scale at least 11 pairs by ASCE 7-16 (16.2.3.2): the average of the maximum-direction spectra
+    is at least 90 % of the target at all periods between the first and the last of `periods`.
 
     Each pair is fitted to the target by `scale_to_target`. If the average is below 90 % of the
     target at any period, all factors are multiplied by the smallest common factor that satisfies
-    the rule.
-
-    Parameters
-    ----------
-    pairs : sequence of Horizontals
-        At least 11 pairs of horizontal components.
-    periods : ndarray, shape (k,)
-        Periods, s. The rule is satisfied at all periods between the first and the last.
-    damping : float
-        Damping ratio of the spectra; default 0.05.
-    pair : str
-        Not used: the rule prescribes maximum-direction spectra. All functions of
-        `scaling_function` have this argument.
+    the rule. `pair` is not used, because the rule prescribes maximum-direction spectra; all
+    functions of `scaling_function` have this argument.
 
     Raises
     ------
@@ -302,22 +291,12 @@ def scale_ec8(
 ) -> Scaling:
     """Scale motions by EN 1998-1:2004 (3.2.3.1.2(4)).
 
-    The mean spectrum is at least 90 % of the target at all periods of the range. The mean of the
-    peak ground accelerations is not less than the target at the period 0, which is ag S.
+    The mean spectrum is at least 90 % of the target at all periods between the first and the last
+    of `periods`. The mean of the peak ground accelerations is not less than the target at the
+    period 0, which is ag S.
 
     Each motion is fitted to the target by `scale_to_target`. If the mean does not satisfy the rule,
     all factors are multiplied by the smallest common factor that does.
-
-    Parameters
-    ----------
-    target : TargetSpectrum
-        Target spectrum with a value at the period 0.
-    periods : ndarray, shape (k,)
-        Periods, s. The rule is satisfied at all periods between the first and the last.
-    damping : float
-        Damping ratio of the spectra; default 0.05.
-    pair : str
-        Spectrum that represents a pair of components; by default the geometric mean.
 
     Raises
     ------
@@ -400,8 +379,7 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
 
 def _minimum_average(fitted: Scaling) -> tuple[float, float]:
     """Return the minimum of the average spectrum of a suite divided by the target, over the range
-    of the periods, and the period of the minimum, s. `fitted` contains the suite with its factors,
-    the target and the periods.
+    of the periods, and the period of the minimum, s.
 
     The minimum may be between the specified periods. A lower bound between two periods follows from
     the maximum slope on logarithmic axes (Piyavskii 1972; Shubert 1972). Intervals with a bound
@@ -452,17 +430,8 @@ def scale_p695(
     """Normalize pairs by their peak velocities and scale the set, as in FEMA P-695 (A.8).
 
     The factor of a pair is median(PGV) / PGV, where PGV is the geometric mean of its components. If
-    a period and a value are specified, all factors are multiplied by a common factor, so that the
-    median Sa of all components at that period equals the value.
-
-    Parameters
-    ----------
-    period : float, optional
-        Period, s; required with `value`.
-    value : float, optional
-        Pseudo-acceleration, m/s^2; required with `period`.
-    damping : float
-        Damping ratio of the pseudo-acceleration; default 0.05.
+    a period and a value (pseudo-acceleration, m/s^2) are specified, all factors are multiplied by a
+    common factor, so that the median Sa of all components at that period equals the value.
 
     Raises
     ------

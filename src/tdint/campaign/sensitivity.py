@@ -336,15 +336,9 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
 
 
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
-    """Return the medians of the peaks over the runs of each building.
-
-    `by_scale` is True for a median at each scale factor; False for the median over all runs.
-
-    Returns
-    -------
-    dict of (int, float) to ndarray, shape (len(PEAKS),)
-        Medians by the number of the building and the scale factor, which is 0.0 if `by_scale` is
-        False. A median is NaN if at least half of the runs have no value.
+    """Return the medians of the peaks (`PEAKS`) over the runs of each building, by its number and
+    the scale factor; with a factor of 0.0, over all runs, if `by_scale` is False. A median is NaN
+    if at least half of the runs have no value.
     """
     runs: dict[tuple[int, float], list[list[float | None]]] = {}
     columns = ", ".join(peak.column for peak in PEAKS)

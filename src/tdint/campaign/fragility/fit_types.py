@@ -169,11 +169,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
 def _requested_states(request: FragilityRequest) -> DamageStates | None:
     """Return damage states with the requested thresholds of the maximum drift ratio as medians;
     None if no threshold is requested. The default names of the states are ds1, ds2, and so on.
-
-    Raises
-    ------
-    UsageError
-        The number of names differs from the number of thresholds.
+    UsageError is raised if the number of names differs from the number of thresholds.
     """
     medians = tuple(sorted(request.thresholds))
     if not medians:
@@ -220,10 +216,8 @@ class _RunCollector:
     ) -> None:
         """Add the runs of a building, or its ground motions if components of pairs are combined.
 
-        `building` is the demand, status and ground motion of each run of the building, with its
-        damage states. `motion_of_record` is the ground motion of each record; empty for ground
-        motion fields, in which runs with the same sample number (of the event) count as a single
-        ground motion.
+        `motion_of_record` is empty for ground motion fields, in which runs with the same sample
+        number (of the event) count as a single ground motion.
         """
         damage = damage_by_motion(building, rule)
         # If the components of pairs were combined, `damage` has one entry per group of runs instead
@@ -275,13 +269,8 @@ class _RunCollector:
 def _fit_groups(
     runs_by_group: Mapping[str, TypeRuns], request: FragilityRequest, rule: PairRule
 ) -> list[Fragility | AnalysisError]:
-    """Fit a fragility function for each group of runs and each of its damage states.
-
-    Returns
-    -------
-    list of Fragility or AnalysisError
-        Functions of all groups and states. A fit that is impossible is replaced by its error, which
-        names the group and the state.
+    """Fit a fragility function for each group of runs and each of its damage states. A fit that is
+    impossible is replaced by its error, which names the group and the state.
     """
     fits: list[Fragility | AnalysisError] = []
     for group_name, runs in runs_by_group.items():
@@ -366,13 +355,9 @@ def _exceedance_probabilities(runs: TypeRuns) -> Array:
 def _type_stripes(
     runs: TypeRuns, level: NDArray[np.intp], is_used: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
-    """Fit each damage state to the probabilities of exceedance at intensity levels. The number of
-    exceedances at a level is the sum of the probabilities of its runs.
-
-    Returns
-    -------
-    list of Fragility or AnalysisError
-        Function of each state, or the error if its fit is impossible.
+    """Fit each damage state to the probabilities of exceedance at intensity levels; the error of an
+    impossible fit takes the place of the function. The number of exceedances at a level is the sum
+    of the probabilities of its runs.
     """
     # Number the levels of the selected runs without gaps, as `bincount` requires.
     level_number = np.unique(level[is_used], return_inverse=True)[1]
@@ -394,7 +379,8 @@ def _type_cloud(
     runs: TypeRuns, request: FragilityRequest, is_used: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
     """Fit the functions of all damage states to a line through the logarithms of the demands over
-    the intensities.
+    the intensities. If the line cannot be fitted, the result contains the same error for each
+    state.
 
     The dispersion of the thresholds of the states is represented by three equally likely values:
     each run is used three times, with different thresholds. A collapse exceeds all of them.
@@ -405,14 +391,8 @@ def _type_cloud(
     limits. For requested thresholds these two rules do not apply. A function then does not depend
     on the other thresholds.
 
-    `request`: settings: thresholds, and range of the demands that are used.
-
-    Returns
-    -------
-    list of Fragility or AnalysisError
-        Function of each state. Its count `censored` and the points of its figure refer to runs, and
-        contain only collapses and demands at or above the range as censored. If the line cannot be
-        fitted, the result contains the same error for each state.
+    The count `censored` of a function and the points of its figure refer to runs, and contain only
+    collapses and demands at or above the range as censored.
     """
     # Omit demands of zero, which have no logarithm, and demands below the range, which are elastic.
     # A collapse exceeds every demand and is kept, also if the heaviest state is below the range.

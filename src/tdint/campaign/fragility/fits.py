@@ -93,24 +93,13 @@ class Observations:
         return float(np.sum(self.count * terms)) + self.exact_count * math.log(inverse_sigma)
 
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
-        """Return the derivatives of the log-likelihood with respect to the parameters.
+        """Return the gradient and the Hessian of the log-likelihood with respect to the parameters
+        of the linear model. One of these is 1 / sigma, which must be positive.
 
         Let z = design @ parameters be the standardized residual of each observation, and Phi the
         standard normal distribution function. An observation adds, times its count, to the
         log-likelihood: ln Phi(z) if only an upper bound of the value is known (`below`), ln Phi(-z)
         if only a lower bound is known (`above`), and -z^2 / 2 + ln(1 / sigma) for a known value.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (k,)
-            Parameters of the linear model. One of them is 1 / sigma, which must be positive.
-
-        Returns
-        -------
-        gradient : ndarray, shape (k,)
-            First derivatives.
-        hessian : ndarray, shape (k, k)
-            Second derivatives.
         """
         # The derivatives contain phi(z) / Phi(z), the density divided by the distribution function.
         # Compute the ratio from logarithms, because both functions underflow for large |z|.
@@ -428,11 +417,6 @@ class Fragility:
     def _standardize(self, im: Array) -> tuple[Array, Array]:
         """Return the standardized intensities z = ln(im / theta) / beta and their standard errors,
         by the delta method.
-
-        Parameters
-        ----------
-        im : ndarray, shape (k,)
-            Intensities in the unit of theta.
         """
         z = np.log(np.asarray(im) / self.theta) / self.beta
         # The differential of z is -(d ln theta + z d beta) / beta, which leads to the variance
@@ -631,12 +615,7 @@ class Fragility:
 
 def _bin_indices(im: Array, weight: Array) -> NDArray[np.intp]:
     """Divide intensities into at most `BINS` bins with about equal numbers of runs, and return the
-    index of the bin of each intensity.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        Index of the bin, from 0. No bin is empty.
+    index of the bin of each intensity. No bin is empty.
     """
     level = levels_of(im)
     runs_at_level = np.bincount(level, weight)
@@ -738,10 +717,8 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
 
 
 def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Array) -> None:
-    """Check that exceedances at intensity levels determine a lognormal distribution.
-
-    `exceeding_counts` and `record_counts` are the number of records that exceed the threshold, and
-    number of all records, at each level.
+    """Check that the numbers of exceedances and of all records at intensity levels determine a
+    lognormal distribution.
 
     Raises
     ------
@@ -959,18 +936,11 @@ def _line(
     x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]
 ) -> tuple[float, float, float, Array]:
     """Fit the line ln EDP = b0 + b1 ln IM with the standard deviation sigma, by maximum likelihood.
+    Return b0, b1, sigma, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma).
 
     `above` and `below` are True for demands known only to be above, or below, their value.
-
-    Returns
-    -------
-    tuple
-        b0, b1, sigma, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma), shape (3, 3).
-
-    Raises
-    ------
-    AnalysisError
-        The demands do not determine a line with a positive slope and a dispersion.
+    AnalysisError is raised if the demands do not determine a line with a positive slope and a
+    dispersion.
     """
     exact = ~(above | below)
     if not below.any() and np.unique(x[exact]).size < 3:
@@ -1017,12 +987,8 @@ def _line(
 def _function(
     fit: str, ln_theta: float, beta: float, covariance: Array, **attributes: Any
 ) -> Fragility:
-    """Create the fragility function of a fit.
-
-    Raises
-    ------
-    AnalysisError
-        The observations do not determine the median.
+    """Create the fragility function of a fit. AnalysisError is raised if the observations do not
+    determine the median.
     """
     # The median is not determined if its 95 % confidence interval, widened by the dispersion,
     # exceeds the range of numbers in tables (LARGEST). The comparison is also False for NaN.
@@ -1039,15 +1005,10 @@ def _function(
 def _lognormal(
     x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
 ) -> tuple[float, float, Array] | None:
-    """Fit a lognormal distribution of capacities by maximum likelihood.
+    """Fit a lognormal distribution of capacities by maximum likelihood. Return the logarithm of the
+    median, the dispersion, and their covariance; None if the likelihood has no maximum.
 
     `below` and `above` are True if the capacity is known only to be below, or above, the intensity.
-
-    Returns
-    -------
-    tuple | None
-        Logarithm of the median, dispersion, and their covariance, shape (2, 2); None if the
-        likelihood has no maximum.
     """
     # Standardized logarithms avoid a nearly singular Hessian if all intensities are similar. If all
     # are equal, their standard deviation is zero, and any scale is possible.

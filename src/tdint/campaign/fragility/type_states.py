@@ -141,7 +141,6 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageR
     """Read the key `damage` if the thresholds depend on the class of the building: published
     thresholds, or a table. None if a value is invalid, which is recorded in the document.
 
-    `thresholds` is the value of the key `thresholds` in this section, which is not a mapping.
     `rules` contains the rules of the inventory; None if the buildings are model files.
     """
     source = thresholds.text()
@@ -254,13 +253,6 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
     The columns are `class`, one column for each state with the unit of the demand (`slight` for a
     ratio, `slight_m`, `slight_g`), and optionally `beta`, the dispersion. One row of a class must
     contain the values; the other rows may repeat them or be empty.
-
-    `request` contains the settings of the campaign file, with the path of the CSV file.
-
-    Raises
-    ------
-    ModelError
-        The file cannot be read or contains invalid values.
     """
     table = read_table(
         request.source,
@@ -297,20 +289,9 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
 
 
 def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
-    """Return the values of each class in a table.
-
-    `table` is the table, with a column `class`. `columns` is the name of the column of each value.
-
-    Returns
-    -------
-    dict of str to dict of str to float
-        Values by the name of the class, and then by the keys of `columns`. Classes without values
-        are omitted.
-
-    Raises
-    ------
-    ModelError
-        A value is missing or invalid, or a class has different values in two rows.
+    """Return the values of each class in a table, by the keys of `columns` (key: name of the
+    column). Classes without values are omitted. ModelError is raised if a value is missing or
+    invalid, or a class has different values in two rows.
     """
     table.need("class", *columns.values())
     # For each key, the line number and the text of the cell in each row
@@ -492,12 +473,8 @@ def _states(
     name: str,
     facts: BuildingFacts | CapacityFacts | None = None,
 ) -> DamageStates:
-    """Return the damage states of a type that the campaign file specifies.
-
-    Raises
-    ------
-    ModelError
-        A table does not contain the class.
+    """Return the damage states of a type that the campaign file specifies. ModelError is raised if
+    a table does not contain the class.
     """
     assert request is not None
     if request.common_states:
@@ -579,17 +556,8 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
     """Return the divisor that converts a peak of a run to a demand, and the first period (s).
 
     The divisor is the total height for the roof drift ratio, the participation factor of the first
-    mode for the spectral displacement, and 1 for other demands.
-
-    Returns
-    -------
-    tuple of two floats
-        Divisor (m, or without unit), and period, s.
-
-    Raises
-    ------
-    ModelError
-        A drift ratio is required, but heights of stories are missing.
+    mode for the spectral displacement, and 1 for other demands. ModelError is raised if a drift
+    ratio is required, but heights of stories are missing.
     """
     # The roof drift ratio is divided (`per`) by the total height, and requires the heights of all
     # stories. Other drift ratios require the height of at least one story.
