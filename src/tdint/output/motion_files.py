@@ -178,8 +178,8 @@ def _csv_header(record: Record) -> bytes:
 
 
 def _short_stations(stations: Sequence[str]) -> dict[str, str]:
-    """Return a unique code for each station with at most five ASCII characters, as MiniSEED
-    requires. The keys of the result are the names of the stations.
+    """Return a unique code for each station name with at most five ASCII characters, as MiniSEED
+    requires.
 
     A name that meets these requirements is not changed. Any other name is reduced to its first
     alphanumeric ASCII characters, without accents; the code is empty if no such character exists.

@@ -223,14 +223,12 @@ class _Flow:
         self.position = (self.position + height) % _PAGE
 
     def break_class(self, height: float) -> str:
-        """Return the HTML attribute that moves content to a new page if the current page has no
-        space for it, and update the estimated position.
+        """Return the HTML attribute that moves content of a height (mm; infinite to require a new
+        page) to a new page if the current page has no space for it, and update the estimated
+        position.
 
         The attribute is empty if the content fits. It is also empty far from the last known page
         break, where the estimated position is unreliable and the browser decides.
-
-        `height` is the height that the content needs on one page, mm; infinite to require a new
-        page.
         """
         if _PAGE - self.position >= height:
             return ""
@@ -373,16 +371,11 @@ def _lay_out(
     flow: _Flow,
     images: dict[int, tuple[str, float]],
 ) -> _Flow:
-    """Add all parts of a report to a flow, and return the flow.
+    """Add all parts of a report to an empty flow with its scale of figures, and return the flow.
 
-    `flow` is Empty flow with its scale of figures.
-
-    Parameters
-    ----------
-    images : dict
-        Attributes of the HTML image and ratio of height to width of each figure, by the identity
-        (`id`) of its `Picture`. New figures are added, so that further layouts do not draw them
-        again.
+    `images` contains the attributes of the HTML image and ratio of height to width of each figure,
+    by the identity (`id`) of its `Picture`. New figures are added, so that further layouts do not
+    draw them again.
     """
     flow.text("h1", escape(title), height=_LINE)
     if page_text.head:
@@ -495,18 +488,8 @@ def once(texts: Iterable[str]) -> list[str]:
 
 
 def _draw(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
-    """Draw a figure of a report.
-
-    The format is SVG, or PNG if lines with thousands of points make the SVG file large.
-
-    Returns
-    -------
-    image_format : str
-        `svg+xml` or `png`, as in a MIME type.
-    content : bytes
-        The image file.
-    size : tuple of float
-        Width and height, inches.
+    """Draw a figure of a report. Return `svg+xml` or `png`, the image file, and its width and
+    height in inches. The format is PNG if lines with thousands of points make the SVG file large.
     """
     for image_format in ("svg+xml", "png"):
         # The first three characters are the file extension of the format.

@@ -168,13 +168,9 @@ def plot(
 
 
 def _drawing_of(results: _Results) -> _Drawing:
-    """Return the functions that plot results, by the class of the results.
-
-    Raises
-    ------
-    UsageError
-        There are no results, they have different types, their type has no figure, or a figure of
-        their type shows only a single result.
+    """Return the functions that plot results, by the class of the results. UsageError is raised if
+    there are no results, their types differ, their type has no figure, or a figure of their type
+    shows only a single result.
     """
     types = {type(result) for result in results}
     if not types:

@@ -266,14 +266,11 @@ def _with_provenance(
     notes: Sequence[str],
     inputs: Sequence[Input],
 ) -> dict[str, Any]:
-    """Add the origin of the results to the content of summary.json, and return it.
+    """Add the origin of the results to the content of summary.json in place, and return it: the
+    record, the settings, the notes, the inputs and the versions. The meanings of all numbers
+    follow.
 
-    These are the record, the settings, the notes, the inputs and the versions. The meanings of all
-    numbers follow.
-
-    `content`: results of the run; this dictionary is changed. `record` is the ground motion of the
-    run; None without ground motion. `settings` contains the options of the command line that are
-    not part of the model.
+    `settings` contains the options of the command line that are not part of the model.
     """
     content |= {
         "record": motion_summary(record) if record else None,

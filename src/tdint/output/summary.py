@@ -173,10 +173,9 @@ def in_units(
 
 
 def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
-    """Return a value of a summary, and all values in it, in output units.
-
-    `keys` is the SI unit of the number of each key; numbers of other keys are not converted.
-    `factor` is the output unit of the key of this value, in SI units. A number is divided by it.
+    """Return a value of a summary, and all values in it, in output units: numbers are divided by
+    `factor`. `keys` is the SI unit of the number of each key; numbers of other keys are not
+    converted.
     """
     if isinstance(value, list | tuple):
         return [_in_units(item, units, keys, factor) for item in value]

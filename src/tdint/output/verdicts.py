@@ -132,9 +132,8 @@ def _sentence(
     """Return a sentence on the comparison of several demands with their limits, the governing
     demand first.
 
-    `level` is the performance level; empty for limits without a level. `checks` contains the
-    comparisons, the governing comparison first. `met` is True if all limits are met. `lost`
-    contains the addition about collapsed or failed runs; may be empty.
+    `level` is empty for limits without a performance level. `lost` contains the addition about
+    collapsed or failed runs; may be empty.
     """
     clauses = []
     for i, check in enumerate(checks):

@@ -408,23 +408,13 @@ def chart_picture(
     """Plot a work-precision diagram: cost over error with a line per method, or error over time
     step.
 
+    `target` is the shown error, a key of `QUANTITIES`. `versus` is `time` (the default), `steps`,
+    `solves` or `dt` (error over time step). Programs that do not count their time steps or
+    solutions have no points for these costs. The line of the method `highlight` is thick.
+
     Points with an error below the uncertainty of the reference solution are not shown. If a line
     has such points, a triangle at this uncertainty represents the cheapest of these points. The
     gray band connects the points for which no other point has both less cost and less error.
-
-    Parameters
-    ----------
-    chart : Chart
-        Measured errors and costs of the methods.
-    name : str
-        Name of the building, for the title.
-    target : str
-        Error that is shown, a key of `QUANTITIES`.
-    versus : str
-        `time` (the default), `steps` or `solves`: cost over error; `dt`: error over time step.
-        Programs that do not count their time steps or solutions have no points for these costs.
-    highlight : str
-        Method with a thick line in front of the other lines; empty by default.
     """
     if versus == "dt":
         return _error_figure(_Drawing(chart, target), name, highlight)
@@ -590,12 +580,7 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 
 
 def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
-    """Return the figure of the costs of the methods over their errors, with the gray band.
-
-    `drawing` contains the points of the measurement, for a type of error and a type of cost.
-    `highlight` is the method with a thick line in front of the other lines; empty for no such
-    method.
-    """
+    """Return the figure of the costs of the methods over their errors, with the gray band."""
     # In one column, the explanation is the title of the legend, and the panel is higher.
     narrow = is_narrow()
     figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
@@ -635,19 +620,10 @@ def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
 
 def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list[Any], list[Point]]:
     """Plot a line for each method, with markers at its points and rings at some of the markers.
+    Return the entries of the legend, in the order of `drawing.lines`, and the points with a marker.
 
     The marker of an error below the gap of the reference is a triangle. A ring marks a time step
     that is equal to the sampling interval of the record.
-
-    `highlight` is the method with a thick line in front of the other lines; empty for no such
-    method.
-
-    Returns
-    -------
-    list of Line2D
-        Entries of the legend, in the order of `drawing.lines`.
-    list of Point
-        Points with a marker.
     """
     handles = []
     shown_points: list[Point] = []
@@ -680,10 +656,8 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
 
 
 def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
-    """Set scales, range and labels of the axes of a figure of costs over errors.
-
-    `drawing` contains the points of the measurement, with the types of error and cost. `narrow` is
-    True for a figure in one column of a page, which has no footnote below the axis.
+    """Set scales, range and labels of the axes of a figure of costs over errors. A narrow figure,
+    in one column of a page, has no footnote below the axis.
     """
     _chart_frame(axes)
     # Numbers of steps and of solutions often differ by less than a decade, so that ticks at powers

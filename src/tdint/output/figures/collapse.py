@@ -388,8 +388,7 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, 
     """Plot the curve of a ground motion: intensity over maximum drift ratio in percent.
 
     The curve leads from the origin, or from the residual drift of a damaged building, through the
-    runs without collapse. At the capacity, it continues horizontally to the right edge. `limit` is
-    the maximum drift ratio of the panel.
+    runs without collapse. At the capacity, it continues horizontally to the right edge (`limit`).
     """
     drift = [curve.residual_drift_ratio, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
@@ -404,7 +403,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     `several` states.
 
     Fewer than `_MIN_MOTIONS` curves have no fractiles; they are drawn in the color of the state if
-    there are several states. `limit` is the maximum drift ratio of the panel.
+    there are several states.
     """
     damage = study.motion_curves[0].damage
     state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
@@ -696,11 +695,9 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **plot_style: Any)
 
 
 def _axis_end(functions: Sequence[Fragility]) -> float:
-    """Return the end of the intensity axis of fragility functions.
-
-    For each function, the axis ends where its probability is nearly 1, but at most at two times the
-    maximum observed intensity, or two times the median if the median is larger. The largest end is
-    used.
+    """Return the end of the intensity axis of fragility functions: the largest intensity at which a
+    probability is nearly 1, but for each function at most two times the maximum observed intensity,
+    or two times the median if the median is larger.
     """
     ends = []
     for function in functions:

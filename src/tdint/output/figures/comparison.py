@@ -73,25 +73,13 @@ _UNITS = {"acceleration": "m/s^2", "displacement": "m"}
 def comparison_picture(
     comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits = SI
 ) -> Figure:
-    """Plot the computed and the recorded floor motions of a building and their response spectra.
+    """Plot the computed and the recorded floor motions of a building in one or several events, and
+    their response spectra.
 
     Each floor of each event has a row of three panels, with the highest floor of an event on top.
     If there are more than `_MAX_ROWS` floors, only the floors with the lowest correlation have a
-    row, and two panels below show the correlation and the peak ratio of all floors.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        Comparisons of one building, one per event; at least one.
-    periods : ndarray, shape (k,)
-        Periods of the spectra, s.
-    units : OutputUnits
-        Units of lengths and accelerations; SI by default.
-
-    Returns
-    -------
-    Figure
-        The figure. Its title names the building, the first recording and the method.
+    row, and two panels below show the correlation and the peak ratio of all floors. The title names
+    the building, the first recording and the method.
     """
     units = units.in_figures
     period = assemble(comparisons[0].response.model).first_period
@@ -165,10 +153,8 @@ class _FloorRow(NamedTuple):
 def _draw_floor(
     panels: Any, row: _FloorRow, units: OutputUnits, period: float, *, name_event: bool
 ) -> None:
-    """Plot the motion of a floor, a close-up of the strongest cycles, and the response spectra.
-
-    `period` is the first period of the building, s, which is marked in the panel of the spectra.
-    `name_event` is True to write the name of the event in the title of the row.
+    """Plot the motion of a floor, a close-up of the strongest cycles, and the response spectra with
+    a mark at the first period of the building.
     """
     comparison, floor, spectra = row
     history, close_up, spectrum = panels
@@ -195,13 +181,10 @@ def _draw_floor(
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
-    """Plot the correlation and the peak ratio of every floor.
+    """Plot the correlation and the peak ratio of every floor in two panels with a common x axis.
 
     With several events, the x axis is the number of the event, and the highest floor has a dark
     marker. With a single event, the x axis is the number of the floor.
-
-    `panels` contains the panels of the correlation and of the peak ratio, with a common x axis.
-    `comparisons` contains the comparisons of one building, one per event.
     """
     correlation_axes, ratio_axes = panels
     for event_number, comparison in enumerate(comparisons, start=1):
@@ -230,12 +213,12 @@ def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> No
 
 
 def _strong_motion(comparison: Comparison) -> tuple[float, float]:
-    """Return the start and the end of the strong motion of all floors, s.
+    """Return the start and the end of the strong motion of all floors, s; those of the recorded
+    motion if they are equal.
 
     The energy of a floor is the integral of its squared recorded motion. The strong motion starts
     when the first floor reaches the first fraction in `_ENERGY_BOUNDS` of its final energy, and
-    ends when the last floor reaches the second fraction. If these times are equal, the start and
-    the end of the recorded motion are returned.
+    ends when the last floor reaches the second fraction.
     """
     times = []
     for floor in comparison.floors:
@@ -436,13 +419,12 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
 
 
 def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) -> None:
-    """Plot the equivalent oscillator and the elastic demand as acceleration over displacement.
+    """Plot the equivalent oscillator of the N2 method and the elastic demand as acceleration over
+    displacement.
 
     The displacement of the oscillator is the roof displacement divided by the participation factor.
     Its acceleration is the base shear divided by the participation factor and by its mass. A dashed
     line from the origin with the period T* leads to the elastic demand.
-
-    `result` is the target displacement of the N2 method.
     """
     target, pushed = result.target, result.pushed
     displacement, acceleration = (
@@ -500,8 +482,7 @@ def _draw_profile(
 ) -> None:
     """Plot story drifts over the stories; drift ratios if the heights of all stories are known.
 
-    `units` contains the units of the axis. `drifts` contains the drifts of the stories, m, with the
-    number of their color and their label. By default, the drifts at the maximum base shear (dashed)
+    By default, the drifts (m, number of color, label) are those at the maximum base shear (dashed)
     and at the end.
     """
     heights = [story.drift_height for story in result.model.stories]
@@ -826,11 +807,11 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
 def _plot_profiles(
     axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
-    """Plot the performance profiles of all methods for a single tolerance.
+    """Plot the performance profiles of all methods for a single tolerance, over the cost divided by
+    the minimum cost.
 
-    `axes` is the panel; its x axis is the cost divided by the minimum cost. `plot_styles` is the
-    line style of each method (`method_styles`). If a style has a line width, its method is
-    emphasized instead of the methods in `_BOLD`.
+    If a line style (`method_styles`) has a line width, its method is emphasized instead of the
+    methods in `_BOLD`.
     """
     line_widths = {
         method: plot_style["linewidth"]
@@ -859,14 +840,12 @@ def _plot_profiles(
 
 
 def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> None:
-    """Write the conditions of the measurement below performance profiles.
+    """Write the conditions of the measurement below performance profiles: clock, processor and
+    versions of the programs.
 
     The text is the title of the legend, because the layout reserves space for a legend. The height
     of the figure increases by the lines of the text. A figure of a single method has no legend and
     no such text.
-
-    `chart` contains the measurements, with clock, processor and versions of the programs. `narrow`
-    is True if the figure has the width of one column of a page.
     """
     timing = chart.timing
     programs = [

@@ -162,12 +162,8 @@ def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
     """Return the size of a matrix of methods and problems.
 
     On a screen, the figure has a single panel, which is as wide as necessary. In print, the width
-    is specified, and the columns are divided into the minimum number of panels below each other.
-
-    Raises
-    ------
-    UsageError
-        The printed width is too small.
+    is specified (UsageError if it is too small), and the columns are divided into the minimum
+    number of panels below each other.
     """
     name_width = _LINE + _LETTER_WIDTH * max(map(len, methods))
     printed_width = PRINTED.get().width
@@ -206,10 +202,9 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
 
 
 def _cell_text(trial: Trial) -> str:
-    """Return the text of the cell of a trial, in print at most five characters.
-
-    It is the assessed measure (energy ratio or error) with three digits, the number of completed
-    time steps before a failure, or a dash if the method does not apply to the building.
+    """Return the text of the cell of a trial, in print at most five characters: the assessed
+    measure (energy ratio or error) with three digits, the number of completed time steps before a
+    failure, or a dash if the method does not apply to the building.
     """
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)

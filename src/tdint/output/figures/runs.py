@@ -130,10 +130,8 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
 
 
 def _mark_events(panels: Sequence[Any], response: Response) -> None:
-    """Mark the start of each event of a sequence of ground motions by a vertical line.
-
-    `panels` contains the panels with the time on the x axis. The number of the event is written
-    above the first. `response` is the result of a run; without a sequence, it has no events.
+    """Mark the start of each event of a sequence of ground motions by a vertical line, with the
+    number of the event above the first panel.
     """
     for axes in panels:
         for event in response.events[1:]:
@@ -192,13 +190,8 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
 
 
 def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Plot dissipated, viscous, strain and kinetic energy as layers below the input energy.
-
-    Layers that are too thin to be visible are omitted. A text states the error of the energy
-    balance.
-
-    `response` is the result of the run, with the initial energy and the error of the energy
-    balance. `units` contains the units of the figure, which determine the unit of the energy.
+    """Plot dissipated, viscous, strain and kinetic energy as layers below the input energy, and
+    state the error of the energy balance. Layers that are too thin to be visible are omitted.
     """
     energy = history.energy
     total_input = response.energy.initial + energy.input
@@ -448,18 +441,14 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """Plot peak drifts in percent of the story height, or as lengths if no story has a height.
+    """Plot peak drifts in percent of the story height, or as lengths if no story has a height. The
+    panel also shows residual drifts, estimated errors, the collapse drift and the drifts of the
+    events of a sequence, up to the number of colors.
 
     Isolators and, if drifts are in percent, stories without a height are separate: they have a
     hatched bar with the drift as text. Isolators have larger drifts than stories, and the drift of
-    a story without a height cannot be expressed in percent. If all stories are
-    isolators, no story is separate.
-
-    Parameters
-    ----------
-    response : Response
-        Result of a run. The panel also shows residual drifts, estimated errors, the collapse drift
-        and the drifts of the events of a sequence, up to the number of colors.
+    a story without a height cannot be expressed in percent. If all stories are isolators, no story
+    is separate.
     """
     stories = response.stories
     # The height of an isolator is nan, also if the model specifies a height. `scale` converts

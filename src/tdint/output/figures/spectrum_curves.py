@@ -88,20 +88,10 @@ def draw_over_periods(
     """Plot results over the period in two panels above each other, without a title.
 
     Each result has a line. Many ground motions are drawn as a suite: gray lines, with median and
-    fractiles of each variant.
-
-    Parameters
-    ----------
-    results : sequence
-        Results over the period; at least one.
-    panels : sequence
-        Label of each panel, and function that returns the values of a result in this panel.
-    variants : sequence, optional
-        Value of each result that distinguishes lines of the same component; by default the damping
-        ratio.
-    columns : sequence of str, optional
-        Title of the column of panels in which each result is drawn; by default there is a single
-        column without title.
+    fractiles of each variant. A panel is its label and the function that returns the values of a
+    result. `variants` distinguishes lines of the same component; by default it is the damping
+    ratio. `columns` is the title of the column of panels in which each result is drawn; by default
+    there is a single column without title.
     """
     variants = [result.damping for result in results] if variants is None else variants
     suite = is_suite(results)
@@ -421,11 +411,8 @@ def _label_scale(
     axes: Any, ends: Array, velocities: Array, text: str, limits: tuple[float, float]
 ) -> None:
     """Write the value of a line of a scale along the line, near the end at the top or at the side.
-
     The position avoids existing labels, for units in which values 1 and 10 of two scales meet near
     the top. A label without a free position is omitted.
-
-    `limits` is the lower and upper limit of the axis of pseudo-velocities.
     """
     x, y = np.log(ends), np.log(velocities)
     bottom, top = np.log(limits)
@@ -819,8 +806,6 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
 
     The building height is a power of the period, which follows from the heights of the shortest and
     the longest period. Without at least two different periods and heights, no axis is added.
-
-    `axes` is the panel with the period on the x axis.
     """
     first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
     periods = spectrum.periods[[first, last]].tolist()
@@ -898,11 +883,9 @@ def _target_name(target: TargetSpectrum) -> str:
 def _add_target(
     figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True
 ) -> None:
-    """Plot a target spectrum in a figure of pseudo-acceleration and displacement over the period.
-
-    `figure` is the figure with the panels of pseudo-acceleration and of displacement. `legend` is
-    True (the default) if the figure also contains spectra. The target is then listed in the legend,
-    and does not change the range of the periods.
+    """Plot a target spectrum in the panels of pseudo-acceleration and displacement over the period.
+    If the figure also contains spectra (`legend`), the target is listed in the legend, and does not
+    change the range of the periods.
     """
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()

@@ -345,11 +345,9 @@ class Picture:
 
 @contextmanager
 def _fixed_layout(figure: Figure, dpi: float) -> Iterator[None]:
-    """Compute the layout of a figure for a resolution `dpi` (pixels per inch), and keep this layout
-    during the `with` statement.
-
-    With an active layout engine, matplotlib would draw all parts twice to save the figure. At the
-    end, the figure has its layout engine and its resolution again.
+    """Compute the layout of a figure for a resolution (pixels per inch), and keep this layout
+    during the `with` statement. With an active layout engine, matplotlib would draw all parts twice
+    to save the figure.
     """
     engine, before = figure.get_layout_engine(), figure.dpi
     figure.dpi = dpi
@@ -466,11 +464,7 @@ def check_print(printed: PrintedAs) -> None:
 
 def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
     """Set the width, the title, the font sizes and the labels of a figure that is drawn for print.
-
-    Raises
-    ------
-    UsageError
-        A label that should be replaced is not in the figure.
+    UsageError is raised if a label that should be replaced is not in the figure.
     """
     width, height = figure.get_size_inches()
     if printed.width:
@@ -496,12 +490,8 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
 
 
 def _replace_texts(figure: Figure, printed: PrintedAs) -> set[str]:
-    """Replace the labels of a figure as requested, and set their font sizes for print.
-
-    Returns
-    -------
-    set of str
-        Texts of the figure before the replacement, without surrounding spaces.
+    """Replace the labels of a figure as requested, and set their font sizes for print. Return the
+    original texts, without surrounding spaces.
     """
     # Tick labels exist only after the figure has been drawn. They do not depend on the layout,
     # which would need time.
@@ -611,15 +601,11 @@ are too narrow."""
 
 
 def _grow(figure: Figure) -> None:
-    """Increase the height of a figure, in steps up to `_MAX_GROWTH`, until its panels fit.
+    """Increase the height of a figure, in steps up to `_MAX_GROWTH`, until its panels fit;
+    UserWarning if they never fit.
 
     Matplotlib warns if the panels do not fit. The caller has set the filter for the warning to
     "error", so that Matplotlib raises an exception instead.
-
-    Raises
-    ------
-    UserWarning
-        The panels do not fit at the maximum height.
     """
     width, height = figure.get_size_inches()
     for factor in (1.0, 1.15, 1.3, 1.5, 1.75, _MAX_GROWTH):
@@ -773,26 +759,11 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
 
 
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
-    """Return the factor from an SI unit to the unit of an axis, and the label of this unit.
+    """Return the factor from an SI unit to the unit of an axis with the maximum absolute value
+    `largest` (SI), and the label of this unit, such as `kN` or `10³ kip`.
 
-    The unit of an axis has a prefix or a power of ten if the numbers would otherwise be long.
-
-    Parameters
-    ----------
-    largest : float
-        Maximum absolute value on the axis, in the SI unit.
-    si : str
-        SI unit, such as `N`. N and J get the prefix M or k if the maximum value is then at least 1.
-    units : OutputUnits
-        Units of the output. An output unit that is not the SI unit gets a power of ten if the
-        maximum value is at least `_MAX_PLAIN_NUMBER`.
-
-    Returns
-    -------
-    float
-        Factor that converts a value from the SI unit to the unit of the axis.
-    str
-        Label of the unit, such as `kN` or `10³ kip`.
+    N and J get the prefix M or k if the maximum value is then at least 1. An output unit that is
+    not the SI unit gets a power of ten if the maximum value is at least `_MAX_PLAIN_NUMBER`.
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)

@@ -193,15 +193,12 @@ def _draw_motions(
     largest: str,
     member: str = "motion",
 ) -> None:
-    """Plot the values of each ground motion as thin gray lines, and their mean and maximum.
+    """Plot the values of each ground motion as thin gray lines, and their mean and maximum. For
+    several buildings, single ground motions are not plotted.
 
-    For several buildings, single ground motions are not plotted.
-
-    `line` is the function that plots a row of values. It accepts the values, shape (k,), and a line
-    style as keyword arguments. `plot_style` is the color and label of the building
-    (`building_styles`); the label of a single building is empty. `largest` is the label of the
-    maximum over the motions: `largest` or `envelope`. `member` is the noun for a motion: `motion`
-    (the default) or `run`.
+    `line` plots a row of values with a line style. The plot style is the color and label of the
+    building (`building_styles`); the label of a single building is empty. The label of the maximum
+    is `largest` or `envelope`; the noun for a motion is `motion` or `run`.
     """
     color, name = plot_style
     if not name:
@@ -235,13 +232,11 @@ def _finish_row(
     limit: float | None,
     level: str,
 ) -> None:
-    """Add limits, ticks and labels to a row of panels: drifts, accelerations, shears.
+    """Add limits, ticks and labels to a row of panels with the lines of all motions (drifts, floor
+    accelerations, shears in N), and state the numbers of collapsed and failed runs.
 
-    `axes` contains the panels of drifts, floor accelerations and shears, with the lines of all
-    motions. The shears are in N and are converted to the unit of the axis. `profiles` contains the
-    results of the row, whose numbers of collapsed and failed runs are stated. `limit` is the limit
-    of the drift ratio, which is marked; None without a limit. `level` is the intensity level of the
-    row; empty if there is a single level.
+    `limit` is the marked limit of the drift ratio. `level` is empty if there is a single intensity
+    level.
     """
     drifts, accelerations, shears = axes
     if limit is not None:

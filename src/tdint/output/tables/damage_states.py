@@ -432,11 +432,9 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 
 
 def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
-    """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss.
-
-    `store` is the store of the campaign, with losses and the rates of the events. `by` is the
-    column of the inventory. In addition to the curve for all buildings, each value of the column
-    has a curve.
+    """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss. In
+    addition to the curve for all buildings, each value of the column `by` of the inventory has a
+    curve.
     """
     costs, pair_demand = has_costs(store), _pair_demand(store)
     # There is a loss curve for each group of buildings and each level. Its points are the events;
@@ -457,12 +455,8 @@ def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
 def _curve_cells(
     curve: Sequence[tuple[float, TypeDamage]], rates: Mapping[str, float], *, costs: bool
 ) -> Iterator[tuple[str, list[float]]]:
-    """Yield each event of a loss curve with its cells in exceedance.csv.
-
-    The cells belong to the columns from `rate` to `cumulative_annual_loss`.
-
-    `curve` is the mean loss and damage in each event, in the order of decreasing mean loss. `costs`
-    is True if losses are amounts of money, False if they are loss ratios.
+    """Yield each event of a loss curve (by decreasing mean loss) with its cells in exceedance.csv,
+    from `rate` to `cumulative_annual_loss`. Losses are amounts of money (`costs`) or loss ratios.
     """
     event_rates = np.array([rates[event.event] for _, event in curve])
     means = np.array([mean_loss for mean_loss, _ in curve])

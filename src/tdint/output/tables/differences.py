@@ -243,14 +243,8 @@ def _reference(column: str) -> str:
 
 
 def _cells(file: Path) -> Iterator[list[str]]:
-    """Yield the rows of a table file as lists of texts, the header first.
-
-    The file is CSV, CSV compressed by gzip, or Parquet; numbers of Parquet files have all digits.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be read.
+    """Yield the rows of a table file as lists of texts, the header first. The file is CSV, CSV
+    compressed by gzip, or Parquet; numbers of Parquet files have all digits.
     """
     import gzip
     import zlib

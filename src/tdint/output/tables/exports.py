@@ -187,9 +187,7 @@ def demand_names(stories: int, direction: int) -> list[str]:
 
 def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
     """Yield the rows of the SimCenter export, one per building, ground motion, scale factor and
-    sample, each as a tuple of two lists: identifiers of the run, and demands in all directions.
-
-    `directions` is 1 if all ground motions are single components, 2 if there are pairs.
+    sample: identifiers of the run, and demands in all directions (2 if there are pairs).
     """
     name_cells, records = run_heads(store), store.records()
     pga_of_record = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
@@ -266,17 +264,9 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
 
     An element `fragilityFunction` of the model contains the fragility functions of all limit
     states. The model has one element for each building type, or for each initial damage of the
-    building, which is its damage before the ground motion.
-
-    Parameters
-    ----------
-    functions : sequence of Fragility
-        Fragility functions, one for each limit state and each building type or initial damage.
-    name : str
-        Taxonomy of the building, which is the id of functions without building type.
-    states : sequence of str
-        Limit states by increasing threshold; ds1, ds2, ... by default. Functions by building type
-        have the states of their types.
+    building, which is its damage before the ground motion. `name` is the taxonomy of the building,
+    the id of functions without building type. The limit states are in the order of their
+    thresholds, by default ds1, ds2, ...; functions by building type have the states of their types.
 
     Raises
     ------
@@ -362,14 +352,9 @@ def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[s
 
 
 def _state_names(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
-    """Return the names of the limit states by threshold, in ascending order of the thresholds.
-
-    `states` contains the names; ds1, ds2, . if empty.
-
-    Raises
-    ------
-    UsageError
-        The number of names differs from the number of thresholds.
+    """Return the names of the limit states (by default ds1, ds2, ...) by threshold, in ascending
+    order of the thresholds. UsageError is raised if their number differs from the number of
+    thresholds.
     """
     thresholds = sorted({function.threshold for function in functions})
     states = list(states) or [f"ds{number}" for number in range(1, len(thresholds) + 1)]
@@ -466,12 +451,8 @@ _LEAST_LOSS = 1e-9  # OpenQuake rejects a coefficient of variation for a mean lo
 
 def _measure(first: Fragility) -> tuple[str, float]:
     """Return OpenQuake's name of the intensity measure of a function, and the factor that converts
-    the intensity to OpenQuake's unit.
-
-    Raises
-    ------
-    UsageError
-        OpenQuake does not support the intensity measure.
+    the intensity to OpenQuake's unit. UsageError is raised if OpenQuake does not support the
+    measure.
     """
     for pattern, name, units, openquake_unit in _IMTS:
         match = re.fullmatch(pattern, first.im.lower())

@@ -161,11 +161,11 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
 
 
 def _inventory_names(store: Store) -> tuple[str, ...]:
-    """Return the names of the map properties that contain the cells of the inventory.
+    """Return the names of the map properties (values that the map states for each building) that
+    contain the cells of the inventory.
 
-    A property is a value that the map states for each building. Each copied column of the inventory
-    is a property with the name of the column. The name has a prefix if a computed property has the
-    same name.
+    Each copied column of the inventory is a property with the name of the column, with a prefix if
+    a computed property has the same name.
     """
     # `other_names` are the names of all computed properties.
     demands = [
@@ -200,15 +200,9 @@ def _position(longitude: str, latitude: str) -> list[float] | None:
 def _annual_losses(
     damage: BuildingDamage, rates: Mapping[str, float], events: Sequence[str]
 ) -> dict[tuple[int, int], float]:
-    """Return the annual loss ratios of a building: annual rate of the event times mean loss ratio.
-
-    `events` contains the names of the events; the number of an event is its position, from 1.
-
-    Returns
-    -------
-    dict of (int, int) to float
-        Annual loss ratio by rank of the level and number of the event. Events without a result are
-        omitted. Without losses of the damage states, the result is empty.
+    """Return the annual loss ratios of a building (annual rate of the event times mean loss ratio),
+    by rank of the level and number of the event, its position from 1. Events without a result are
+    omitted. Without losses of the damage states, the result is empty.
     """
     if not damage.states.losses:
         return {}
@@ -233,9 +227,8 @@ def _losses(
     """Return the properties `value`, `loss`, `annual_loss` and `average_annual_loss` of a building;
     empty if the results contain no loss ratio.
 
-    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` is the
-    annual rate times mean loss ratio, by rank of the level and number of the event; empty without
-    rates.
+    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` are those of
+    `_annual_losses`, empty without rates.
     """
     if LOSS.name not in results:
         return {}
@@ -258,10 +251,8 @@ def _losses(
 
 def _value_of(cells: Mapping[str, str]) -> float:
     """Return the cost of all identical buildings of a row of an inventory: cost of a building times
-    number of buildings (1 if the row has no number).
-
-    The result is nan if the cell of the cost is empty. `cells` are the cells of the row by the name
-    of the column.
+    number of buildings (1 if the row has no number). The result is nan if the cell of the cost is
+    empty.
     """
     count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
     return cell_number(cells.get(COST, "")) * count
@@ -300,10 +291,9 @@ def _districts(
     """Yield a GeoJSON feature for each district (value of the column `by`), event and level.
 
     The properties are the numbers of buildings and runs, the mean loss, and with event rates the
-    annual loss due to the event and the average annual loss of the district over all events.
-
-    `polygons` is the geometry by the value of the column; None for the points of the buildings.
-    `requested` contains the events to write; all if empty.
+    annual loss due to the event and the average annual loss of the district over all events. The
+    geometry is the polygon of the district, or the points of the buildings. Without requested
+    events, all are written.
     """
     positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
     groups = list(group_damages(store, by=by))
@@ -434,11 +424,9 @@ _POLYGONS = ("Polygon", "MultiPolygon")
 def _level_properties(
     level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits
 ) -> Feature:
-    """Return the properties of a building on a map at an intensity level.
-
-    They are the scale factor or the level, the numbers of ground motions, and the mean and maximum
-    of each demand. A demand is None without completed runs, or if it is undefined (no drift ratio
-    without height).
+    """Return the properties of a building on a map at an intensity level: the scale factor or the
+    level, the numbers of ground motions, and the mean and maximum of each demand. A demand is None
+    without completed runs, or if it is undefined (no drift ratio without height).
     """
     properties: Feature = {}
     for name, number in (("scale", level.scale), ("level", level.level)):

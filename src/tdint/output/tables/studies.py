@@ -305,12 +305,8 @@ _COUNTS = {
 
 
 def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float]:
-    """Return a function of a fragility function, which returns a value of one of its bins.
-
-    The runs of a fit are counted in bins of the intensity.
-
-    `bin_index` is the index of the bin, from 0. `attribute` is the attribute of `Counted`, an array
-    with a single value per bin.
+    """Return a function of a fragility function, which returns an attribute of `Counted` in one of
+    the bins of the intensity, in which the runs of a fit are counted.
     """
 
     def value(function: Fragility) -> float:

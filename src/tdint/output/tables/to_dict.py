@@ -96,12 +96,8 @@ def _cells(value: Any, factor: float, row_count: int) -> Any:
 
 def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Concatenate tables with the same columns. A table is a dictionary from the name of a column
-    to its cells, an array or a list.
-
-    Raises
-    ------
-    UsageError
-        There are no tables, or their columns differ.
+    to its cells, an array or a list. UsageError is raised if there are no tables, or their columns
+    differ.
     """
     if not tables or any(table.keys() != tables[0].keys() for table in tables):
         raise UsageError(
@@ -217,12 +213,8 @@ RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in campa
 
 def _values(result: Any) -> _Values:
     """Return the columns of the table of a result, each with its values: an array, a list with
-    text, or a single value that applies to all rows.
-
-    Raises
-    ------
-    UsageError
-        The result has no table.
+    text, or a single value that applies to all rows. UsageError is raised if the result has no
+    table.
     """
     # `to_dict` passes several results only if their class is in `_IN_ROWS`.
     if isinstance(result, list | tuple | ResultList):
