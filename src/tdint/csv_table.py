@@ -351,23 +351,12 @@ def read_table(
     comment: str = "",
     error: type[TdintError] = ModelError,
 ) -> CsvTable:
-    """Read a CSV file with a header.
+    """Read a CSV file (`-` is standard input) with a header.
 
-    Parameters
-    ----------
-    source : str
-        Name of the file; `-` is standard input.
-    needs : str
-        Description of a valid file, for messages: `a target spectrum is a CSV file with the columns
-        ...`.
-    columns : collection of str, optional
-        Names of the columns that will be read; they must be unique in the file. By default, all
-        names must be unique.
-    comment : str
-        First characters of comment lines above the header, as in files of OpenQuake; empty if such
-        lines are not allowed.
-    error : type
-        Type of the exceptions for this type of file; by default `ModelError`.
+    `needs` describes a valid file, for messages: `a target spectrum is a CSV file with the columns
+    ...`. The names of the columns that will be read must be unique, by default all. `comment`
+    contains the first characters of comment lines above the header, as in files of OpenQuake; empty
+    if such lines are not allowed.
 
     Raises
     ------
@@ -390,37 +379,16 @@ def stream_table(
     error: type[TdintError] = ModelError,
     read_first: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
-    """Open a CSV file with a header, and read each row on demand without storing it.
+    """Open a CSV file with a header as by `read_table`, and read each row on demand without storing
+    it. Return the table without rows, and the line number and cells of each row.
 
-    Parameters
-    ----------
-    source : str
-        Name of the file; `-` is standard input.
-    needs : str
-        Description of a valid file, for messages.
-    columns : collection of str, optional
-        Names of the columns that will be read, which must be unique in the header. By default, all
-        names must be unique.
-    comment : str
-        First characters of comment lines above the header; empty if such lines are not allowed.
-    error : type
-        Type of the exceptions for this type of file.
-    read_first : bool
-        True to read the bytes of the complete file before the first row. Its size is limited to
-        `MOST_BYTES`.
-
-    Returns
-    -------
-    CsvTable
-        The table without rows.
-    iterator of (int, list of str)
-        Line number and cells of each row, read on demand.
+    With `read_first`, the bytes of the complete file are read before the first row; the size is
+    limited to `MOST_BYTES`.
 
     Raises
     ------
     TdintError
-        The file cannot be read, is not UTF-8 text, is empty, or has two columns with the same name.
-        The type is `error`. An error in a row is raised when the row is read.
+        As by `read_table`. An error in a row is raised when the row is read.
     """
     # A pipe cannot be read again, but its digest and its rows are both needed. Therefore its
     # complete content is read into memory first.
@@ -506,9 +474,8 @@ def _parse_rows(
 
 def _read_checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
     """Read a complete file, check its content, and record its digest as an input of the command.
-
-    `error` is the type of the exception that is raised if the file cannot be read, is larger than
-    `MOST_BYTES`, is not UTF-8 text, or contains a null character.
+    `error` is raised if the file cannot be read, is larger than `MOST_BYTES`, is not UTF-8 text, or
+    contains a null character.
     """
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(

@@ -310,19 +310,11 @@ def write_files(
     Ctrl-C before that, the directory is unchanged. Symbolic links are followed. Temporary files of
     killed processes are removed from the directories.
 
-    Parameters
-    ----------
-    contents : mapping of Path to bytes or callable
-        Content of each file, or a function that writes it to a binary stream.
-    overwrite : bool
-        Allow to replace existing files.
-    stale : mapping of Path to str, optional
-        Files of an earlier run that are not part of the new results, with their SHA-256. They are
-        removed if `overwrite` is set and their content is unchanged.
-    on_written : callable, optional
-        Receives the SHA-256 of each file after all have been written, before they are renamed.
-    last : Path and callable, optional
-        Additional file, and a function that returns its content from the SHA-256 of the others.
+    `contents` is the content of each file, or a function that writes it to a binary stream. `stale`
+    contains files of an earlier run that are not part of the new results, with their SHA-256; with
+    `overwrite`, they are removed if their content is unchanged. `on_written` receives the SHA-256
+    of each file before the files are renamed. `last` is an additional file, and the function that
+    returns its content from the SHA-256 of the others.
 
     Raises
     ------

@@ -365,21 +365,16 @@ class Building:
 def _frequency_bound(
     stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
 ) -> Array:
-    """Return an upper bound of the circular frequencies of one or more buildings, rad/s.
+    """Return an upper bound of the circular frequencies of each building (leading axes of
+    `stiffness`), rad/s.
 
     Power iteration: a vector x with positive entries is multiplied repeatedly by M^-1 K, where K is
     the stiffness matrix with absolute values of its entries. In each iteration, the maximum of
     (M^-1 K x)_i / x_i over the floors i is an upper bound of the squared frequencies (Collatz
     1942).
 
-    `stiffness`: story stiffness, N/m; its absolute value is used. `link` is 1 for a story on the
-    floor below, 0 for a story on the ground, and an additional last element. `mass` is the mass of
-    each floor, kg.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Bound for each building: the leading axes of `stiffness`.
+    `link` is 1 for a story on the floor below, 0 for a story on the ground, and an additional last
+    element.
     """
     # The last column is the fictitious story above the roof, which has no stiffness. Row i of K has
     # the entry `stiffness_below` for the floor below and `stiffness_above` for the floor above.
@@ -757,20 +752,9 @@ def _yield_drifts(
     changed_values: Mapping[tuple[int, int], Array],
     law_parameters: Array,
 ) -> Array:
-    """Verify the laws of all samples and return their yield drifts, shape (draws, stories).
-
-    `law_parameters` contains the parameters of the laws of all samples; first axis: sample.
-
-    Parameters
-    ----------
-    changed_values : mapping
-        Changed values, as from `_changed_numbers`: an array of the values of all samples for
-        each key (index of the story, index of the value in `story_numbers`).
-
-    Raises
-    ------
-    UsageError
-        The parameters of a story are invalid.
+    """Verify the laws of all samples and return their yield drifts, shape (draws, stories). The
+    changed values are those of `_changed_numbers`; the first axis of `law_parameters` is the
+    sample. UsageError is raised if the parameters of a story are invalid.
     """
     yield_drift = np.repeat(base.yield_drift[None], len(law_parameters), axis=0)
     # All other stories keep the yield drift of the base.
@@ -802,16 +786,10 @@ def _yield_drifts(
 def _changed_numbers(
     model: Model, values: Mapping[str, Array], draws: int
 ) -> dict[tuple[int, int], Array]:
-    """Return the values of the stories that the samples change.
+    """Return the values of the stories that the samples change: an array of shape (draws,) by the
+    index of the story and the index of the value in `story_numbers`.
 
-    `values` contains the values of parameters by name; nan if a sample does not change the
-    parameter.
-
-    Returns
-    -------
-    dict
-        Array of shape (draws,) for each changed value. The key is the index of the story and the
-        index of the value in `story_numbers`.
+    A parameter in `values` is nan if a sample does not change it.
     """
     base_numbers = [list(story_numbers(story)) for story in model.stories]
     changed: dict[tuple[int, int], Array] = {}

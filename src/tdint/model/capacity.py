@@ -399,15 +399,11 @@ _COORDINATE_COLUMNS = ("sd_m", "sa_g")
 
 
 def _curve(source: str, points: list[tuple[float, float]]) -> CapacityCurve:
-    """Return the capacity curve through points.
+    """Return the capacity curve through points: spectral displacement (m) and spectral acceleration
+    (g).
 
-    `source` is the start of the error message: the file, and the class if the file contains
-    several. `points` is the spectral displacement (m) and spectral acceleration (g) of each point.
-
-    Raises
-    ------
-    ModelError
-        The curve is invalid. The message starts with `source`.
+    `source` is the start of the error message of an invalid curve: the file, and the class if the
+    file contains several.
     """
     try:
         return CapacityCurve.of(points)

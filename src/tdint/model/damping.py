@@ -108,20 +108,12 @@ def _add_stiffness_part(
 def _damping_without_isolators(
     linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
 ) -> Array:
-    """Add Rayleigh damping that excludes isolators.
+    """Add Rayleigh damping that excludes isolators to the linear terms in place, and return a row w
+    for each damper between two floors, which contributes w w^T to the damping matrix.
 
     Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
     the velocity of a floor relative to the floor on top of the nearest isolator below. Dampers to
     the ground would also damp the isolators.
-
-    `linear_terms`: linear terms of the building; its dampers in stories and to the ground are
-    changed by this function. `stiffness` is the initial stiffness of each story, N/m.
-
-    Returns
-    -------
-    ndarray, shape (dampers, n + 1)
-        Rows w, one for each damper between two floors, which contributes w w^T to the damping
-        matrix.
     """
     n = linear_terms.shape[1] - 1
     has_rayleigh = np.array([story.rayleigh for story in model.stories])

@@ -210,9 +210,8 @@ class Element:
 def _restore_law(
     name: str, parameters: tuple[float, ...], code: int, file: str, digest: str
 ) -> Law:
-    """Restore a law of a plug-in in another process, and load the plug-in if necessary.
-
-    `file` and `digest` are the path and SHA-256 of the plug-in.
+    """Restore a law of a plug-in in another process, and load the plug-in (path `file`, SHA-256
+    `digest`) if necessary.
 
     Raises
     ------
@@ -769,10 +768,9 @@ class Model:
 def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: bool) -> Story:
     """Return a story with other numbers.
 
-    `story` is the story with the name of the law; keys that it does not have remain absent. The
-    stiffness of a story with elements is the sum of their stiffnesses. `is_law_changed` is True if
-    a parameter of the law has been changed. If the law defines the initial stiffness, the stiffness
-    is then computed from the parameters.
+    Keys that the story does not have remain absent. The stiffness of a story with elements is the
+    sum of their stiffnesses. If a parameter of the law has been changed and the law defines the
+    initial stiffness, the stiffness is computed from the parameters.
     """
     springs = []
     for spring, columns in zip(story.springs, spring_columns(story), strict=True):
@@ -1008,14 +1006,9 @@ def story_numbers(story: Story) -> tuple[float, ...]:
 
 
 def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
-    """Describe each number in the parameters of a law.
-
-    Returns
-    -------
-    list of (str, int, int, LawParameter)
-        For each number in `law.parameters`: its name, the exponents of force and length in its
-        unit, and the declaration of the parameter. Numbers of a list or of points have an index in
-        the name, such as `backbone[1].drift`.
+    """Return for each number in the parameters of a law its name, the exponents of force and length
+    in its unit, and the declaration of the parameter. Numbers of a list or of points have an index
+    in the name, such as `backbone[1].drift`.
     """
     numbers: list[tuple[str, int, int, LawParameter]] = []
     for parameter in LAWS[law.name].parameters:
@@ -1052,15 +1045,11 @@ def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
 
 
 def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
-    """Return the values of a story that each parameter changes, by the name of the parameter.
+    """Return the values of a story that each parameter changes, by the name of the parameter: the
+    fields `column`, `factor`, `bounds` and `follows` of a `Change` (the last two may be omitted).
+    The list is empty for a parameter that cannot be changed.
 
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
-
-    Returns
-    -------
-    dict of str to list of tuple
-        Fields `column`, `factor`, `bounds` and `follows` of a `Change` for each changed value; the
-        last two may be omitted. The list is empty for a parameter that cannot be changed.
     """
     # Indices of the values that the factors on the stiffness and on the strength multiply.
     stiffness_indices, strength_indices = [], []

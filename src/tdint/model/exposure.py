@@ -104,27 +104,13 @@ def read_mapping(source: str) -> CsvTable:
 def stream_exposure(
     source: str, mapping: CsvTable, reserved: Collection[str]
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
-    """Return an exposure model as the table of an inventory, and its rows with their lines.
+    """Return an exposure model (an XML file, or a CSV file with the assets alone) as the table of
+    an inventory without rows, and the line and cells of each asset.
 
-    The columns are `id`, `taxonomy`, the other columns of the mapping table, `number`, `cost` (of
-    one building, from the structural cost), `Longitude`, `Latitude` and the tags of the model.
-
-    Parameters
-    ----------
-    source : str
-        Path of the XML file, or of a CSV file with the assets alone.
-    mapping : CsvTable
-        Mapping table (`read_mapping`).
-    reserved : collection of str
-        Columns of an inventory for the derivation of buildings. A tag with such a name gets the
-        prefix `tag_`.
-
-    Returns
-    -------
-    table : CsvTable
-        Table with the header of the inventory and without rows.
-    rows : iterator of (int, list of str)
-        Line of each asset in its file, and the cells of its row.
+    The columns are `id`, `taxonomy`, the other columns of the mapping table (`read_mapping`),
+    `number`, `cost` (of one building, from the structural cost), `Longitude`, `Latitude` and the
+    tags of the model. A tag with a reserved name, a column for the derivation of buildings, gets
+    the prefix `tag_`.
 
     Raises
     ------
@@ -232,12 +218,8 @@ class _Assets:
         self._unmapped: Counter[str] = Counter()
 
     def read_csv(self, file_name: str) -> None:
-        """Read the assets of a CSV file and add their rows or errors.
-
-        Raises
-        ------
-        ModelError
-            The file cannot be read, lacks a column, or has a row with too many cells.
+        """Read the assets of a CSV file and add their rows or errors. ModelError is raised if the
+        file cannot be read, lacks a column, or has a row with too many cells.
         """
         table, rows = stream_table(file_name, _REQUIRED, columns=(), read_first=True)
         field_columns = {name: self._column_index(table, name) for name in _FIELDS}
@@ -361,11 +343,9 @@ class _Assets:
         nonnegative: Callable[[str], float],
         fault: Callable[[str, str], None],
     ) -> float:
-        """Return the structural cost of one building of an asset.
-
-        `nonnegative` is the function that returns the number in a field and reports an error if it
-        is negative. `fault` is the function that reports an error of a field; its parameters are
-        the field and the message.
+        """Return the structural cost of one building of an asset. `nonnegative` returns the number
+        in a field and reports an error if it is negative; `fault` reports an error (field,
+        message).
         """
         value, cost_type = nonnegative(_STRUCTURAL), self._model.cost_type
         if cost_type == _PER_AREA:
@@ -404,13 +384,8 @@ class _Assets:
 
 
 def _parse(source: str, data: bytes) -> _ExposureModel:
-    """Return the contents of an XML file.
-
-    Raises
-    ------
-    ModelError
-        The file is not valid XML, contains a document type definition (which could reference
-        other files), or is not an exposure model.
+    """Return the contents of an XML file. ModelError is raised if it is not valid XML, contains a
+    document type definition (which could reference other files), or is not an exposure model.
     """
     parser, model = expat.ParserCreate(namespace_separator=" "), _ExposureModel()
     path: list[str] = []  # names of the open elements, from the outermost
@@ -467,14 +442,8 @@ def _store_element(
     attributes: Mapping[str, str],
     model: _ExposureModel,
 ) -> None:
-    """Store the attributes of an element of an exposure model in `model`.
-
-    `model` contains the contents of the file, changed by this function.
-
-    Raises
-    ------
-    ModelError
-        The type of costs or areas is unknown.
+    """Store the attributes of an element of an exposure model in `model`. ModelError is raised if
+    the type of costs or areas is unknown.
     """
     name, parent = path[-1], path[-2] if len(path) > 1 else ""
     last_asset = model.assets[-1][1] if model.assets else {}

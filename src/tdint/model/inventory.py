@@ -129,31 +129,14 @@ def read_inventory(
     as_published: bool = False,
     mapping: str | None = None,
 ) -> tuple[InventoryRows, list[ModelFault]]:
-    """Read the buildings of a CSV file, or of an exposure model of OpenQuake.
+    """Read the buildings of a CSV file (`-` is standard input), or of an exposure model of
+    OpenQuake. Return the valid rows, and the errors of all other rows.
 
-    Parameters
-    ----------
-    source : str
-        Path of the file; `-` is standard input.
-    length : float
-        Unit of lengths in the file, m. Areas are in its square.
-    mass_only : bool
-        Omit the stiffness-proportional damping of all buildings.
-    classes : mapping, optional
-        Building classes by name. The column `class` specifies the class of a building; year, type
-        and area are not required in this case.
-    as_published : bool
-        Value of `CapacityFacts.as_published` for all buildings.
-    mapping : str, optional
-        CSV file with the columns of an inventory for each taxonomy. The source is an exposure model
-        of OpenQuake in this case (`tdint.model.exposure`).
-
-    Returns
-    -------
-    rows : InventoryRows
-        Valid rows.
-    faults : list of ModelFault
-        Errors of all other rows, which are omitted.
+    Areas are in the square of the unit of lengths (m). With `mass_only`, buildings have no
+    stiffness-proportional damping. With building classes, the column `class` specifies the class of
+    a building; year, type and area are not required. `as_published` is the value of
+    `CapacityFacts.as_published` for all buildings. With `mapping`, a CSV file with the columns of
+    an inventory for each taxonomy, the source is an exposure model (`tdint.model.exposure`).
 
     Raises
     ------

@@ -301,12 +301,10 @@ def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
 
 
 def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
-    """Return a message if a law dissipates energy but has no function that computes this energy.
+    """Return a message if a law dissipates energy but has no function that computes this energy. A
+    law dissipates energy if its force at a drift is different after a larger drift.
 
-    A law dissipates energy if its force at a drift is different after a larger drift.
-
-    `yield_drift` is the drift at first yield, m. Fixed path sizes are used if it is not positive
-    and finite.
+    Fixed path sizes are used if the drift at first yield is not positive and finite.
     """
     law, functions = story.law, story.functions
     if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:
@@ -364,14 +362,7 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
     """Evaluate a story at each drift of a path, and commit its state after each evaluation.
 
     The functions of the law are called directly, because the law may not have a number yet.
-
-    `drifts` contains the drifts of the path in their order, m. `increment` is the increment of
-    drift of the finite differences for slopes, m.
-
-    Yields
-    ------
-    _PathPoint
-        Results at each drift.
+    `increment` is the increment of drift of the finite differences for slopes, m.
     """
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
@@ -424,13 +415,9 @@ def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, even
 def _evaluate(
     functions: LawFunctions, table: Array, law_state: Array, drift: float
 ) -> tuple[float, float]:
-    """Return the force (N) and the tangent (N/m) of a story at a drift, starting from its committed
-    state.
-
-    The state at the drift is written to the first trial block of `law_state`.
-
-    `table` contains the parameters of the story in the first column. `law_state` is the state of
-    the story in the first column; changed by this function. `drift` is the drift to reach, m.
+    """Return the force (N) and the tangent (N/m) of a story (first column) at a drift, starting
+    from its committed state. The state at the drift is written to the first trial block of
+    `law_state`.
     """
     law_state[rows.FIRST_TRIAL + rows.DRIFT, 0] = drift
     tangent = functions.force(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL, drift)
@@ -438,15 +425,13 @@ def _evaluate(
 
 
 def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Accept the first trial state of a law as its committed state, as the time loop does.
+    """Accept the first trial state of a law (first column) as its committed state, as the time loop
+    does.
 
     The dissipated energy of the step is added first. The function `keep` of a law copies its
     additional rows, which include its branch; this function copies the rows that all laws use. A
     law without `keep` does not store a branch in its trial state: a new branch starts from the
     committed state.
-
-    `table` contains the parameters of the story in the first column. `law_state` is the state of
-    the story in the first column; changed by this function.
     """
     if functions.accumulate_dissipation is not None:
         functions.accumulate_dissipation(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
@@ -460,14 +445,11 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
 
 
 def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Start the branch of the committed state of a law, as `branches.enter` does.
+    """Start the branch of the committed state of a law (first column), as `branches.enter` does.
 
     It is an unlimited branch with the initial stiffness; for a curved law, an infinite slope
     indicates that the branch is not linear. A law with the function `enter` then replaces this
     branch.
-
-    `table` contains the parameters of the story in the first column. `law_state` is the state of
-    the story in the first column; changed by this function.
     """
     law_state[rows.SLOPE, 0] = math.inf if law.curved else table[rows.STIFFNESS, 0]
     law_state[rows.RATE_SIGN, 0] = 0.0
@@ -492,18 +474,12 @@ def _yield_drift(law: DriftLaw, column: Array) -> float:
 
 
 def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
-    """Yield sets of parameters for the verification of a law at registration.
+    """Yield sets of parameters for the verification of a law at registration, within the bounds
+    that the law declares: number of the law (nan, because the law has no number yet), initial
+    stiffness (N/m) and parameters.
 
     No parameters are generated for laws with lists or points as parameters. The path of such a law
     is verified with the parameters of the first model that uses it.
-
-    `law` is the law. Parameters outside of the bounds that it declares are not generated.
-
-    Yields
-    ------
-    ndarray, shape (rows,)
-        Number of the law (nan, because the law has no number yet), initial stiffness (N/m) and
-        parameters.
     """
     if any(parameter.many or parameter.points for parameter in law.parameters):
         return

@@ -209,24 +209,11 @@ def check_demands(
     has_failure: bool,
 ) -> tuple[LimitCheck, ...]:
     """Select the limits that apply to a building, and compare them with the demands of a run or
-    with the mean demands of a suite.
+    with the mean demands of a suite. Without motions the result is empty.
 
-    Parameters
-    ----------
-    requested : float, str or None
-        Drift limit that is used instead of the limits of the model, or the name of a performance
-        level of the model; None for all limits of the model.
-    peaks : mapping of str to ndarray, shape (motions, n)
-        Peak responses of the stories under each motion, as for `check_limits`.
-    height : ndarray, shape (n,)
-        Story heights, m; nan for isolators.
-    motions : sequence of str
-        Names of the motions. Without motions the result is empty.
-    name : str
-        Name of the building, for messages.
-    has_failure : bool
-        True if the building collapsed, or has no result, under a motion. In this case no limit is
-        met.
+    `requested` is a drift limit that is used instead of the limits of the model, or the name of a
+    performance level of the model. Heights are nan for isolators. If the building collapsed, or has
+    no result, under a motion (`has_failure`), no limit is met.
 
     Raises
     ------

@@ -349,12 +349,9 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
 def _rayleigh_damping(
     omega: np.ndarray, ratio: float, mass_only: bool
 ) -> RayleighRatio | RayleighCoefficients:
-    """Return Rayleigh damping with the same ratio in modes 1 and 3.
-
-    A building of two stories has the ratio in modes 1 and 2. In a building of one story, mass and
-    stiffness contribute half of the damping each.
-
-    `omega` contains the circular frequencies of the modes, from the first mode on, rad/s.
+    """Return Rayleigh damping with the same ratio in modes 1 and 3. A building of two stories has
+    the ratio in modes 1 and 2. In a building of one story, mass and stiffness contribute half of
+    the damping each.
     """
     second_mode = min(omega.size, 3)
     if second_mode == 1:

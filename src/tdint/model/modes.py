@@ -243,7 +243,7 @@ class FreeVibration:
 
 
 def chain_frequency(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
-    """Compute the circular frequency `number` of a chain, counted from the lowest, rad/s.
+    """Compute the circular frequency of a chain with a number counted from the lowest (1), rad/s.
 
     The frequencies are the singular values of a bidiagonal matrix L with L^T L = M^(-1/2) K
     M^(-1/2). The singular values and their negatives are the eigenvalues of a symmetric tridiagonal
@@ -252,14 +252,8 @@ def chain_frequency(root_spring: Array, root_mass: Array, link: Array, number: i
     matrix keeps the relative accuracy of the lowest frequencies, because L is not squared (Demmel
     and Kahan 1990).
 
-    Parameters
-    ----------
-    root_spring, root_mass : ndarray, shape (n,)
-        Square roots of spring stiffnesses (N/m) and masses (kg).
-    link : ndarray, shape (n,)
-        Links to the floor below (1) or the ground (0).
-    number : int
-        Number of the frequency, from 1.
+    The roots are those of the spring stiffnesses (N/m) and masses (kg); `link` is 1 for a spring to
+    the floor below, 0 to the ground.
     """
     from scipy.linalg.lapack import dstebz
 

@@ -125,13 +125,11 @@ def story_model(
         Period of the first mode, s; not used if `laws` are specified. Of an isolated building, the
         period without the isolation.
     system : str
-        System of units, `si` or `us`.
+        `si` or `us`.
     motion : str | None
         File of the record; None for free vibration from an initial displacement.
-    laws : sequence of FittedLaw, optional
-        Laws of the stories from the ground up, which replace the period.
     isolated : bool
-        True to add a story with bearings and a moat wall below the stories; false by default.
+        True to add a story with bearings and a moat wall below the stories.
     """
     units = SYSTEMS[system]
     if isinstance(floors, int):
@@ -222,19 +220,12 @@ def _mass_factor(units: _UnitSystem) -> float:
 def _uniform_mode_stiffness(
     units: _UnitSystem, loads: Sequence[float], omega: float
 ) -> tuple[list[float], list[float]]:
-    """Return story stiffnesses and strengths for a first mode that is a straight line.
+    """Return story stiffnesses and strengths, in the units of the model file, for a first mode that
+    is a straight line.
 
     The strengths are proportional to the stiffnesses. The base shear at yield is the fraction
-    `_BASE_SHEAR` of the weight.
-
-    `units` contains the units of the model file. Its `load_key` determines if loads are masses or
-    weights. `loads` contains the masses (t) or weights (in the unit of force) of the floors from
-    the ground up. `omega` is the circular frequency of the first mode, rad/s.
-
-    Returns
-    -------
-    stiffness, strength : list of float
-        Initial stiffness and yield force of each story, in the units of the model file.
+    `_BASE_SHEAR` of the weight. The loads are masses (t) or weights of the floors from the ground
+    up, as determined by `units.load_key`.
     """
     masses = [_mass_factor(units) * load for load in loads]
     # The inertia forces in the mode shape 1, 2, ..., n are divided by omega^2. The shear of a story
@@ -312,11 +303,8 @@ def type_model(
 def _remaining_lines(
     units: _UnitSystem, motion: str | None, displacements: list[str], *, damping: bool = True
 ) -> list[str]:
-    """Return the lines of a model file for damping, load, analysis and output units.
-
-    `motion` is the file of the record; None for free vibration. `displacements` contains the
-    initial displacements from the ground up, as text, in the units of the file; used only without a
-    record.
+    """Return the lines of a model file for damping, load, analysis and output units. The initial
+    displacements (text, in the units of the file) are used only without a record (free vibration).
     """
     lines = (
         ["damping: 5%  # Rayleigh damping in modes 1 and 3 (or the last mode)"] if damping else []
@@ -475,15 +463,9 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
 
 
 def _find_column(table: CsvTable, quantity: str, units: dict[str, float]) -> tuple[str, float]:
-    """Return the name of the column of a quantity, and the factor of its unit to SI units.
-
-    `quantity` is `drift` or `shear`. The column is named after the quantity and a unit, such as
-    `drift_mm`.
-
-    Raises
-    ------
-    ModelError
-        The table has no such column.
+    """Return the name of the column of a quantity (`drift` or `shear`), and the factor of its unit
+    to SI units. The column is named after the quantity and a unit, such as `drift_mm`; ModelError
+    is raised if it does not exist.
     """
     for unit, factor in units.items():
         # Names of columns contain only the letters of a unit.
@@ -528,16 +510,10 @@ FittedNumbers = tuple[Array, float]
 def _fit_slopes(
     drift: Array, shear: Array, corners: Array, *, is_flat: bool
 ) -> tuple[Array, Array]:
-    """Fit a polygon with given corners through the origin to a curve, by least squares.
+    """Fit a polygon with given corners through the origin to a curve, by least squares. Return the
+    slope of each segment, zero or positive, and the shears of the curve minus those of the polygon.
 
-    `is_flat` is True to set the slope after the last corner to zero; it is omitted from the result.
-
-    Returns
-    -------
-    slopes : ndarray
-        Slope of each segment, zero or positive.
-    residuals : ndarray, shape (points,)
-        Shears of the curve minus shears of the polygon.
+    With `is_flat`, the slope after the last corner is zero and omitted from the result.
     """
     from scipy.optimize import nnls
 
@@ -560,17 +536,12 @@ def _fit_polygon(
     shear: Array,
     start_drift: float,
 ) -> FittedNumbers:
-    """Fit the corners and slopes of a polygon to a curve, by least squares.
+    """Fit the corners and slopes of a polygon to a curve, by least squares. Return the relative
+    drifts of the corners followed by the slopes of the segments, and the sum of the squared
+    differences of relative shears.
 
-    `start_fractions` contains the start values of the drifts of the corners, as fractions of
-    `start_drift`. `is_flat` is True to set the slope after the last corner to zero.
-
-    Returns
-    -------
-    numbers : ndarray
-        Relative drifts of the corners, followed by the slopes of the segments.
-    sum_of_squares : float
-        Sum of the squared differences of relative shears.
+    The start values of the drifts of the corners are fractions of `start_drift`. With `is_flat`,
+    the slope after the last corner is zero.
     """
     from scipy.optimize import minimize
 
@@ -593,17 +564,9 @@ def _fit_polygon(
 
 
 def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbers:
-    """Fit a backbone curve with four points to a story curve, by least squares.
-
-    The last point has the maximum drift.
-
-    Returns
-    -------
-    numbers : ndarray, shape (8,)
-        Relative drifts of the four points, followed by their relative shears, which are zero or
-        positive.
-    sum_of_squares : float
-        Sum of the squared differences of relative shears.
+    """Fit a backbone curve with four points, the last at the maximum drift, to a story curve by
+    least squares. Return the relative drifts of the points followed by their relative shears (zero
+    or positive), and the sum of the squared differences of relative shears.
     """
     from scipy.optimize import minimize, nnls
 
@@ -666,11 +629,9 @@ def _bilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLa
 
 
 def _trilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
-    """Return a trilinear law from the relative drifts of its corners and two relative slopes.
-
-    `fitted` contains the relative drifts of the yield point and the ultimate point, slope before
-    the yield point and slope between the points. `max_drift` and `max_shear` are the maximum drift
-    (m) and shear (N) of the curve.
+    """Return a trilinear law from the relative drifts of the yield point and the ultimate point,
+    and the relative slopes before the yield point and between the points. The maximum drift (m) and
+    shear (N) are those of the curve.
     """
     yield_drift, ultimate_drift, first_slope, second_slope = fitted
     yield_force = float(first_slope * yield_drift * max_shear)

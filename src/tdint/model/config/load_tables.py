@@ -178,12 +178,8 @@ def _invalid_times(times: np.ndarray) -> list[int]:
 
 
 def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits) -> list[TableForce]:
-    """Return the forces from the columns of one file.
-
-    Raises
-    ------
-    ModelError
-        The file is invalid. Errors of single columns are reported at their entries instead.
+    """Return the forces from the columns of one file. ModelError is raised if the file is invalid.
+    Errors of single columns are reported at their entries instead.
     """
     table, rows = stream_table(path, _NEEDS, columns=(), read_first=True)
     time_column, time_factor = _time_column(table)
@@ -269,14 +265,9 @@ def _column_and_factor(
 
 
 def _unit_of(title: str, unit: ModelUnits, table: CsvTable) -> float:
-    """Return the factor to N of the unit at the end of a name such as `roof_kN`.
-
-    A name without a unit has the unit of force of the model file.
-
-    Raises
-    ------
-    ModelError
-        The name ends with the unit of another quantity.
+    """Return the factor to N of the unit at the end of a name such as `roof_kN`. A name without a
+    unit has the unit of force of the model file. ModelError is raised for the unit of another
+    quantity.
     """
     ending = title.rpartition("_")[2] if "_" in title else ""
     # MN and mN differ only in case, so that case matters for this unit.

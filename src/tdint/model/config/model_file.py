@@ -330,11 +330,7 @@ _ANALYSIS = Keys(
 
 def _suppression_reason(text: str) -> str:
     """Return the reason in the value of `plausibility`, such as `off, test rig in the laboratory`.
-
-    Raises
-    ------
-    UsageError
-        The text does not start with `off,`, or contains no reason.
+    UsageError is raised if the text does not start with `off,`, or contains no reason.
     """
     state, _, reason = text.partition(",")
     if state.strip() != "off" or not reason.strip():
@@ -522,18 +518,10 @@ def _read_model(section: Section, origin: SourceText) -> Model:
 
 
 def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUnits, OutputUnits]:
-    """Return the units of tables, and the units of reports and figures.
+    """Return the units of tables and summaries, and the units of reports and figures, from the key
+    `output_units`: one text or a list of texts.
 
-    Without `output_units` in the file, tables are in SI units, and reports in the units of the
-    file.
-
-    `value` is the value of the key `output_units`, one text or a list of texts; None if it is
-    missing.
-
-    Returns
-    -------
-    table_units, page_units : OutputUnits
-        Units of tables and summaries, and units of reports and figures.
+    Without the key, tables are in SI units, and reports in the units of the file.
     """
     if value is None:
         return SI, unit.named
@@ -706,15 +694,11 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
 
 
 def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, str]]:
-    """Return the replacements of the relative paths in `excitation`: record and tables of forces.
+    """Return the replacements of the relative paths in `excitation` (record and tables of forces):
+    start and end in the text, and new text.
 
-    `model` is the model with the paths of the record and of its station metadata, relative to the
-    working directory. `folder` is the directory of the new file. The new paths are relative to it.
-
-    Returns
-    -------
-    list of (int, int, str)
-        Start and end of each replaced part of the text, and its new text.
+    The paths in the model are relative to the working directory. The new paths are relative to
+    `folder`, the directory of the new file.
     """
     excitation = _find_node(root, "excitation")
     record, forces = _find_node(excitation, "record"), _find_node(excitation, "forces")
@@ -810,17 +794,11 @@ def _replace_parts(text: str, edits: Sequence[tuple[int, int, str]], offset: int
 def _stiffness_edit(
     text: str, entry: Any, factors: Sequence[float], stories: Any
 ) -> tuple[int, int, str]:
-    """Return the replacement of an entry of `stories` with scaled stiffnesses.
+    """Return the replacement (start and end in the text, new text) of an entry of `stories` with
+    scaled stiffnesses.
 
     `factors` is the factor on the stiffness of each story of the entry. If all are equal, the entry
     is written once, otherwise once per story.
-
-    Returns
-    -------
-    start, end : int
-        Start and end of the replaced part of the file.
-    text : str
-        New text of this part.
     """
     start, end = entry.start_mark.index, _end_index(entry)
     is_uniform = all(factor == factors[0] for factor in factors)

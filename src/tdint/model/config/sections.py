@@ -179,12 +179,10 @@ _SECOND_MODE = 3
 
 
 def _damping_type(count: int | None) -> Either:
-    """Return the description of the key `damping` in a model file.
+    """Return the description of the key `damping` in a model file: the allowed forms of the value,
+    and functions `make` that convert a checked value to damping ratios or coefficients.
 
-    The description lists the allowed forms of the value. It checks a value, and its functions
-    `make` convert the value to damping ratios or coefficients.
-
-    `count` is the number of stories of the building, which limits the modes; None if it is unknown.
+    The number of stories limits the modes; None if it is unknown.
     """
     # The value of `rayleigh` is {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}.
     mode = numbered(count)
@@ -262,11 +260,11 @@ def _rayleigh(
     stiffness: Any,
     tangent: bool | None,
 ) -> Damping:
-    """Return the Rayleigh damping of the key `rayleigh`.
+    """Return the Rayleigh damping of the key `rayleigh`. Ratio and modes (from 1) are an error for
+    one story; `count` is None if unknown.
 
-    `count` is the number of stories; None if unknown. Ratio and modes are an error for one story.
-    `modes` contains the numbers of the modes with these ratios, from 1. `mass` and `stiffness` are
-    the coefficients of the mass and stiffness matrix, 1/s and s; None if ratio and modes are given.
+    `mass` and `stiffness` are the coefficients of the mass and stiffness matrix, 1/s and s; None if
+    ratio and modes are given.
     """
     if mass is not None:
         return RayleighCoefficients(mass, stiffness, bool(tangent))

@@ -60,9 +60,6 @@ def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
 
     A parameter with `group` "pinching.force" is a key of the mapping `force`, which is the value of
     a key of the mapping `pinching`, which is the value of a key of the law.
-
-    `group` contains the names of the nested groups, separated by dots; "" for the mapping of the
-    law.
     """
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
@@ -267,17 +264,11 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
 
 
 def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: ModelUnits) -> Group:
-    """Return the values of a group of parameters in the mapping of a hysteretic law.
+    """Return the values of a group of parameters in the mapping of a hysteretic law: its section,
+    one number for all parameters (nan after an error), or None if the group or its outer group is
+    omitted.
 
-    `groups` contains the outer groups that have been read; "" is the section of the law. `group` is
-    the name of the group with the names of its outer groups, separated by dots; "" for parameters
-    without a group.
-
-    Returns
-    -------
-    Section, float or None
-        Section of the group, one number for all parameters, nan after an error; None if the
-        group or its outer group is omitted.
+    `groups` contains the outer groups that have been read; "" is the section of the law.
     """
     outer, _, name = group.rpartition(".")
     outer_values = groups.get(outer)
@@ -314,16 +305,10 @@ def _read_points(
 ) -> tuple[float, ...]:
     """Return drift (m) and force (N) of each point, with the points that the file omits.
 
-    Infinite points complete an open-ended list; `four_points` completes four points. All numbers
-    are nan after reporting an error.
-
-    `earlier` contains the parameters that have already been read, in SI units.
-
-    Parameters
-    ----------
-    group : Section, float or None
-        Values of the group of the parameter (`_read_group`): a section, or nan after an error that
-        `_read_group` has reported. None for an optional group that the file omits.
+    Infinite points complete an open-ended list; `four_points` completes four points, from the
+    parameters that have already been read (`earlier`). All numbers are nan after reporting an
+    error, and if `_read_group` has reported an error of the group. The group is None if it is
+    optional and omitted.
     """
     invalid_points = (math.nan,) * (2 * parameter.points)
     point_list = f"{parameter.point_count_text} [drift, force]"
@@ -627,11 +612,8 @@ def _read_stiffness(
 ) -> float:
     """Return the initial stiffness of a story, N/m, or nan after reporting an error.
 
-    If the parameters of the law determine the initial stiffness, the key `stiffness` is optional,
-    and a different value is an error.
-
-    `stiffness_of_law` is the initial stiffness that follows from the parameters of the law, N/m;
-    None if the law does not determine it.
+    If the parameters of the law determine the initial stiffness (otherwise None), the key
+    `stiffness` is optional, and a different value is an error.
     """
     factor = unit.factor(force=1, length=-1)
     if stiffness_of_law is None:
@@ -677,8 +659,6 @@ def _read_dashpot(
     A number in the file, or a mapping without exponent and brace, is a linear dashpot. Any other
     mapping defines a power-law dashpot, possibly with a brace. The coefficient is 0 or the
     power-law dashpot None. The coefficient is nan after an error.
-
-    `value` is the value of the key `dashpot`; None for a story without a dashpot.
     """
     if value is None:
         return 0.0, None, 1.0

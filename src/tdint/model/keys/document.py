@@ -98,13 +98,7 @@ def read_source(source: str | Path | TextIO, file_type: str = "model file") -> S
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, file_type: str) -> bytes:
     """Return the content of a stream as UTF-8, and record it as an input file of the command.
-
-    `stream` is the stream that is read.
-
-    Raises
-    ------
-    ModelError
-        The stream cannot be read, or is larger than `MAX_BYTES`.
+    ModelError is raised if the stream cannot be read, or is larger than `MAX_BYTES`.
     """
     try:
         content = stream.read(MAX_BYTES + 1)
@@ -250,12 +244,8 @@ class _Composer:
         return root
 
     def _next_event(self) -> yaml.Event:
-        """Return the next event of the parser.
-
-        Raises
-        ------
-        yaml.MarkedYAMLError
-            The text is not valid YAML.
+        """Return the next event of the parser. yaml.MarkedYAMLError is raised if the text is not
+        valid YAML.
         """
         try:
             event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
@@ -274,14 +264,9 @@ class _Composer:
         return self._faults.error()
 
     def _build_node(self, event: yaml.Event, depth: int) -> Node:
-        """Return the node that starts with an event; reads all events of a list or mapping.
-
-        `depth` is the nesting level of the node, 0 for the root.
-
-        Raises
-        ------
-        ModelError
-            An alias has no anchor or is inside its own anchor, or the nesting is too deep.
+        """Return the node that starts with an event at a nesting level (0 for the root); reads all
+        events of a list or mapping. ModelError is raised if an alias has no anchor or is inside its
+        own anchor, or the nesting is too deep.
         """
         if isinstance(event, yaml.AliasEvent):
             alias = event.anchor

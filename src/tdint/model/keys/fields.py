@@ -529,16 +529,9 @@ class Value:
         return values
 
     def _read_by_name(self, declared: ByName) -> Any:
-        """Convert a mapping from names that the user chose, such as damage states.
-
-        `declared` is the type of all values of the mapping, and the function `make`, which builds
-        the result.
-
-        Returns
-        -------
-        Any
-            Result of `declared.make`; None if the entry is not a mapping, or is empty although
-            names are required.
+        """Convert a mapping from names that the user chose, such as damage states, by
+        `declared.make`; None if the entry is not a mapping, or is empty although names are
+        required.
         """
         # Each entry is a `Value`: the unconverted value in the file, with its line.
         entries = self.named(declared.description, declared.empty_message)

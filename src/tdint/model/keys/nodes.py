@@ -142,15 +142,7 @@ def text_of(node: Node) -> bytes:
 
 
 def _scalar(value: object, faults: Faults) -> ScalarNode:
-    """Return the node of a number, text, path, boolean or None.
-
-    `value` is the number, text, path, boolean or None.
-
-    Raises
-    ------
-    ModelError
-        The value has another type.
-    """
+    """Return the node of a number, text, path, boolean or None; ModelError for another type."""
     # None and booleans have the texts of YAML.
     if value is None or isinstance(value, bool):
         return ScalarNode(0, 0, "null" if value is None else str(value).lower(), plain=True)
