@@ -44,13 +44,7 @@ class _OptionalFields:
         return bool(self._set_fields())
 
     def over(self, other: Self) -> Self:
-        """Return a copy of `other` with the fields that are set in this object.
-
-        Parameters
-        ----------
-        other : same type
-            Object whose fields are replaced where this object has a value.
-        """
+        """Return a copy of `other` with the fields that are set in this object."""
         return replace(other, **self._set_fields())  # type: ignore[type-var]
 
 

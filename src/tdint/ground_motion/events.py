@@ -153,13 +153,9 @@ def is_same_event(event: Earthquake, other: Earthquake) -> bool:
 
 
 def _time_of(match: re.Match[str]) -> datetime | None:
-    """Return the date and time of day in a header, converted to UTC.
-
-    Returns
-    -------
-    datetime | None
-        Time without a time zone; midnight if the header states only a date. None if the date or the
-        time does not exist, such as 31 February.
+    """Return the date and time of day in a header, converted to UTC, without a time zone; midnight
+    if the header states only a date; None if the date or the time does not exist, such as 31
+    February.
     """
     year, month_text = int(match["year"]), match["month"]
     if len(match["year"]) == 2:
@@ -184,12 +180,10 @@ def _clean_name(name: str) -> str:
 
 
 def _names_agree(name: str, other: str) -> bool:
-    """Return True if two names may belong to a single event.
+    """Return True if two names of events (without dates) may belong to a single event.
 
     Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). The longer name may have
     additional words at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
-
-    `name` and `other` are the names of events without dates.
     """
     first_words, first_numbers = _words_and_numbers(name)
     other_words, other_numbers = _words_and_numbers(other)

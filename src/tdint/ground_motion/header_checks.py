@@ -172,14 +172,8 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
 
 
 def _section_statements(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
-    """Return the stated and the read number of samples of each section of a file.
-
-    `traces` contains the traces of the file, one per section.
-
-    Raises
-    ------
-    Damaged
-        The numbers of sections and of traces differ.
+    """Return the stated and the read number of samples of each section (trace) of a file. Damaged
+    is raised if the numbers of sections and of traces differ.
     """
     if len(counts) != len(traces):
         raise Damaged(f"the file has {len(counts)} {name}, but {len(traces)} could be read")
@@ -190,15 +184,9 @@ def _section_statements(counts: list[int], traces: list[Any], name: str) -> list
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
-    """Check that the compressed samples (CM6) of a section of a GSE file are complete.
-
-    `lines` contains the lines of the section after its header. `begin` and `end` are the starts of
-    the lines before and after the samples.
-
-    Raises
-    ------
-    Damaged
-        The section is cut off or corrupt, or its number of samples differs from its header.
+    """Check that the compressed samples (CM6) of a section of a GSE file, between the lines that
+    start with `begin` and `end`, are complete. Damaged is raised if the section is cut off or
+    corrupt, or its number of samples differs from its header.
     """
     # A line of compressed samples may also start with these letters, but it contains no blank.
     ends = [index for index, line in enumerate(lines) if line.startswith(end + b" ")]
@@ -251,15 +239,9 @@ def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statemen
 
 
 def _sh_counts(data: bytes) -> list[int]:
-    """Return the number of samples that each channel of a SH_ASC file states.
-
-    `data` is the content of the file. ObsPy does not compare the number with the samples, and omits
-    the last channel if no blank line follows.
-
-    Raises
-    ------
-    Damaged
-        A channel states no number of samples.
+    """Return the number of samples that each channel of a SH_ASC file states. ObsPy does not
+    compare the number with the samples, and omits the last channel if no blank line follows.
+    Damaged is raised if a channel states no number.
     """
     counts = [int(count) for count in _SH_COUNT.findall(data)]
     if len(counts) != len(_SH_CHANNEL.findall(data)):

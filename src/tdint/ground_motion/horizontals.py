@@ -146,15 +146,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
 
 
 def _check_directions(first: Record, second: Record, source: str) -> list[str]:
-    """Raise RecordError if the names of two components state that they are not perpendicular.
-
-    Names without directions, such as A and B, are accepted with a note.
-
-    Returns
-    -------
-    list of str
-        Note about the assumption that the components are perpendicular; empty if the names state
-        it.
+    """Raise RecordError if the names of two components state that they are not perpendicular. Names
+    without directions, such as A and B, are accepted; the returned note states the assumption.
     """
     if at_right_angles(first.component, second.component):
         return []
@@ -317,19 +310,9 @@ def at_right_angles(component: str, other: str) -> bool:
 def _trimmed_to_equal_length(
     first: Record, second: Record, source: str
 ) -> tuple[Record, Record, list[str]]:
-    """Remove the excess samples at the end of the longer component.
-
-    Returns
-    -------
-    first, second : Record
-        Components of equal length.
-    notes : list of str
-        Note with the number of removed samples; empty if the lengths were equal.
-
-    Raises
-    ------
-    RecordError
-        The lengths differ by more than 5 %.
+    """Remove the excess samples at the end of the longer component, and return both with a note on
+    the number of removed samples, if any. RecordError is raised if the lengths differ by more than
+    5 %.
     """
     sizes = first.acceleration.size, second.acceleration.size
     if sizes[0] == sizes[1]:
@@ -486,11 +469,8 @@ def motion_names(files: Sequence[str]) -> list[str]:
 
 
 def _replace_component(file: str, match: re.Match[str] | None) -> str:
-    """Replace the component in a file name by a question mark.
-
-    `file` is the file name, with or without directories. `match` is the match of a pattern of the
-    module in the last part of the file name. Its group `component` is replaced. With None, the name
-    is unchanged.
+    """Replace the component (group `component` of the match in the last part of the file name) by a
+    question mark. Without a match, the name is unchanged.
     """
     if not match:
         return file
@@ -604,14 +584,10 @@ def _find_component(name: str) -> re.Match[str] | None:
 
 def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     """Return pairs of file name patterns that could identify the components of a single ground
-    motion.
+    motion, in the form of `PairNames`.
 
-    Returns
-    -------
-    list of tuple of two str
-        Patterns in the form of `PairNames`, where `{}` is the common part of both names. Each pair
-        matches two different names, which differ in a few characters. A pair of patterns is
-        repeated for each pair of names that it matches.
+    Each pair matches two different names, which differ in a few characters. A pair of patterns is
+    repeated for each pair of names that it matches.
     """
     # Names with a common start are neighbors in alphabetical order. Names with a common end are
     # neighbors in the order of the reversed names. Equal names in different directories count once.

@@ -128,12 +128,8 @@ def _callback_errors() -> Iterator[list[str]]:
 @contextmanager
 def _printed_by_c() -> Iterator[list[str]]:
     """Capture standard error at the level of the operating system, because libgse2 and evalresp
-    print to it directly.
-
-    Yields
-    ------
-    list of str
-        Empty inside the block; after the block, the printed lines that are not blank.
+    print to it directly. The list is empty inside the block; after the block, it contains the
+    printed lines that are not blank.
     """
     lines: list[str] = []
     try:

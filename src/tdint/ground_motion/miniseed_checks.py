@@ -384,13 +384,9 @@ def _warn_about_breaks(name: str, records: list[DataRecord]) -> None:
 
 def _data_records(data: bytes) -> Iterator[DataRecord]:
     """Yield the headers of the data records of a MiniSEED or SEED file, in the order of the file.
-
     Blank blocks and the control headers of a full SEED volume are skipped.
 
-    Raises
-    ------
-    Damaged
-        A record is incomplete, or a header contradicts itself or its record.
+    Damaged is raised if a record is incomplete, or a header contradicts itself or its record.
     """
     offset, number, control_length = 0, 0, None
     # A full SEED volume starts with a volume control header, which has the type V in its byte 6.
@@ -430,18 +426,11 @@ def _data_records(data: bytes) -> Iterator[DataRecord]:
 
 
 def _control_length(data: bytes) -> int | None:
-    """Return the record length of a full SEED volume, bytes.
+    """Return the record length of a full SEED volume, bytes; None if the stated length is not
+    permitted, or if the blockette and a second header are missing.
 
-    It is stated in the first blockette of the volume. Otherwise, it is the position of the next
-    header.
-
-    `data` is the content of the file, which starts with a volume control header.
-
-    Returns
-    -------
-    int | None
-        Length; None if the stated length is not permitted, or if the blockette and a second header
-        are missing.
+    The length is stated in the first blockette of the volume. Otherwise, it is the position of the
+    next header.
     """
     # Blockettes 5, 8 and 10 state the length as an exponent of 2 in two digits.
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
@@ -464,9 +453,8 @@ def _begins_record(header: bytes) -> bool:
 
 
 def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
-    """Read the header of a data record, and check it against the bytes of the record.
-
-    `number` is the number of the record, counted from 1.
+    """Read the header of a data record (number from 1), and check it against the bytes of the
+    record.
 
     Raises
     ------
@@ -551,14 +539,8 @@ def _nominal_rate(factor: int, multiplier: int) -> float:
 
 
 def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
-    """Return the position in a record at which another record of the same channel starts, bytes.
-
-    Such a position shows that the stated length of the record is too large.
-
-    Returns
-    -------
-    int | None
-        Position, a power of 2; None if there is no inner record.
+    """Return the position in a record, a power of 2, at which another record of the same channel
+    starts, bytes; None without such a record, which shows that the stated length is too large.
     """
     # The position is a permitted record length below the stated length of the record. Bytes 8 to 19
     # of a header are the codes of its channel.
@@ -573,20 +555,11 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
 
 
 def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) -> dict[int, int]:
-    """Find the blockettes (additional headers) of a record, which form a linked list.
+    """Return the position in the file of each blockette (additional header) of a record by its type
+    (such as 1000). The blockettes form a linked list from the position `first`, 0 if there are
+    none.
 
-    `first` is the position of the first blockette in the record; 0 if the record has no blockettes.
-    `order` is the byte order, > or <.
-
-    Returns
-    -------
-    dict of int to int
-        Position of each blockette in the file, bytes, by its type (such as 1000).
-
-    Raises
-    ------
-    Damaged
-        A position is outside the file or not after the preceding blockette.
+    Damaged is raised if a position is outside the file or not after the preceding blockette.
     """
     chain: dict[int, int] = {}
     position, last_position = first, _FIXED_HEADER - 1

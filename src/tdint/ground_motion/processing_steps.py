@@ -69,17 +69,9 @@ def _samples_of_record(record: Record, shortest_period: float) -> tuple[Array, f
 
 
 def _band_limited_points(record: Record, shortest_period: float) -> tuple[Array, float]:
-    """Return points of the band-limited motion of a record for linear interpolation.
-
-    `shortest_period` is the shortest period of the oscillators, s. The interval of the points is at
-    most 1/16 of this period.
-
-    Returns
-    -------
-    points : ndarray, shape (points,)
-        Accelerations, m/s^2.
-    dt : float
-        Interval of the points, s.
+    """Return accelerations (m/s^2) of the band-limited motion of a record at points for linear
+    interpolation, and the interval of the points, s: at most 1/16 of the shortest period of the
+    oscillators.
     """
     part_count = _POINTS * math.ceil(max(1.0, record.dt / shortest_period))
     return band_limited(record.acceleration, part_count, for_lines=True), record.dt / part_count
@@ -294,11 +286,8 @@ def _replace_samples(
     """Return a record with the samples that result from a processing step.
 
     The step is added to the notes and to the processing steps of the record. The peak velocity and
-    displacement in the file are removed, because they belong to the unprocessed record.
-
-    `record` is the record before the step. `samples` is the new acceleration, m/s^2. `dt` is the
-    new sampling interval, s; None keeps the interval. `later` is the change of the start time, s.
-    Default 0.
+    displacement in the file are removed, because they belong to the unprocessed record. The start
+    time changes by `later`, s.
     """
     start = record.start
     if start and later:
@@ -494,16 +483,9 @@ def zero_phase(
 
 @lru_cache(maxsize=64)  # a fit applies the same two filters a thousand times
 def _design_filter(filter_type: str, corner: float, order: int, dt: float) -> tuple[Array, int]:
-    """Return the second-order sections of a Butterworth filter and its settling time in samples.
-
-    `corner` is the corner frequency, Hz. `dt` is the sampling interval, s.
-
-    Returns
-    -------
-    sections : ndarray, shape (sections, 6)
-        Coefficients for `scipy.signal.sosfilt`.
-    settling : int
-        Number of samples after which the transient has decayed to the fraction `_SETTLED`.
+    """Return the coefficients of the second-order sections of a Butterworth filter for
+    `scipy.signal.sosfilt`, and the number of samples after which the transient has decayed to the
+    fraction `_SETTLED`.
     """
     from scipy.signal import butter, zpk2sos
 

@@ -227,16 +227,9 @@ def masked_samples(samples: NDArray[Any]) -> int:
 
 
 def _validated_samples(acceleration: Any, source: str) -> NDArray[np.float64]:
-    """Return acceleration samples as a contiguous float64 array, without a copy if possible.
-
-    `acceleration` contains the samples, m/s^2. `source` is the file name for messages; empty if
-    unknown.
-
-    Raises
-    ------
-    RecordError
-        The samples are masked, or are not a one-dimensional array of at least two finite real
-        numbers.
+    """Return acceleration samples (m/s^2) as a contiguous float64 array, without a copy if
+    possible. RecordError is raised if they are masked, or not a one-dimensional array of at least
+    two finite real numbers.
     """
     label = source or "record"
     array = np.asanyarray(acceleration)

@@ -134,16 +134,11 @@ def read_bhrc(lines: Lines) -> list[Series]:
 
 
 def _header_number(lines: Lines, row: int, index: int, width: int) -> float:
-    """Read the seven lines of integers or of reals of a header and return one of the numbers.
+    """Read the seven lines of integers or of reals of a header and return one of the numbers, by
+    line and position from 0.
 
-    `row` and `index` are the line and the position of the number, both counted from 0; `width` is
-    the number of characters of a number. Fields are counted from the start of the line, because the
-    last field of a line may be cut off.
-
-    Raises
-    ------
-    RecordError
-        A line contains text other than numbers, or the line has too few numbers.
+    Fields have a fixed width and are counted from the start of the line, because the last field of
+    a line may be cut off. RecordError is raised if a line contains other text or too few numbers.
     """
     rows = [lines.take() for _ in range(_HEADER_LINES)]
     field = rows[row][index * width : (index + 1) * width]

@@ -144,14 +144,8 @@ def read_cosmos(lines: Lines) -> list[Series]:
 
 
 def _read_announcement(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
-    """Read the next line, which states the number of values or lines that follow.
-
-    `pattern` is the pattern of the line; its first group is the number.
-
-    Raises
-    ------
-    RecordError
-        The line does not match.
+    """Read the next line, which states the number of values or lines that follow, in the first
+    group of `pattern`. RecordError is raised if the line does not match.
     """
     match = pattern.match(lines.take())
     if not match:
@@ -162,15 +156,11 @@ def _read_announcement(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
 
 
 def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
-    """Read the integers or the reals of the header of a channel.
+    """Read the integers or the reals of the header of a channel. `pattern` matches the line before
+    the values; its first group is their number.
 
-    `pattern` is the pattern of the line before the values; its first group is their number.
-
-    Raises
-    ------
-    RecordError
-        The header has fewer than 62 values. At least 62 are required, because the 62nd real is the
-        sampling interval.
+    RecordError is raised if there are fewer than 62, because the 62nd real is the sampling
+    interval.
     """
     match = _read_announcement(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
@@ -196,15 +186,11 @@ def _series(
     integers: list[float],
     reals: list[float],
 ) -> Series:
-    """Check a block of samples and return it with the data of the channel header.
+    """Check a block of samples (`block` is the match of `_BLOCK` in the line before the samples)
+    and return it with the data of the channel header.
 
-    `block` is the match of `_BLOCK` in the line before the samples.
-
-    Raises
-    ------
-    RecordError
-        The sampling interval is unknown or contradicts the duration, the units are not those of the
-        quantity, or samples are invalid.
+    RecordError is raised if the sampling interval is unknown or contradicts the duration, the units
+    are not those of the quantity, or samples are invalid.
     """
     # The header states a number that marks unknown values; it is usually -999.
     match = first_match(_UNKNOWN, texts)

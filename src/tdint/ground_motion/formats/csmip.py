@@ -204,15 +204,8 @@ def read_csmip(lines: Lines) -> list[Series]:
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
-    """Read the acceleration of a channel of volume 1.
-
-    `lines` contains the lines of the file after the text header; the lines that are read are
-    consumed.
-
-    Raises
-    ------
-    RecordError
-        The samples are cut off, or their sampling rate or units are invalid.
+    """Read the acceleration of a channel of volume 1 from the lines after the text header.
+    RecordError is raised if the samples are cut off, or their sampling rate or units are invalid.
     """
     lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
     line = lines.peek() or ""
@@ -235,16 +228,11 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
 
 
 def _volume_2(lines: Lines, texts: list[str]) -> Series:
-    """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2.
+    """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2
+    from the lines after the text header.
 
-    `lines` contains the lines of the file after the text header; the lines that are read are
-    consumed.
-
-    Raises
-    ------
-    RecordError
-        A block of samples is missing or cut off, a peak contradicts the header, or the units of the
-        acceleration are invalid.
+    RecordError is raised if a block of samples is missing or cut off, a peak contradicts the
+    header, or the units of the acceleration are invalid.
     """
     lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)  # the real numbers of the header are not used
     blocks = {}  # match of the first line, and samples, of each block
@@ -269,20 +257,10 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
 def _peak_in_block(
     word: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]
 ) -> float | None:
-    """Return the maximum absolute value of a block of velocities or displacements, and compare it
-    with the peak in the header if the header states it.
+    """Return the maximum absolute value of a block of velocities or displacements (m/s or m; None
+    if the units are unknown). RecordError is raised if the header states a different peak.
 
     `block` is the match of `_BLOCK` in the line before the samples.
-
-    Returns
-    -------
-    float | None
-        Peak, m/s or m; None if the units are unknown.
-
-    Raises
-    ------
-    RecordError
-        The header states a different peak.
     """
     scale = motion_scale(block[4], _QUANTITIES[word])
     peak = float(np.max(np.abs(samples), initial=0.0))

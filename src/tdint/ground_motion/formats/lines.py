@@ -351,11 +351,7 @@ class Lines:
 
     def _row(self, width: int | None) -> list[float]:
         """Read the next line and return its numbers; raise RecordError if it has other text.
-
-        Parameters
-        ----------
-        width : int | None
-            Characters per number in a format with fixed columns; None for any other format.
+        `width` is the number of characters of a number in a format with fixed columns.
         """
         line = self._take()
         try:

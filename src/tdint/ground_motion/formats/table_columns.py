@@ -169,17 +169,11 @@ def column_index(text: str, names: tuple[ColumnName, ...], width: int) -> int:
 
 
 def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
-    """Return the index of the only column with a name, in upper or lower case.
+    """Return the index of the only column with a name, in upper or lower case; RecordError if there
+    is none or several.
 
     The name is compared with the complete column names, then with the names without units, and then
     with the components.
-
-    `name` is the name of a column, with or without units, or name of a component.
-
-    Raises
-    ------
-    RecordError
-        No column or more than one column has the name.
     """
     plain_name = " ".join(name.lower().split())
     spellings = [
@@ -467,15 +461,8 @@ def _unaccented(text: str) -> str:
 
 
 def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> float:
-    """Convert a positive number with a unit, such as `10 ms`, to SI units.
-
-    `units` contains the allowed units and their values in SI units; the key "" allows a number
-    without a unit.
-
-    Raises
-    ------
-    RecordError
-        The text is not a positive number with one of the units.
+    """Convert a positive number with a unit, such as `10 ms`, to SI units. The key "" of the
+    allowed units allows a number without a unit. Any other text is a RecordError.
     """
     match = _QUANTITY.fullmatch(text)
     factor = units.get(match[2].lower()) if match else None

@@ -100,18 +100,9 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
 
 
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
-    """Read the start of a table with a user-specified layout.
-
-    `file` is the file to read. `layout` is the layout specified by the user, with the number of
-    lines to skip.
-
-    Returns
-    -------
-    header_lines : list of str
-        Lines between the lines to skip and the first row of numbers.
-    widths : list of int
-        Number of values in each of the first two rows. The list is shorter if the file ends or if a
-        row contains other text.
+    """Read the start of a table with a user-specified layout. Return the lines between the lines to
+    skip and the first row of numbers, and the number of values in each of the first two rows (fewer
+    if the file ends or a row contains other text).
     """
     header_lines: list[str] = []
     widths: list[int] = []
@@ -320,12 +311,9 @@ def _with_first_numbers(header: TableHeader, first: FirstNumbers) -> TableHeader
 
 
 def _check_first_name(header_lines: list[str], skipped: int) -> None:
-    """Raise RecordError if the last header line names all columns except the first.
-
-    The other names would be shifted by one column.
-
-    `header_lines` contains the lines between the skipped lines and the first row of numbers.
-    `skipped` is the number of lines skipped before the header, for the line number in the message.
+    """Raise RecordError if the last header line names all columns except the first: the other names
+    would be shifted by one column. `skipped` is the number of lines before the header lines, for
+    the line number in the message.
     """
     filled = [index for index, line in enumerate(header_lines) if line.strip()]
     if filled and lacks_first_name(header_lines[filled[-1]]):
@@ -340,17 +328,10 @@ def _sampling_interval(
     header: TableHeader, times: NDArray[np.float64] | None, layout: TextLayout
 ) -> tuple[float, bool]:
     """Return the sampling interval of a text table, s, and True if the file states it, False if
-    only the user specifies it.
+    only the layout of the user specifies it.
 
-    `header` contains the declarations of the header, which may include the interval or the sampling
-    rate. `times` contains the times in the table, s; None if the table has no column of times.
-    `layout`: layout specified by the user, with the interval that is used if the file states none.
-
-    Raises
-    ------
-    RecordError
-        The declarations and the times state different intervals, the times are not in equal steps,
-        or the interval is unknown.
+    RecordError is raised if the declarations of the header and the times state different intervals,
+    the times are not in equal steps, or the interval is unknown.
     """
     intervals = header.intervals()
     if times is not None:
@@ -380,18 +361,10 @@ def _count_names(line: str) -> int:
 def _accelerations(names: Names, columns: range) -> list[int]:
     """Return the indices of the columns that are read as ground motion.
 
-    Without names, these are `columns`. Otherwise, they are the columns named as acceleration; if
-    there are no such columns, the velocity columns, or else the displacement columns. If no name
-    states a quantity, the only column that is not the time is returned; without such a column the
-    list is empty.
-
-    `names` contains the names of all columns; empty if the header does not name them. `columns`
-    contains the indices of the columns that may be components; used only if `names` is empty.
-
-    Raises
-    ------
-    RecordError
-        Several columns have names without a known quantity.
+    Without names (no header), these are `columns`. Otherwise, they are the columns named as
+    acceleration; if there are no such columns, the velocity columns, or else the displacement
+    columns. If no name states a quantity, the only column that is not the time is returned; without
+    such a column the list is empty. Several such columns are a RecordError.
     """
     if not names:
         return list(columns)
@@ -464,17 +437,11 @@ def _times(
 ) -> NDArray[np.float64] | None:
     """Return the times, s; None if the table has no column of times.
 
-    With a header, the first column contains times if it has the name of a time. Without a header,
-    the first of several columns contains times unless the user selects it as data, or specifies a
-    sampling interval and the column does not increase or only numbers the samples.
-
-    `columns` contains the numbers of each column of the table. `names` contains the names of the
-    columns in the header; empty if the header does not name them.
-
-    Raises
-    ------
-    RecordError
-        The first column numbers the lines, and the user does not specify the sampling interval.
+    With a header, the first column contains times if it has the name of a time. Without a header
+    (no names), the first of several columns contains times unless the user selects it as data, or
+    specifies a sampling interval and the column does not increase or only numbers the samples.
+    RecordError is raised if the first column numbers the lines, and the user does not specify the
+    sampling interval.
     """
     if names:
         return columns[0] * SECONDS[names[0].units] if names[0].quantity == TIME else None
@@ -546,14 +513,8 @@ def _matches(lines: list[str]) -> bool:
 def _columns(lines: Lines, name_count: int) -> Columns:
     """Read the columns of numbers to the end of the file; comment lines are skipped.
 
-    `lines` contains the lines of the file; the next line is the first row. `name_count` is the
-    number of column names in the header.
-
-    Raises
-    ------
-    RecordError
-        A row has another number of values, other text or an empty cell, or the table has too many
-        columns.
+    RecordError is raised if a row has another number of values, other text or an empty cell, or the
+    table has too many columns.
     """
     first_line, width = lines.number, 0
     values = array("d")

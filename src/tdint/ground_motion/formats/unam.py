@@ -120,14 +120,12 @@ def read_unam(lines: Lines) -> list[Series]:
 
 
 def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
-    """Return the values of a header key as text, in the order of the channels.
+    """Return the values of a header key as text, in the order of the channels. A key has a second
+    line if there are more than six channels.
 
-    Empty values are omitted, because a line may have places for unused channels. The caller
-    compares the number of values with the number of channels.
-
-    `pattern` is the pattern of the lines of the key; its first group is a list of values between
-    slashes. `texts` contains the lines of the header. A key has a second line if there are more
-    than six channels.
+    The first group of the pattern is a list of values between slashes. Empty values are omitted,
+    because a line may have places for unused channels. The caller compares the number of values
+    with the number of channels.
     """
     values: list[str] = []
     for match in filter(None, map(pattern.search, texts)):
@@ -137,15 +135,9 @@ def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]
 
 def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
     """Skip rows at the end of a file that repeat the last row stated in the header, with a warning.
-
     Public files repeat the last row, although the header does not count these rows.
 
-    `lines` contains the lines of the file after the rows stated in the header.
-
-    Raises
-    ------
-    RecordError
-        A line that does not repeat the last row follows, or a row is missing.
+    RecordError is raised if any other line follows, or a row is missing.
     """
     last_row = [float(column[-1]) for column in columns]
     repeated = 0
@@ -173,14 +165,8 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
 
 
 def _times(texts: list[str]) -> tuple[datetime | None, str]:
-    """Return the time of the first sample (UTC) and the date and origin time of the earthquake.
-
-    Returns
-    -------
-    start : datetime | None
-        Time of the first sample; None if the header does not state it.
-    event : str
-        Date and origin time of the earthquake; empty if the header states no date.
+    """Return the time of the first sample (UTC; None if the header does not state it) and the date
+    and origin time of the earthquake (empty without a date).
     """
     # The date of the first sample is the date of the earthquake, or the next day if the record
     # starts just after midnight.

@@ -116,11 +116,8 @@ def _volume_2(lines: Lines) -> tuple[Series, list[str]]:
     """Read the acceleration of volume 2 and the peaks of velocity and displacement; return also the
     lines of text.
 
-    Raises
-    ------
-    RecordError
-        The number of samples of a block differs from the stated number, a block contains no
-        acceleration, or the peak in the header is not the peak of the samples.
+    RecordError is raised if the number of samples of a block differs from the stated number, a
+    block contains no acceleration, or the peak in the header is not the peak of the samples.
     """
     texts: list[str] = []
     blocks: dict[str, NDArray[np.float64]] = {}
@@ -161,15 +158,11 @@ def _volume_2(lines: Lines) -> tuple[Series, list[str]]:
 def _samples_of_block(
     rows: list[list[float]], count: int, first: int, *, is_first: bool
 ) -> NDArray[np.float64]:
-    """Return the last `count` values of rows, which start in line `first`.
+    """Return the last `count` values of rows, which start in line `first`; RecordError if their
+    number differs.
 
     The rows before these values are the integers and reals of the header; only the first block of a
     file may follow them.
-
-    Raises
-    ------
-    RecordError
-        The number of values differs from `count`.
     """
     sizes = [0, *accumulate(map(len, rows))]
     starts = [0, *(_HEADER_ROWS if is_first else ())]

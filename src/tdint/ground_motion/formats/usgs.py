@@ -146,12 +146,8 @@ def _at_unequal_times(lines: Lines, count: int) -> tuple[NDArray[np.float64], fl
     """Read `count` times and samples, and return the samples at equal steps and the step, s.
 
     The order of times and samples follows from the values: times increase strictly. The stated
-    number may also count all values.
-
-    Raises
-    ------
-    RecordError
-        The number of values differs from the header, or the values contain no times.
+    number may also count all values. RecordError is raised if the number of values differs from the
+    header, or the values contain no times.
     """
     first = lines.number
     values = np.array([value for row in lines.following_rows(_VALUE_WIDTH) for value in row])
@@ -185,9 +181,7 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     days of noon on the date in the text.
 
     The format specifies the day of the year. Some programs write month and day instead, which
-    shifts all following integers by a single position.
-
-    `integers` contains the integers of the header; the first marks unknown values.
+    shifts all following integers by a single position. The first integer marks unknown values.
     """
     year, day = integers[_YEAR], integers[_DAY]
     # The day of the year is the day counted from the first day of January.
@@ -217,15 +211,11 @@ def _header_time(
     second: float,
     thousandths: float,
 ) -> datetime | None:
-    """Return a time from the integer header; None if a number is unknown, or if the year, the month
-    or the day is out of range.
+    """Return a time in UTC from the integer header; None if a number is unknown, or if the year,
+    the month or the day is out of range.
 
-    Parameters
-    ----------
-    year, month, day, hour, minute, second, thousandths : float
-        Time in UTC. The day is counted from the first day of the month and may be up to 366. Hour,
-        minute and second may have any value; they are added to the day.
-        Unknown thousandths of a second count as 0.
+    The day is counted from the first day of the month and may be up to 366. Hour, minute and second
+    may have any value; they are added to the day. Unknown thousandths of a second count as 0.
     """
     if unknown in (year, month, day, hour, minute, second) or not 1 <= day <= 366:
         return None

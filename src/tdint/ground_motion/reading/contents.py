@@ -155,14 +155,11 @@ def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
 def _archive_files(
     data: bytes, source: str, budget: list[int], depth: int
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield the names and contents of the files in a zip file.
+    """Yield the names (starting with that of the archive) and contents of the files in a zip file.
 
     A zip file in the archive is replaced by its files down to `_MAX_ARCHIVE_DEPTH` levels. A zip
-    file at a lower level is yielded as a file.
-
-    `source` is the name of the archive; the names of its files start with this name. `budget` is
-    the remaining number of uncompressed bytes, in a list so that all nested archives share it.
-    `depth` is the nesting level of the archive, from 1.
+    file at a lower level is yielded as a file. `budget` is the remaining number of uncompressed
+    bytes, in a list so that all nested archives share it.
     """
     import zipfile  # imported late: needed only for archives
 
@@ -209,15 +206,9 @@ def _is_visible_file(entry: ZipInfo) -> bool:
 
 
 def _read_archive_file(archive: ZipFile, entry: ZipInfo, name: str, budget: list[int]) -> bytes:
-    """Return the uncompressed content of a file in a zip file, and subtract its size from `budget`.
-
-    `budget` is the list with a single value: the number of bytes that may still be uncompressed.
-    The list is changed.
-
-    Raises
-    ------
-    RecordError
-        The file is encrypted, or is larger than the budget.
+    """Return the uncompressed content of a file in a zip file, and subtract its size from the
+    number of bytes in `budget`. RecordError is raised if the file is encrypted, or is larger than
+    the budget.
     """
     is_encrypted = entry.flag_bits & 1  # bit 0 of the flags in the zip specification
     if is_encrypted:
@@ -526,13 +517,8 @@ def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterato
 
 
 def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized:
-    """Return the format of a file.
-
-    Raises
-    ------
-    RecordError
-        The format is not supported. The message states the probable reason, such as a compressed
-        file or a text table without a header, and the remedy.
+    """Return the format of a file. If it is not supported, the RecordError states the probable
+    reason, such as a compressed file or a text table without a header, and the remedy.
     """
     from tdint.ground_motion.formats.free_table import find_table
     from tdint.ground_motion.formats.text import table_in
@@ -619,11 +605,7 @@ def _read_by(plugin: Plugin, data: bytes, **options: Any) -> Any:
 
 def _read(recognized: _Recognized) -> tuple[list[Any], list[str]]:
     """Read a file by the reader of its format; return the traces and the messages of the reader.
-
-    Raises
-    ------
-    RecordError
-        The reader raises an exception.
+    Any exception of the reader becomes a RecordError.
     """
     try:
         with caught_messages() as messages:

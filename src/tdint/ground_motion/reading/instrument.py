@@ -191,7 +191,9 @@ def read_instruments(source: str | Path) -> Instruments:
 def remove_response(
     trace: Any, instruments: Instruments, label: str
 ) -> tuple[Array, tuple[str, ...], tuple[str, ...]]:
-    """Remove the complete instrument response from counts; return the ground acceleration.
+    """Remove the complete instrument response from counts. Return the ground acceleration (m/s^2),
+    notes about the steps, and warnings about properties of the response that affect the meaning of
+    the acceleration.
 
     The mean (the zero offset of the recorder) is subtracted first. The spectrum is then divided by
     the response. No water level is used: it would change long periods of an accelerometer.
@@ -200,24 +202,6 @@ def remove_response(
     cosine taper, and at higher frequencies by zero. The band is between the frequencies where the
     filters reduce the amplitude to 1 / sqrt(2) and to 0.1. Without such filters, no taper is used.
     The ends of the record are not tapered.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Counts; not changed.
-    instruments : Instruments
-        StationXML file with the response of the channel.
-    label : str
-        File and channel, for messages.
-
-    Returns
-    -------
-    acceleration : ndarray, shape (samples,)
-        Ground acceleration, m/s^2.
-    notes : tuple of str
-        Notes about the steps.
-    warnings : tuple of str
-        Properties of the response that affect the meaning of the acceleration.
 
     Raises
     ------
@@ -268,12 +252,8 @@ def remove_response(
 
 
 def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
-    """Return the response of a channel at the start time of a trace.
-
-    Raises
-    ------
-    RecordError
-        The inventory has no response for the channel at this time, or a response without stages.
+    """Return the response of a channel at the start time of a trace. RecordError is raised if the
+    inventory has no such response, or a response without stages.
     """
     start, file = trace.stats.starttime, instruments.input.file
     try:
@@ -340,15 +320,11 @@ def _compare_with_sensitivity(
     response: Any, unit: InputUnit, dt: float, label: str, file: str
 ) -> tuple[str, ...]:
     """Compare the stages of a response with its sensitivity; return warnings about the response.
+    RecordError is raised if they contradict each other.
 
     The response at the frequency of the sensitivity and the product of the gains are compared,
     because neither is sufficient: without a pole the gains are still right, and digital filters or
     the corner of a sensor reduce a correct response.
-
-    Raises
-    ------
-    RecordError
-        The stages contradict the sensitivity.
     """
     remarks = []
     if unit.derivatives < 2:

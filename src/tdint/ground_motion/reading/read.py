@@ -103,18 +103,11 @@ def _group_by_channel(source: str, contents: Contents) -> list[_Channel]:
 
 
 def _join_traces(channel: _Channel) -> Any:
-    """Join the traces of a channel, sorted by start time, to a single trace without gaps.
+    """Join the traces of a channel, sorted by start time, to a single trace without gaps: at least
+    two finite samples at a positive sampling interval, in the number type of the file.
 
-    Returns
-    -------
-    obspy.Trace
-        At least two finite samples at a positive sampling interval, in the number type of the file.
-
-    Raises
-    ------
-    RecordError
-        The channel has a gap, an overlap, a change of the sampling interval, or samples that are
-        missing or not finite.
+    RecordError is raised if the channel has a gap, an overlap, a change of the sampling interval,
+    or samples that are missing or not finite.
     """
     label = channel.label
     traces = sorted(
@@ -443,10 +436,7 @@ def read_horizontals(
 def _read_components(
     source: str | Path, choice: RecordChoice, *, single: bool
 ) -> tuple[Record, ...]:
-    """Read the components of a file, in m/s^2.
-
-    `single` is True to require exactly one component; otherwise all components of the file are
-    read.
+    """Read the components of a file, in m/s^2; with `single`, exactly one component.
 
     Raises
     ------
@@ -535,13 +525,8 @@ def _select_components(
     source: str | Path, choice: RecordChoice, *, single: bool
 ) -> tuple[list[tuple[_Channel, Any]], Input]:
     """Read the channels of a file, or the selected channel, and join the traces of each channel.
-
-    Returns
-    -------
-    channels : list of (_Channel, obspy.Trace)
-        Channels, each with a single trace, in the order of the file.
-    input_file : Input
-        Name and digest of the file.
+    Return each channel with its trace, in the order of the file, and the name and digest of the
+    file.
 
     Raises
     ------
@@ -586,13 +571,10 @@ def _select_components(
 
 
 def _without_exported_integrals(channels: Sequence[_Channel], requested_id: str) -> list[_Channel]:
-    """Remove the velocities and displacements that tdint exported with an acceleration.
+    """Remove the velocities and displacements that tdint exported with an acceleration, unless the
+    user has requested their full id.
 
-    These channels have the id of the acceleration with another location code. They are selected
-    only by their full id.
-
-    `requested_id` is the component that the user selected, in upper case; a channel with this id is
-    kept.
+    These channels have the id of the acceleration with another location code.
     """
     ids = {channel.id.upper() for channel in channels}
     remaining = []
@@ -607,18 +589,11 @@ def _without_exported_integrals(channels: Sequence[_Channel], requested_id: str)
 
 
 def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
-    """Return the only channel that a name selects.
+    """Return the only channel that a name selects; RecordError if there is none or several.
 
     The name is compared with the channel codes, then with the ids, then with the stations (for
     example floor F04). If it is a single letter, it is then compared with the last letters of the
     codes. The first comparison with a match decides.
-
-    `component` is the code, id, station or last letter of a code, in upper or lower case.
-
-    Raises
-    ------
-    RecordError
-        No channel matches, or several channels match.
     """
     name = component.strip().upper()
     candidates = (

@@ -223,16 +223,11 @@ def _is_path(pattern: str) -> bool:
 
 
 def _to_pattern(name: str) -> str:
-    """Convert the name in an entry of units by file to a pattern in lower case.
+    """Convert the name in an entry of units by file (a format, or the end of a path, possibly with
+    wildcards) to a pattern in lower case.
 
-    A format name is checked and returned in lower case. A relative path gets the prefix `./`.
-
-    `name` is the name of a format, or the end of a path, with or without wildcards.
-
-    Raises
-    ------
-    UsageError
-        The entry is neither a supported format nor a path.
+    A relative path gets the prefix `./`. UsageError is raised if the entry is neither a supported
+    format nor a path.
     """
     if not _is_path(name):
         # The list of formats is imported only if needed, because it loads the readers.

@@ -262,12 +262,8 @@ def declared_units(
 def _convert_by_file_units(
     trace: Any, declared: Declared, specified: Units | None, label: str
 ) -> Motion:
-    """Convert samples to SI units by the units stated in the file.
-
-    Raises
-    ------
-    RecordError
-        The units of the user differ from the units stated in the file.
+    """Convert samples to SI units by the units stated in the file. RecordError is raised if the
+    units of the user differ.
     """
     units = declared.units
     if specified and not (

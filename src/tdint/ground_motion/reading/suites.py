@@ -106,11 +106,7 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
 
 def _records_in_directory(directory: str, layout: TextLayout) -> tuple[list[str], list[str]]:
     """Return the paths of the records in a directory and the names of its other visible content.
-
-    Raises
-    ------
-    RecordError
-        The directory cannot be read, or contains no record.
+    RecordError is raised if the directory cannot be read, or contains no record.
     """
     try:
         names = sorted(
