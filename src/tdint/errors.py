@@ -79,6 +79,11 @@ class ModelFault:
         return location + (f"{self.key}: {self.message}" if self.key else self.message)
 
 
+_MAX_LISTED_FAULTS = 100
+"""Maximum number of errors in the message of a file. A file of another type can have an error in
+each of its lines."""
+
+
 class ModelError(TdintError):
     """Invalid model file.
 
@@ -92,7 +97,15 @@ class ModelError(TdintError):
 
     def __init__(self, faults: Sequence[ModelFault] | str) -> None:
         self.faults: tuple[ModelFault, ...] = () if isinstance(faults, str) else tuple(faults)
-        super().__init__(faults if isinstance(faults, str) else "\n".join(map(str, faults)))
+        if isinstance(faults, str):
+            super().__init__(faults)
+            return
+        lines = list(map(str, self.faults[:_MAX_LISTED_FAULTS]))
+        if omitted := len(self.faults) - len(lines):
+            lines.append(
+                f"{self.faults[0].source}: {omitted} more errors, {len(self.faults)} in total"
+            )
+        super().__init__("\n".join(lines))
 
 
 class RecordError(TdintError):

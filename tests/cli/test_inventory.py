@@ -159,6 +159,50 @@ def test_of_many_errors_the_first_ten_and_their_number_are_reported(folder, tdin
     assert len(errors) == 11 and errors[-1].endswith("90 more errors, 100 in total")
 
 
+def test_unusual_rows_are_questioned(folder, tdint):
+    """`tdint inventory`, campaigns and `tdint check` of a campaign print the same warning."""
+    (folder / "b.csv").write_text(BAD.split("bad")[0] + "tall,5,1990,W1,600\n")
+    (folder / "study.yaml").write_text(
+        "buildings: {inventory: b.csv, rules: mdof-lu, units: {length: m}}\n"
+        "records: {files: [motion.mseed], units: m/s^2}\n"
+    )
+    warning = "b.csv:3:2: NumberOfStories: 5 stories are unusual for W1"
+    for arguments in (
+        ("inventory", "b.csv", "--units", "m"),
+        ("check", "study.yaml"),
+        ("campaign", "study.yaml", "-o", "out", "--max-runs", "1"),
+    ):
+        messages = tdint(*arguments, code=0).stderr
+        assert messages.count(warning) == 1
+    (folder / "b.csv").write_text(BAD)
+    assert "b.csv:3:4: StructureType: unknown 'C9'" in tdint("check", "study.yaml", code=3).stderr
+
+
+def test_check_reads_each_model_once(folder, tdint, monkeypatch):
+    from tdint.analysis.run import overview
+
+    calls = []
+    load = overview.load_with_checks
+    monkeypatch.setattr(
+        overview, "load_with_checks", lambda *arguments: calls.append(1) or load(*arguments)
+    )
+    models = ", ".join(["shaken.yaml", "forced.yaml"] * 1250)
+    (folder / "study.yaml").write_text(
+        f"buildings: {{models: [{models}]}}\nrecords: {{files: [motion.mseed], units: m/s^2}}\n"
+    )
+    table = rows(tdint("check", "study.yaml", "forced.yaml", code=0).stdout)
+    assert [row["model"] for row in table] == ["shaken.yaml", "forced.yaml"]
+    assert len(calls) == 2
+
+
+def test_errors_of_a_file_are_listed_up_to_a_number(folder, tdint):
+    lines = "".join(f"key{number}: 1\n" for number in range(2000))
+    (folder / "other.yaml").write_text(f"stories: [{{mass: 1, stiffness: 1}}]\n{lines}")
+    errors = tdint("check", "other.yaml", code=3).stderr.splitlines()
+    assert len(errors) == 101 and "key99: unknown key" in errors[99]
+    assert errors[100].endswith("other.yaml: 1900 more errors, 2000 in total")
+
+
 def test_modes_under_a_design_spectrum(folder, tdint):
     """test_interface.py tests the rows."""
     arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")

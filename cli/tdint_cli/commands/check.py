@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from typing import TYPE_CHECKING
 
 import click
@@ -98,16 +99,21 @@ def command(
     # replace it in the list.
     overviews: list[Overview] = []
     failures: list[TdintError] = []
-    waiting_files = list(models)
+    waiting_files = deque(models)
+    # A campaign may list a model many times. Every model is read once.
+    read_files: set[str] = set()
     while waiting_files:
-        file = waiting_files.pop(0)
+        file = waiting_files.popleft()
+        if file in read_files:
+            continue
+        read_files.add(file)
         try:
             campaign_models = _models_of_campaign(file)
             if campaign_models is None:
                 overviews.append(overview(file))
                 failures += _law_errors(file, plugins)
             else:
-                waiting_files = [*campaign_models, *waiting_files]
+                waiting_files.extendleft(reversed(campaign_models))
         except (ModelError, RecordError) as error:
             failures.append(error)
     from tdint.model.plausibility import model_notes
@@ -179,12 +185,13 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 def _models_of_campaign(file: str) -> tuple[str, ...] | None:
     """Return the model files of a campaign file; None if the file is not a campaign file.
 
-    The tuple is empty if the buildings of the campaign are derived from an inventory.
+    The tuple is empty if the buildings of the campaign are derived from an inventory. Warnings
+    about its unusual rows are printed.
 
     Raises
     ------
     ModelError
-        The campaign file is invalid; the message lists all errors.
+        The campaign file or its inventory is invalid; the message lists all errors.
     """
     if file == "-" or not is_file(file):
         return None
@@ -197,4 +204,13 @@ def _models_of_campaign(file: str) -> tuple[str, ...] | None:
 
     campaign = load_campaign(file)
     say(f"{file}: valid campaign file")
-    return campaign.buildings.files if isinstance(campaign.buildings, ModelFiles) else ()
+    if isinstance(campaign.buildings, ModelFiles):
+        return campaign.buildings.files
+    from tdint.campaign.inputs import read_rows
+    from tdint.model.unusual_rows import unusual_rows
+
+    rows, errors = read_rows(campaign.buildings)
+    warn(*unusual_rows(rows, campaign.buildings.rules))
+    if errors:
+        raise errors[0]
+    return ()

@@ -14,7 +14,7 @@ from tdint.units import LENGTH
 from tdint_cli import options
 from tdint_cli.options.grammar import FileName
 from tdint_cli.options.output import Outputs
-from tdint_cli.terminal import say
+from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,6 +107,7 @@ def command(request: Request) -> None:
     """
     from tdint.model.capacity import read_classes
     from tdint.model.inventory import CAPACITY, derive_all, read_inventory
+    from tdint.model.unusual_rows import unusual_rows
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
 
@@ -125,6 +126,7 @@ def command(request: Request) -> None:
         mapping=request.mapping,
     )
     derived = derive_all(rows, rules)
+    warn(*unusual_rows(rows, rules))
     files = _model_files(derived, rules, request.models) if request.models else {}
     # Check all output files before the first of them is written.
     if files:

@@ -40,6 +40,7 @@ from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
 from tdint.model.plausibility import study_plausibility_warnings
+from tdint.model.unusual_rows import unusual_rows
 from tdint.number_parsing import abbreviate
 
 _COLLAPSE_DRIFT = 0.10
@@ -411,7 +412,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         rates=motions.rates,
         pair_demand=campaign.pair_demand,
         notes=(*notes, *motions.notes),
-        warnings=_plausibility_warnings(buildings) if inputs.models else (),
+        warnings=_plausibility_warnings(buildings),
         damage=damage,
         factors=inputs.factors.source if inputs.factors else "",
         scaled=inputs.factors.scaled if inputs.factors else {},
@@ -439,7 +440,9 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
 
 def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
     """Return the warnings about unusual values of the buildings, such as an implausible first
-    period. All buildings are created for this purpose."""
+    period. All buildings of model files are created for this purpose."""
+    if isinstance(buildings, RowBuildings):
+        return tuple(unusual_rows(buildings.rows, buildings.rules.name))
     subjects = (building.subject() for building in buildings)
     return study_plausibility_warnings(
         (subject.model, subject.prepared.building) for subject in subjects

@@ -487,7 +487,7 @@ class InventoryRows(LazySequence[InventoryRow]):
         columns = (
             self.texts(index)
             for name, index in self.table.column_indices.items()
-            if name not in _INDIVIDUAL_COLUMNS
+            if name not in INDIVIDUAL_COLUMNS
         )
         return [
             first_indices.setdefault(cells, number)
@@ -531,7 +531,7 @@ class InventoryRows(LazySequence[InventoryRow]):
 
 
 _COORDINATES = ("Latitude", "Longitude")
-_INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
+INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
 """Columns that differ between buildings with the same response per unit mass."""
 
 

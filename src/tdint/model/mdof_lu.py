@@ -206,6 +206,18 @@ STRUCTURES = (
     "MH",
 )
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
+USUAL_STORIES = {
+    "W1": (1, 2),
+    "W2": (1, 6),
+    "S3": (1, 2),
+    "PC1": (1, 3),
+    "RM1": (1, 7),
+    "URM": (1, 7),
+    "MH": (1, 1),
+}
+"""Usual numbers of stories of the types that are not built in every height: table 5.1 of the Hazus
+manual (W1 one or two stories, RM1 and URM low and mid rise, MH one story); for W2, S3 and PC1, of
+which the manual states typical numbers only (2, 1 and 1), the highest usual buildings."""
 MOST_STORIES = 50  # maximum number of stories; the rules are for regular buildings, not for towers
 YEARS = (1000, 2200)  # allowed years of construction
 

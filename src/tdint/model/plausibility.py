@@ -368,6 +368,35 @@ def _usual_height(building: Building) -> float:
     return float(heights.sum()) if is_usual else math.nan
 
 
+def period_range(count: int, height: float = math.nan) -> UsualRange:
+    """Return the usual range of the fundamental period of a building.
+
+    Parameters
+    ----------
+    count : int
+        Number of stories.
+    height : float
+        Height of the building, m; nan if unknown. The range then follows from the number of
+        stories.
+    """
+    low = _MIN_PERIOD_PER_STORY * count
+    if math.isnan(height):
+        text, max_height = pluralize(count, "story"), _MAX_STORY_HEIGHT * count
+    else:
+        low = min(low, height / _MAX_HEIGHT_PER_PERIOD)
+        text, max_height = f"{pluralize(count, 'story')} and {height:.4g} m", height
+    high = max(
+        _MAX_PERIOD_OF_LOW_BUILDINGS, _MAX_PERIOD_AT_GROUND + _MAX_PERIOD_PER_HEIGHT * max_height
+    )
+    return replace(
+        PERIOD,
+        name=f"fundamental period of {text}",
+        low=max(PERIOD.low, low),
+        high=min(PERIOD.high, high),
+        reason="check the units of mass and stiffness",
+    )
+
+
 def _period_range(building: Building) -> UsualRange:
     """Return the usual range of the fundamental period for the height and the number of stories.
 
@@ -376,27 +405,12 @@ def _period_range(building: Building) -> UsualRange:
     Isolators lengthen the period.
     """
     count, height = building.stories - len(building.isolators), _usual_height(building)
-    low = _MIN_PERIOD_PER_STORY * count
-    if math.isfinite(height):
-        low = min(low, height / _MAX_HEIGHT_PER_PERIOD)
-        text = f"{pluralize(count, 'story')} and {height:.4g} m"
-    else:
+    if math.isnan(height):
         has_heights = np.isfinite(building.heights).any()
         if has_heights or count < 2 or unusual_stories(FLOOR, building.mass):
             return PERIOD
-        text = pluralize(count, "story")
-    high = max(
-        _MAX_PERIOD_OF_LOW_BUILDINGS,
-        _MAX_PERIOD_AT_GROUND
-        + _MAX_PERIOD_PER_HEIGHT * (height if math.isfinite(height) else _MAX_STORY_HEIGHT * count),
-    )
-    return replace(
-        PERIOD,
-        name=f"fundamental period of {text}",
-        low=max(PERIOD.low, low),
-        high=PERIOD.high if building.isolators else min(PERIOD.high, high),
-        reason="check the units of mass and stiffness",
-    )
+    usual_range = period_range(count, height)
+    return replace(usual_range, high=PERIOD.high) if building.isolators else usual_range
 
 
 def _weights_as_masses(model: Model, period: float, period_range: UsualRange) -> str:
