@@ -3,7 +3,6 @@ are unusual for the building type."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -108,9 +107,12 @@ class _Derivation:
                 if isinstance(derived, DerivedBuilding)
                 else (derived.drifts[:, 0], derived.drifts[:, -1])
             )
+            yield_drift, ultimate_drift = (float(drift.max()) for drift in drifts)
+            story_height = float(derived.height[0])
             self._derived[without_height] = (
                 derived.period,
-                float(derived.height[0]),
-                *(float(max(drift, default=math.nan)) for drift in drifts),
+                story_height,
+                yield_drift,
+                ultimate_drift,
             )
         return self._derived[without_height]
