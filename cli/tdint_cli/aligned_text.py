@@ -173,10 +173,8 @@ def _cell(value: object) -> str:
 
 
 def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
-    """Return the lines of a column, padded to equal width: wrapped name, rule, cells.
-
-    `name` is the name of the column. `unit` is the unit of the column. The name may end with it.
-    `limit` is the maximum width of a cell in characters. Longer cells are shortened.
+    """Return the lines of a column, padded to equal width: name (wrapped; may end with the unit),
+    rule, cells. Cells longer than `limit` characters are shortened.
     """
     from tdint.units import suffix
 

@@ -370,19 +370,11 @@ def execute_campaign(
     max_runs: int | None = None,
     show: bool = False,
 ) -> None:
-    """Execute the remaining runs of a campaign and write all requested files.
+    """Execute the remaining runs of a campaign, or of a shard, and write all requested files.
 
     The output directory is the directory of -o. With --overwrite, another campaign in this
-    directory and tables of other commands are replaced.
-
-    Parameters
-    ----------
-    shard : Shard, optional
-        Part of the campaign to execute. By default, the complete campaign.
-    max_runs : int, optional
-        Maximum number of runs of the call. By default, all remaining runs.
-    show : bool
-        True to print the table of the runs to standard output also; false by default.
+    directory and tables of other commands are replaced. `max_runs` limits the runs of the call.
+    With `show`, the table of the runs is also printed to standard output.
 
     Raises
     ------
@@ -438,12 +430,9 @@ def execute_campaign(
 def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     """Check the options for limits, figures and ratios before any run.
 
-    Raises
-    ------
-    UsageError
-        --limit or --require cannot be applied, or the baseline is not a building of the campaign.
-    AnalysisError
-        An option requires the peaks of all stories, which the campaign does not store.
+    UsageError is raised if --limit or --require cannot be applied, or the baseline is not a
+    building of the campaign; AnalysisError, if an option requires the peaks of all stories, which
+    the campaign does not store.
     """
     from tdint.campaign.profiles import check_baseline
 
@@ -464,24 +453,11 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
 def _open_store(
     folder: Path, plan: Plan, buildings: Sequence[int] | None, *, overwrite: bool
 ) -> tuple[Store, list[str]]:
-    """Open the store of a campaign, or create it.
+    """Open the store of a campaign (for a shard, of some buildings), or create it, and return it
+    with notes for the user.
 
     With `overwrite`, the store of another campaign, or a store that cannot be used, is removed
-    together with the tables that were written from it.
-
-    `buildings` contains the numbers of the buildings of a shard; None for the complete campaign.
-
-    Returns
-    -------
-    store : Store
-        The open store.
-    notes : list of str
-        Notes for the user.
-
-    Raises
-    ------
-    UsageError
-        The directory contains another campaign and `overwrite` is false.
+    together with the tables that were written from it. Otherwise another campaign is a UsageError.
     """
     from tdint.campaign.store import FILE, open_store, remove, remove_store
     from tdint.campaign.store_schema import UntrustedStoreError
@@ -698,13 +674,10 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
 def _suite_contents(
     profiles: Profiles, folder: Path, plan: Plan | None = None
 ) -> dict[str, Content]:
-    """Return the name and the content of each requested file with results over all motions.
-
-    The files are the figure of the profiles and the ratios to the baseline. With a plan, they
-    include the floor spectra, the report and the intensity measures of the runs. The dictionary is
-    empty until all runs are completed.
-
-    `profiles` is the store of the campaign, with the options of the command line.
+    """Return the name and the content of each requested file with results over all motions: the
+    figure of the profiles and the ratios to the baseline; with a plan, the floor spectra, the
+    report and the intensity measures of the runs. The dictionary is empty until all runs are
+    completed.
     """
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
@@ -874,10 +847,8 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     """Return the damage tables as file name and writer; empty if the campaign computes no damage.
 
     The tables of building types, of losses and of their exceedance contain means over the motions.
-    They are included only after all runs are completed.
-
-    `by` is the column of the inventory. The tables of losses and of their exceedance have
-    additional rows for the buildings with each value of the column.
+    They are included only after all runs are completed. Losses and their exceedance have additional
+    rows for each value of the column `by` of the inventory.
     """
     if not store.damage():
         return {}

@@ -282,13 +282,10 @@ def _shared(
     tasks: Sequence[Task],
     workers: Workers[Result | TdintError],
 ) -> Iterator[Result | TdintError]:
-    """Yield the outcomes of the workers in the order of the tasks.
+    """Yield the outcomes of the workers (result, or error of the record) in the order of the tasks.
 
-    If a process ends unexpectedly, only the outcome of its record is an error.
-
-    `attempt` is the function of a task that returns its result, or the error of its record. `tasks`
-    contains the tasks, one for each record. A task that reads standard input is done in this
-    process.
+    If a process ends unexpectedly, only the outcome of its record is an error. A task that reads
+    standard input is done in this process.
     """
     stdin_tasks = [
         task_index for task_index, task in enumerate(tasks) if task.source == STDIN

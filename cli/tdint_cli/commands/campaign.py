@@ -182,13 +182,8 @@ def command(request: CampaignRequest) -> None:
 def _run(request: CampaignRequest) -> None:
     """Execute the runs of a campaign file and write its tables.
 
-    Raises
-    ------
-    UsageError
-        An option is invalid, or not exactly one campaign file is specified.
-    Failures
-        Some inputs could not be used, or with --require a limit is exceeded. Raised after all files
-        are written.
+    After all files are written, Failures is raised if some inputs could not be used, or with
+    --require a limit is exceeded.
     """
     if len(request.arguments) > 1:
         raise UsageError(
@@ -257,14 +252,8 @@ def _status(request: CampaignRequest) -> None:
 
 
 def _export(request: CampaignRequest) -> None:
-    """Write the tables of a campaign again (`tdint campaign export`).
-
-    Raises
-    ------
-    UsageError
-        Not exactly one directory is specified, or an option is missing for a map.
-    Failures
-        With --require: a limit is exceeded. Raised after the tables are written.
+    """Write the tables of a campaign again (`tdint campaign export`). Failures is raised afterwards
+    if a limit is exceeded with --require.
     """
     from tdint.campaign.store import check_chunks, open_existing
 
@@ -287,15 +276,8 @@ def _export(request: CampaignRequest) -> None:
 
 
 def _merge(request: CampaignRequest) -> None:
-    """Combine the parts of a campaign in a single directory, and write the tables.
-
-    Raises
-    ------
-    UsageError
-        No directory is specified.
-    Failures
-        Some inputs could not be used, or with --require a limit is exceeded. Raised after the
-        tables are written.
+    """Combine the parts of a campaign in a single directory, and write the tables. Failures is
+    raised afterwards if some inputs could not be used, or with --require a limit is exceeded.
     """
     folders = [Path(word) for word in request.arguments[1:]]
     if not folders or request.output is None:

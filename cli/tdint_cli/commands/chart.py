@@ -246,12 +246,8 @@ def _sorted_files(request: Request) -> Request:
     """Return the request with the models in `models` and the records in `records`.
 
     The command line accepts both as arguments: models have the suffix .yaml or .yml, and the first
-    file is always a model.
-
-    Raises
-    ------
-    UsageError
-        Records are specified both as arguments and with --record.
+    file is always a model. UsageError is raised if records are specified both as arguments and with
+    --record.
     """
     after_first = request.models[1:]
     records = tuple(file for file in after_first if not file.lower().endswith((".yaml", ".yml")))
@@ -281,11 +277,7 @@ def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
 
 def _check(request: Request) -> BuildingRequest:
     """Check the options of a call with a single building, and return the request for the building.
-
-    Raises
-    ------
-    UsageError
-        No model is specified, or options cannot be used together.
+    UsageError is raised if no model is specified, or options cannot be used together.
     """
     if not request.models:
         raise UsageError(
@@ -310,12 +302,8 @@ def _check(request: Request) -> BuildingRequest:
 
 
 def _chart_many(request: Request) -> None:
-    """Compute performance profiles over many problems and write them.
-
-    Raises
-    ------
-    UsageError
-        An option requires a single building.
+    """Compute performance profiles over many problems and write them. An option that requires a
+    single building is a UsageError.
     """
     if request.target_error not in PEAKS:
         raise UsageError(
@@ -398,14 +386,8 @@ def _problems(request: Request) -> list[FieldProblem]:
 
 
 def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
-    """Return the methods of a chart.
-
-    `default`: methods that are used if the command line specifies no method.
-
-    Raises
-    ------
-    UsageError
-        --highlight is not one of the methods and cannot be the label of another program.
+    """Return the methods of a chart, without specified methods the default. UsageError is raised if
+    --highlight is not one of the methods and cannot be the label of another program.
     """
     integrators = options.analysis.integrators(request.methods or default)
     labels = [integrator.label for integrator in integrators]
@@ -420,18 +402,8 @@ def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
 def _chart(
     request: Request, model: Model, record: Record | None, progress: Progress
 ) -> tuple[Chart, list[Advice], list[str]]:
-    """Measure the methods on one building.
-
-    `record` is the record; None for a model without a record.
-
-    Returns
-    -------
-    chart : Chart
-        The times and errors.
-    advice : list of Advice
-        The recommended methods and time steps; empty if there is no recommendation.
-    omissions : list of str
-        Notes about omitted other programs.
+    """Measure the methods on one building. Return the times and errors, the recommended methods and
+    time steps (if any), and notes about omitted other programs.
     """
     from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import (
@@ -462,14 +434,9 @@ def _chart(
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
-        """Return the recommended runs: the cheapest method and time step for each error limit.
-
-        `measure` repeats the timing until this result no longer changes.
-
-        Returns
-        -------
-        list of (str, float)
-            Label of the method and time step, s, for each error limit that a method meets.
+        """Return the recommended runs (label of the method, time step in s): the cheapest for each
+        error limit that a method meets. `measure` repeats the timing until this result no longer
+        changes.
         """
         cheapest_points = [cheapest(points, request.target_error, limit) for limit in LIMITS]
         return [(point.line, point.dt) for point in cheapest_points if point]
@@ -499,18 +466,10 @@ def _chart(
 def _add_other_programs(
     request: Request, problem: Problem, chart: Chart, steps: Sequence[float], progress: Progress
 ) -> tuple[Chart, list[str]]:
-    """Measure other programs on the problem of a chart, and return the chart with their points.
+    """Measure other programs on the problem of a chart, and return the chart with their points, and
+    notes about programs that were omitted.
 
     With --peers, these are SciPy and OpenSeesPy; programs of plug-ins are always measured.
-
-    `steps` contains the time steps, s.
-
-    Returns
-    -------
-    chart : Chart
-        The chart with the points of the other programs.
-    omissions : list of str
-        Notes about programs that were omitted.
     """
     omissions: list[str] = []
     if request.peers:

@@ -128,12 +128,8 @@ def command(
 
 
 def _check_methods(plugins: tuple[str, ...]) -> None:
-    """Compare the methods of plug-ins with their declared properties, and write the table.
-
-    Raises
-    ------
-    Failures
-        A method contradicts its declared properties; raised after the table is written.
+    """Compare the methods of plug-ins with their declared properties, and write the table. Failures
+    is raised afterwards if a method contradicts its properties.
     """
     from tdint.analysis.assessment.order import check_method
     from tdint.methods.catalogue import load_plugin, parse
@@ -183,15 +179,9 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 
 
 def _models_of_campaign(file: str) -> tuple[str, ...] | None:
-    """Return the model files of a campaign file; None if the file is not a campaign file.
-
-    The tuple is empty if the buildings of the campaign are derived from an inventory. Warnings
-    about its unusual rows are printed.
-
-    Raises
-    ------
-    ModelError
-        The campaign file or its inventory is invalid; the message lists all errors.
+    """Return the model files of a campaign file (none if the buildings are derived from an
+    inventory); None if the file is not a campaign file. ModelError lists all errors of the campaign
+    file and its inventory. Warnings about unusual rows of the inventory are printed.
     """
     if file == "-" or not is_file(file):
         return None

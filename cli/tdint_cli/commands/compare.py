@@ -41,14 +41,8 @@ _LISTED = 8  # number of fitted values in the message; the files contain all val
 
 
 def _requirement(text: str) -> tuple[str, float]:
-    """Return the name and the value of a requirement NAME=NUMBER for every floor.
-
-    `text` is the requirement of the form NAME=NUMBER.
-
-    Raises
-    ------
-    BadParameter
-        The text has another form, or the name is unknown.
+    """Return the name and the value of a requirement NAME=NUMBER for every floor; BadParameter for
+    another form or an unknown name.
     """
     from tdint.analysis.compare import parse_requirement
 
@@ -262,13 +256,9 @@ def _write(
 
 
 def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
-    """Return the periods of the response spectra, s.
-
-    They are the requested periods. By default, they are the periods of `PERIODS` that are within
-    the frequency band of the recording and not shorter than two sampling intervals; if no period
-    remains, the longest period of `PERIODS` is used.
-
-    `comparison` is the comparison with the first recording.
+    """Return the periods of the response spectra, s, by default the periods of `PERIODS` that are
+    within the frequency band of the first recording and not shorter than two sampling intervals; if
+    no period remains, the longest period of `PERIODS`.
     """
     all_periods = options.spectra.chosen_periods(request.periods, PERIODS)
     if request.periods is not None:

@@ -244,12 +244,10 @@ def _name(number: int) -> str:
 
 
 def _draw_oscillator_figure(number: int) -> Any:
-    """Return a figure of the accuracy of methods for an oscillator, as in the paper.
+    """Return a figure (1 to 6) of the accuracy of methods for an oscillator, as in the paper.
 
     Figures 1 to 5 show oscillators without load, figure 6 the order of accuracy under a harmonic
     load. The methods are the five methods of the paper and, as thin lines, impulse4 and moment4.
-
-    `number` is the number of the figure in the paper, 1 to 6.
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
     from tdint.analysis.assessment.paper_examples import FIVE

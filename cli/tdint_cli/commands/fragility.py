@@ -222,11 +222,7 @@ def _check_options(request: Request) -> None:
 
 def _fit(request: Request) -> None:
     """Fit fragility functions, write their table and the other requested files, and report them.
-
-    Raises
-    ------
-    Failures
-        No function could be fitted.
+    Failures is raised if no function could be fitted.
     """
     from tdint.campaign.fragility.fit_table import (
         EVERY_DEMAND,

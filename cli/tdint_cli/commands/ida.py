@@ -248,14 +248,9 @@ def command(request: IdaRequest) -> None:
 
 
 def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
-    """Return the intensity measure of --im, with --period and --damping for spectral measures.
-
-    `model` is the building; its first period is the default of --period.
-
-    Raises
-    ------
-    UsageError
-        The unit of --max-im is not a unit of the measure.
+    """Return the intensity measure of --im, with --period (by default the first period of the
+    model) and --damping for spectral measures. UsageError is raised if the unit of --max-im is not
+    a unit of the measure.
     """
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.intensity import SPECTRAL, measure_at
@@ -277,13 +272,7 @@ def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
 
 
 def _read_mainshock(request: IdaRequest) -> Mainshock | None:
-    """Return the main shock of --after with the drift ratios of --damage; None without --after.
-
-    Raises
-    ------
-    RecordError
-        The file of the main shock cannot be read or cannot be processed as requested.
-    """
+    """Return the main shock of --after with the drift ratios of --damage; None without --after."""
     from tdint.campaign.ida_curve import Mainshock
 
     if request.after is None or not request.damage:
@@ -296,14 +285,10 @@ def _read_mainshock(request: IdaRequest) -> Mainshock | None:
 
 def _folder(request: IdaRequest) -> Path | None:
     """Prepare the directory of the study: check its files, and delete the store with --overwrite.
+    The result is None if the results are not written to a directory.
 
-    The result is the directory; it is None if the results are not written to a directory.
-
-    Raises
-    ------
-    OutputError
-        A file exists that no earlier call of the study has written and --overwrite is not
-        specified, or the store cannot be used.
+    OutputError is raised if a file exists that no earlier call of the study has written and
+    --overwrite is not specified, or the store cannot be used.
     """
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written, remove_store

@@ -152,12 +152,8 @@ def command(request: Request) -> None:
 
 
 def _exported_files(request: Request) -> list[Path]:
-    """Return the paths of the --export file and of its JSON file.
-
-    Raises
-    ------
-    UsageError
-        The file name has neither of the two suffixes.
+    """Return the paths of the --export file and of its JSON file. UsageError is raised if the file
+    name has neither of the two suffixes.
     """
     if request.export is None:
         return []
@@ -172,11 +168,8 @@ def _exported_files(request: Request) -> list[Path]:
 def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     """Write the processed ground motions to the file of --export, and their JSON file.
 
-    Raises
-    ------
-    UsageError
-        Several components are requested for a CSV file, or records with different sampling
-        intervals for a MiniSEED file.
+    UsageError is raised if several components are requested for a CSV file, or records with
+    different sampling intervals for a MiniSEED file.
     """
     from tdint.ground_motion.measures import channels_of
     from tdint.ground_motion.record import to_mseed

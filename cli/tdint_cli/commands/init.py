@@ -37,12 +37,8 @@ def _structures() -> list[str]:
 
 
 def _weights(text: str) -> tuple[float, ...]:
-    """Return the weights of the floors from a comma-separated list of NUMBER or COUNTxNUMBER.
-
-    Raises
-    ------
-    BadParameter
-        A weight is not a positive number, or there are too many floors.
+    """Return the weights of the floors from a comma-separated list of NUMBER or COUNTxNUMBER;
+    BadParameter if a weight is not a positive number, or there are too many floors.
     """
     weights: list[float] = []
     for word in text.split(","):
@@ -198,13 +194,8 @@ def command(request: Request) -> None:
 
 
 def _check(request: Request) -> None:
-    """Check the options before the model is generated.
-
-    Raises
-    ------
-    UsageError
-        The file name or the period is invalid, options contradict each other, or --type lacks
-        --year or --area.
+    """Check the options before the model is generated. UsageError is raised if the file name or the
+    period is invalid, options contradict each other, or --type lacks --year or --area.
     """
     # A file with the suffix .gz would be compressed, and models cannot be read from such files.
     if (
@@ -242,16 +233,9 @@ def _check(request: Request) -> None:
 
 
 def _laws(request: Request) -> list[FittedLaw]:
-    """Fit the hysteretic law of each story to its force-drift curve, and report the misfit.
-
-    `request` contains the options of the command line, with --from-pushover and --weights.
-
-    Raises
-    ------
-    UsageError
-        The number of stories differs from the number of weights.
-    ModelError
-        The file of the curves is invalid.
+    """Fit the hysteretic law of each story to its force-drift curve (--from-pushover), and report
+    the misfit. UsageError is raised if the numbers of stories and of --weights differ; ModelError,
+    if the file of the curves is invalid.
     """
     from tdint.model.story_curves import fit_story, read_story_curves
 

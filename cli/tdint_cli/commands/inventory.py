@@ -153,13 +153,7 @@ def _model_files(
     derived: Sequence[InventoryBuilding], rules: str, folder: str
 ) -> dict[Path, bytes]:
     """Return the paths and the contents (YAML) of the model files, ID.yaml for each building.
-
-    `derived` contains the buildings that the rules have generated from the rows of the table.
-
-    Raises
-    ------
-    UsageError
-        An id cannot be used as a file name.
+    UsageError is raised if an id cannot be used as a file name.
     """
     from tdint.model.inventory import model_text
 

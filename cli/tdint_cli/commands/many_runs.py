@@ -89,17 +89,11 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
-    """Return the plan of the runs of a building under several records.
+    """Return the plan of the runs of a building under several records, as a campaign with a single
+    building, but without a campaign file.
 
-    The runs are planned as a campaign with a single building, but without a campaign file.
-
-    `records` contains the record files. If empty, the records of the table of --factors are used,
-    or without --factors the record of the model.
-
-    Raises
-    ------
-    UsageError
-        No record is specified, and the model has no record.
+    Without records, those of the table of --factors are used, or the record of the model
+    (UsageError if there is none).
     """
     from tdint.campaign.batch import RunSettings
     from tdint.campaign.definition import (

@@ -282,14 +282,8 @@ def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
 
 
 def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
-    """Return the warning about the largest misfit of a matched motion at a damping ratio.
-
-    `max_misfit` is the maximum misfit without a warning, as a fraction of the target.
-
-    Returns
-    -------
-    list of str
-        One warning; empty if the misfit is not larger than `max_misfit`.
+    """Return a warning if the largest misfit of a matched motion at a damping ratio is larger than
+    `max_misfit` (fraction of the target).
     """
     if matched.largest_misfit <= max_misfit:
         return []

@@ -120,18 +120,11 @@ def _coupling_cause(model: Model) -> str:
 
 
 def _record(model: Model) -> tuple[Record | None, list[str]]:
-    """Return the ground motion of a model, with its spectrum shown in the report of `tdint modes`.
+    """Return the ground motion of a model for its spectrum in the report of `tdint modes`; None if
+    the model has no record, reads it from standard input (`-`), or if the record cannot be read.
 
     The vibration modes of the building do not depend on the ground motion. If the record cannot be
-    read, the command therefore continues without the spectrum, and the report states the reason.
-
-    Returns
-    -------
-    record : Record | None
-        Ground motion; None if the model has no record or reads it from standard input (`-`), or if
-        the record cannot be read.
-    notes : list of str
-        Reason why the record cannot be read; otherwise empty.
+    read, the command therefore continues without the spectrum, and the note states the reason.
     """
     from tdint.analysis.arguments import model_record
 

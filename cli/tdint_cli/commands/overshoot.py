@@ -99,11 +99,9 @@ def command(request: Request) -> None:
 
 
 def _report_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
-    """Print the powers of omega dt in the first time step for each method.
-
-    `pairs` contains the motions from an initial displacement and from an initial velocity, for each
-    method and damping ratio. `verdicts` contains the texts of the last column, in the order of
-    `pairs`.
+    """Print the powers of omega dt in the first time step for each method and damping ratio, for
+    the motions from an initial displacement and from an initial velocity. The verdicts are the last
+    column.
     """
     from tdint.analysis.assessment.stability import EXACT_POWERS
 

@@ -161,16 +161,10 @@ def _report_failure(recorded: _RecordedCommand, exit_code: int) -> click.excepti
 
 
 def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> dict[str, str]:
-    """Compare the SHA-256 of the input files with the recorded values, before the run.
+    """Compare the SHA-256 of the input files with the recorded values, before the run. A changed
+    input is a warning if `changed` allows it, otherwise a UsageError.
 
     Members of archives and standard input are compared after the run.
-
-    `changed` is True to allow changed inputs, and warn of them.
-
-    Raises
-    ------
-    UsageError
-        An input has changed, and `changed` is False.
     """
     changes: dict[str, str] = {}
     for name, digest in recorded.inputs.items():
@@ -193,12 +187,8 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
 
 
 def _check_plugins(recorded: _RecordedCommand, folder: Path, trust: bool) -> None:
-    """Check the plug-ins of the recorded command before they are executed.
-
-    Raises
-    ------
-    UsageError
-        A plug-in is missing, or the command has plug-ins and `trust` is false.
+    """Check the plug-ins of the recorded command before they are executed. UsageError is raised if
+    a plug-in is missing, or the command has plug-ins and `trust` is false.
     """
     missing = [name for name in recorded.code if not is_file(folder / name)]
     if missing:
@@ -220,16 +210,9 @@ def _check_provenance(
     known_changes: Collection[str],
     changed: bool,
 ) -> None:
-    """Report the differences of inputs, plug-ins and versions between two runs.
-
-    `recorded` and `repeated` are the stored JSON file, and the JSON file of the repeated command.
-    `known_changes` contains the names of the changed inputs that are already reported. `changed` is
-    True to allow changed inputs, and warn of them.
-
-    Raises
-    ------
-    UsageError
-        An input or a plug-in has changed, or only one of the two runs has read it.
+    """Report the differences of inputs, plug-ins and versions between two runs, except changed
+    inputs that are already reported (`known_changes`). A changed input or plug-in, also if only one
+    of the runs has read it, is a warning if `changed` allows it, otherwise a UsageError.
     """
     before, now = ({**run.inputs, **run.plugins} for run in (recorded, repeated))
     changes = {
@@ -378,12 +361,8 @@ class _RecordedCommand:
         """Return the directory in which the command is repeated.
 
         The candidates are the original working directory, which follows from -o if the file has not
-        been moved, and the current directory. The first one that contains all inputs is returned.
-
-        Raises
-        ------
-        UsageError
-            An input is not found in either directory.
+        been moved, and the current directory. The first one that contains all inputs is returned;
+        UsageError if neither does.
         """
         # The path of the JSON file is the original working directory followed by the relative
         # directory of -o, unless the file was moved.
@@ -407,10 +386,10 @@ class _RecordedCommand:
 
 
 def _is_folder_name(output: str, file: Path) -> bool:
-    """Return True if the value of -o is a directory; `file` is the JSON file of the command.
+    """Return True if the value of -o is a directory.
 
     The file of a table has a suffix. A directory with a suffix ends with a slash, unless it existed
-    before the command; the JSON file is then in this directory.
+    before the command; the JSON file (`file`) is then in this directory.
     """
     if output.endswith(("/", os.sep)) or not Path(output).suffix:
         return True
@@ -419,21 +398,9 @@ def _is_folder_name(output: str, file: Path) -> bool:
 
 
 def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
-    """Parse a recorded command line with click, without running it.
-
-    `arguments` is the command line after `tdint`.
-
-    Returns
-    -------
-    command : Command
-        The command.
-    values : dict
-        The text of each parameter that is specified, or a list of texts.
-
-    Raises
-    ------
-    UsageError
-        The arguments are not a command line of tdint.
+    """Parse a recorded command line (after `tdint`) with click, without running it. Return the
+    command, and the text or list of texts of each parameter that is specified. UsageError is raised
+    if this is not a command line of tdint.
     """
     if (
         not isinstance(arguments, list)
@@ -527,14 +494,8 @@ class _NewOutputs:
     others: list[tuple[str, str]] = field(default_factory=list)
 
     def __call__(self, parameter: str, name: str, folder: bool) -> str:
-        """Return the new path that replaces the path of an output.
-
-        `folder` is True if the name is a directory.
-
-        Returns
-        -------
-        str
-            The value of -o in the new directory; other outputs are in separate subdirectories.
+        """Return the new path that replaces the path of an output: the value of -o in the new
+        directory; other outputs are in separate subdirectories.
         """
         # click can convert a value twice: a replacement is not replaced again.
         if parameter == "output":
@@ -587,15 +548,11 @@ def _last_part(name: str) -> str:
 
 
 def _index_of_folder(recorded: _RecordedCommand) -> int:
-    """Return the index of the campaign directory in the command line of its export.
+    """Return the index of the campaign directory in the command line of its export; UsageError if
+    there is not exactly one.
 
     Other arguments may be equal to it, for example in `export export`. Each argument is therefore
     replaced by a null character, until the parser reports this character as the directory.
-
-    Raises
-    ------
-    UsageError
-        The command line does not contain exactly one directory.
     """
     for index in range(1, len(recorded.export)):
         marked = [*recorded.export]
@@ -608,12 +565,9 @@ def _index_of_folder(recorded: _RecordedCommand) -> int:
 
 
 def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -> int:
-    """Run a command line in its directory with replaced outputs and return its exit code.
-
-    Its standard output is discarded. If a signal ends the command, `click.exceptions.Exit` with its
-    exit code is raised, so that `tdint rerun` ends also.
-
-    `arguments` contains the words of the command line after `tdint`.
+    """Run a command line (after `tdint`) in its directory with replaced outputs, without its
+    standard output, and return its exit code. If a signal ends the command, `click.exceptions.Exit`
+    with its exit code is raised, so that `tdint rerun` ends also.
     """
     settings = current()
     before = ELSEWHERE.set(outputs)
@@ -647,11 +601,8 @@ def _refuse_changes(recorded: _RecordedCommand, changes: Mapping[str, str], chan
 
 
 def _change_text(name: str, before: str | None, now: str | None) -> str:
-    """Return a message about a changed input.
-
-    `before` is the SHA-256 of the input in the recorded run; None if the recorded run did not read
-    it. `now` is the present SHA-256 of the input; None if it is not read now. If `before` is None,
-    any nonempty text has the same effect.
+    """Return a message about a changed input. A SHA-256 is None if the run (recorded, or now) did
+    not read the input. If `before` is None, any nonempty `now` has the same effect.
     """
     # If a SHA-256 is missing, only one of the two runs has read the input.
     if before is None or now is None:
@@ -663,23 +614,11 @@ def _change_text(name: str, before: str | None, now: str | None) -> str:
 
 
 def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _NewOutputs) -> bool:
-    """Compare all files that the repeated command has written, and the status of the run.
+    """Compare all files that the repeated command has written, and the status of the run. Return
+    True if all files are the same, or equal within rounding, and the status is the same.
 
     The result for each file is printed, and a table of the first differences is written to standard
-    output.
-
-    `recorded` and `repeated` are the stored JSON file, and the JSON file of the repeated command.
-    `outputs`: the files that are written now.
-
-    Returns
-    -------
-    bool
-        True if all files are the same, or equal within rounding, and the status is the same.
-
-    Raises
-    ------
-    AnalysisError
-        The command writes no file that can be compared.
+    output. AnalysisError is raised if the command writes no file that can be compared.
     """
     is_chart = recorded.command.name == "chart"
     loops, new_loops = (run.content.get("time_loops") for run in (recorded, repeated))
@@ -780,18 +719,9 @@ class _Rules:
 def _compare_file(
     before: Path, now: Path, name: str, is_table: bool, rules: _Rules
 ) -> tuple[str, bool, list[Difference]]:
-    """Compare an original file with the file that is written now.
-
-    `rules` contains the columns and keys that are not compared.
-
-    Returns
-    -------
-    text : str
-        The result of the comparison.
-    is_same : bool
-        True if the files are the same, or equal within rounding.
-    differences : list of Difference
-        The first differences.
+    """Compare an original file with the file that is written now, by rules that name columns and
+    keys that are not compared. Return a text with the result, True if the files are the same or
+    equal within rounding, and the first differences.
     """
     if digest_of(before) == digest_of(now):
         return f"{name}: the same, byte for byte", True, []
@@ -834,18 +764,9 @@ def _first_bytes(file: Path) -> bytes:
 def _summarize_differences(
     name: str, differences: Iterable[Difference], manner: str
 ) -> tuple[str, bool, list[Difference]]:
-    """Count the differences of two files and find the maximum.
-
-    `manner` is the manner of the comparison in the message, such as 'value by value'.
-
-    Returns
-    -------
-    text : str
-        The result of the comparison.
-    is_same : bool
-        True if the files are the same, or equal within rounding.
-    shown : list of Difference
-        The first differences, without rounding differences.
+    """Count the differences of two files and find the maximum. Return a text with the result and
+    the manner of the comparison (such as 'value by value'), True if the files are the same or equal
+    within rounding, and the first other differences.
     """
     shown: list[Difference] = []
     rounded = count = 0

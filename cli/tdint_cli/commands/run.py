@@ -149,12 +149,8 @@ def command(request: Request) -> None:
 def _run(request: Request) -> None:
     """Run one analysis or one sequence, write its files and print its summary.
 
-    Raises
-    ------
-    FailedRun
-        The time integration failed; with -o, the summary is written.
-    AnalysisError
-        With --require: a limit is exceeded. Raised after all files are written.
+    After all files are written, FailedRun is raised if the time integration failed, and
+    AnalysisError if a limit is exceeded with --require.
     """
     start_time = time.perf_counter()
     from tdint.analysis.arguments import model_record

@@ -318,16 +318,7 @@ def _scale_function(request: ScaleRequest) -> Any:
     """Return the function that scales a suite of ground motions by the requested rule.
 
     The target is read here, before the records, so that its errors are reported immediately.
-
-    Returns
-    -------
-    callable
-        Function of the ground motions, which returns a `Scaling` with their factors.
-
-    Raises
-    ------
-    UsageError
-        The target cannot be read, or does not cover the periods.
+    UsageError is raised if it cannot be read, or does not cover the periods.
     """
     from tdint.campaign import scaling
     from tdint.campaign.intensity import measure_at

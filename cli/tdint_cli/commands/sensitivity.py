@@ -23,14 +23,8 @@ from tdint_cli.terminal import Failures, note, say
 def _ranges(
     ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, tuple[float, float]]:
-    """Parse the values of --vary: NAME=LOW:HIGH, separated by commas.
-
-    `ctx` and `parameter` are the arguments of a click callback; not used.
-
-    Raises
-    ------
-    UsageError
-        A value is not NAME=LOW:HIGH with LOW less than HIGH.
+    """Parse the values of --vary (click callback): NAME=LOW:HIGH with LOW less than HIGH, separated
+    by commas.
     """
     ranges: dict[str, tuple[float, float]] = {}
     for text in chain.from_iterable(text.split(",") for text in texts):
@@ -121,13 +115,7 @@ def _one_at_a_time(request: Request) -> None:
     """Run a building with its parameters, and with a single parameter at its low or high value.
 
     The table of the effects is written, and the largest effect on the peak drift ratio is printed.
-
-    `request` contains the options of the command line: model, records and ranges of the parameters.
-
-    Raises
-    ------
-    Failures
-        Some records could not be read; raised after the table is written.
+    Failures is raised afterwards if some records could not be read.
     """
     from tdint.campaign.definition import RecordFiles
     from tdint.campaign.execute import threads

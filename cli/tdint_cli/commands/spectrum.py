@@ -340,14 +340,8 @@ def command(request: SpectrumRequest) -> None:
 
 
 def _write_target(request: SpectrumRequest) -> None:
-    """Write the table of a target spectrum, and its figure if requested.
-
-    Raises
-    ------
-    UsageError
-        Neither RECORD nor --target is given, or an option requires records.
-    TdintError
-        The target cannot be read or does not cover the periods, or an output cannot be written.
+    """Write the table of a target spectrum, and its figure if requested. UsageError is raised if
+    neither RECORD nor --target is given, or an option requires records.
     """
     target = request.target_spectrum
     if target is None:

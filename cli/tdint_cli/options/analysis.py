@@ -128,12 +128,8 @@ def methods(text: str) -> grammar.Declaration:
 def _specifications(
     _: click.Context, __: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Split comma-separated lists of methods into single methods (callback of --method).
-
-    A comma also separates the parameters of a method: `newmark:beta=0.25,gamma=0.5` is one method.
-
-    `_` is the context of the command; not used. `__` is the option; not used. `texts` contains the
-    values of the option, each a comma-separated list of methods.
+    """Split comma-separated lists of methods into single methods (callback of --method). A comma
+    also separates the parameters of a method: `newmark:beta=0.25,gamma=0.5` is one method.
     """
     specifications: list[str] = []
     for text in texts:
@@ -356,17 +352,8 @@ def with_motion(model: Model, request: BuildingRequest) -> Model:
 
 
 def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
-    """Return the record of the command line, or the record of the model with changed options.
-
-    Returns
-    -------
-    RecordSource | None
-        File, reading options and scale factor of the record; None without a record.
-
-    Raises
-    ------
-    UsageError
-        Record options are given, but neither the command line nor the model specifies a record.
+    """Return the record of the command line, or the record of the model with changed options; None
+    without a record. UsageError is raised if record options are given without a record.
     """
     from tdint.model.definition import RecordSource
 

@@ -242,11 +242,7 @@ def span_at(count: int) -> Written:
 
 def _span(text: str) -> tuple[float, float]:
     """Return the ends of a range LOW:HIGH; an omitted LOW is 0, an omitted HIGH is infinity.
-
-    Raises
-    ------
-    BadParameter
-        The text has another form, or LOW is negative or not less than HIGH.
+    BadParameter is raised for another form, or if LOW is negative or not less than HIGH.
     """
     try:
         low_text, high_text = (part.strip() for part in text.split(":"))

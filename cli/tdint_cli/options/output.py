@@ -61,15 +61,9 @@ def _check_output(
     """Check the value of -o and return it; None for standard output (-, or without -o).
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
-    commands that write several files.
-
-    `value` is the value of the option; None if it is not specified.
-
-    Raises
-    ------
-    UsageError
-        The value is empty, a directory on standard output, a file without a suffix, or a Parquet
-        file in a command that writes several tables.
+    commands that write several files. UsageError is raised if the value is empty, a directory on
+    standard output, a file without a suffix, or a Parquet file in a command that writes several
+    tables.
     """
     alternatives = (parameter.metavar or "").split("|")
     # The metavar of -o is FILE, DIR or FILE|DIR. A directory cannot be written to standard output;

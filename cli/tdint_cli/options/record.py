@@ -207,10 +207,8 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 
 
 def _with_layout_and_processing(command: Function) -> Function:
-    """Return a command that receives the options of a record as two objects.
-
-    The options of the layout of a text table become the argument `layout`, the options of the
-    processing the argument `processing`.
+    """Return a command that receives the options of the layout of a text table as the argument
+    `layout`, and those of the processing as `processing`.
 
     The processing steps follow the order of the options in the help, regardless of their order on
     the command line.

@@ -81,27 +81,9 @@ def factors(text: str) -> grammar.Declaration:
 def read_table_of_factors(
     records: Sequence[str], file: str | None, choice: RecordChoice, pairs: PairWish | None
 ) -> tuple[Suite, FactorTable | None]:
-    """Read the ground motions of a command line, or of a table of factors if no record is named.
-
-    Their notes and warnings are written to the terminal.
-
-    Parameters
-    ----------
-    records : sequence of str
-        Files or directories of records; empty with a table of factors.
-    file : str | None
-        Table that `tdint scale -o` wrote, the value of --factors; None with records.
-    choice : RecordChoice
-        Component, units and processing of the records.
-    pairs : PairWish | None
-        Requested treatment of pairs of components; None for separate components.
-
-    Returns
-    -------
-    suite : Suite
-        The ground motions, as returned by `read_suite`.
-    table : FactorTable | None
-        The table of factors; None with records.
+    """Read the ground motions of a command line, or of a table of factors (--factors, from `tdint
+    scale -o`) if no record is named. The second result is None with records. Notes and warnings are
+    written to the terminal.
 
     Raises
     ------
@@ -171,12 +153,8 @@ def _refuse_component_of_pairs(choice: RecordChoice, pairs: PairWish | None) -> 
 
 
 def _report_suite(suite: Suite) -> Suite:
-    """Write the notes and warnings of a suite to the terminal, and return the suite.
-
-    Raises
-    ------
-    Failures
-        No record could be read; contains the errors of all records.
+    """Write the notes and warnings of a suite to the terminal, and return the suite. Failures with
+    the errors of all records is raised if none could be read.
     """
     from tdint_cli.terminal import Failures
 
