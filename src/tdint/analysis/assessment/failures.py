@@ -462,11 +462,8 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
 
 def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
     """Define a problem in which a method fails if its first ten large time steps exceed the exact
-    amplitude by more than 1 %.
-
-    `name` is the quantity with the initial value 1, `displacement` or `velocity`, for the name of
-    the problem and its description. `start` is the initial displacement (m) and initial velocity
-    (m/s).
+    amplitude by more than 1 %, from an initial displacement (m) and velocity (m/s). `name` is the
+    quantity with the initial value 1, `displacement` or `velocity`.
     """
     return HardProblem(
         name=f"overshoot-{name}",
@@ -701,16 +698,11 @@ def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
 
 
 def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int) -> Trial:
-    """Integrate a problem by a method with one time step, and judge the result.
+    """Integrate a problem by a method with one time step (s), and judge the result.
 
-    `dt` is the time step, s.
-
-    Returns
-    -------
-    Trial
-        `outcome` is the status of a usual run, which refuses an unstable time step. If it is not
-        `DONE`, the problem is integrated again with unstable steps and gains of energy allowed. All
-        other results (`verdict`, time, steps, ratios, error) belong to the last integration.
+    The outcome is the status of a usual run, which refuses an unstable time step. If it is not
+    `DONE`, the problem is integrated again with unstable steps and gains of energy allowed. All
+    other results (`verdict`, time, steps, ratios, error) belong to the last integration.
     """
     # A method for linear buildings cannot integrate a nonlinear problem, and is not run.
     trial = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)

@@ -354,19 +354,9 @@ def observed_order(
 def _integrate(
     integrator: Integrator, problem: OrderProblem, parts: int, count: int
 ) -> tuple[float, Array]:
-    """Integrate a problem with a fraction of the largest time step.
-
-    Returns
-    -------
-    acceleration : float
-        Acceleration at the end of the run that the method stores in its state, m/s^2.
-    history : ndarray
-        Table of the response history, one row for each time step and the start.
-
-    Raises
-    ------
-    AnalysisError
-        The run fails.
+    """Integrate a problem with a fraction of the largest time step. Return the acceleration at the
+    end that the method stores in its state, m/s^2, and the table of the response history.
+    AnalysisError is raised if the run fails.
     """
     # A time step is `stride / parts` sampling intervals; the fraction is passed in lowest terms.
     divisor = math.gcd(parts, problem.stride)
@@ -400,16 +390,9 @@ def _sampled_motion(stride: int) -> Array:
 
 
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
-    """Compute the motion of the oscillator by SciPy's DOP853 with a tolerance of 1e-13.
-
-    `load`, `law`, `ratio` and `stride` are the attributes of `OrderProblem`: load, law, frequency
-    ratio and stride. `ground` is the ground acceleration, m/s^2; used for the load `record`.
-
-    Returns
-    -------
-    ndarray, shape (3, samples)
-        Displacement (m), velocity (m/s) and acceleration (m/s^2) relative to the ground at
-        intervals of 0.02 s / stride.
+    """Compute the displacement (m), velocity (m/s) and acceleration (m/s^2) of the oscillator
+    relative to the ground at intervals of 0.02 s / stride, by SciPy's DOP853 with a tolerance of
+    1e-13. The ground acceleration is used for the load `record`.
     """
     from scipy.integrate import solve_ivp
 
@@ -598,17 +581,11 @@ def check_law(model: Model, story: int) -> list[str]:
 
 
 def _branch_faults(model: Model, story: int) -> list[str]:
-    """Compare the declared branches and the declared curvature of a hysteresis model with its
-    force.
+    """Compare the declared branches and the declared curvature of the hysteresis model of a story
+    (from 1) with its force.
 
-    The model is executed in plain Python with checks of array bounds (`path_faults`).
-
-    `story` is the story with the hysteresis model, from 1.
-
-    Raises
-    ------
-    AnalysisError
-        The functions of the model cannot be executed, or use undeclared rows.
+    The model is executed in plain Python with checks of array bounds (`path_faults`). AnalysisError
+    is raised if its functions cannot be executed, or use undeclared rows.
     """
     building, subject = assemble(model), model.stories[story - 1]
     faults = []

@@ -295,21 +295,9 @@ def exact_steps(example: Example, dt: float) -> int:
 def reference(
     example: Example, dt: float, method: str = "rk5", finer: int = FINER
 ) -> ExampleMotion:
-    """Compute the motion at the ends of time steps dt by a method with the time step dt / finer.
-
-    Parameters
-    ----------
-    dt : float
-        Time step, s.
-    method : str
-        Specification of the method. The default is rk5, which evaluates the load at its stages.
-    finer : int
-        Number of time steps of the method in dt. The default is `FINER`.
-
-    Raises
-    ------
-    AnalysisError
-        The time step dt / finer is too large for the method.
+    """Compute the motion at the ends of time steps dt (s) by a method with the time step dt /
+    finer. The default method rk5 evaluates the load at its stages. AnalysisError is raised if the
+    time step is too large for the method.
     """
     end = _steps(example, dt) * dt
     history = run(
@@ -325,20 +313,11 @@ def reference(
 
 
 def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
-    """Return the maximum difference of displacements, m, between two accurate solutions.
+    """Return the maximum difference of displacements, m, between two accurate solutions at the
+    multiples of dt (s).
 
     The first solution is computed by rk5 with the time step dt / `FINER` (the reference `finer` of
-    `REFERENCES`). The second is computed by `method` with the time step dt / `finer`. Both are
-    compared at the multiples of dt.
-
-    Parameters
-    ----------
-    dt : float
-        Interval of the times at which the solutions are compared, s.
-    method : str
-        Specification of the method of the second solution.
-    finer : int
-        Number of time steps of the second solution in dt; by default that of the first.
+    `REFERENCES`). The second is computed by `method` with the time step dt / `finer`.
     """
     other = reference(example, dt, method, finer)
     return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))
@@ -389,10 +368,8 @@ def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotio
 
 
 def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
-    """Run the central difference method with u(-dt) = 0 instead of u(-dt) = dt^2 a0 / 2.
-
-    u(-dt) is the displacement one time step dt (s) before the start, and a0 the initial
-    acceleration. The change is equivalent to the initial velocity v0 = dt a0 / 2.
+    """Run the central difference method with u(-dt) = 0 instead of u(-dt) = dt^2 a0 / 2, which is
+    equivalent to the initial velocity v0 = dt a0 / 2, with the initial acceleration a0.
     """
     building = assemble(example.model)
     # v0 = dt a0 / 2 with the initial acceleration M a0 = p(0) - C v0 for zero displacements: solve
@@ -413,14 +390,12 @@ def _load(model: Model, times: Array) -> Array:
 
 
 def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotion]:
-    """Return a function that integrates an example with a load that is sampled at the time steps.
+    """Return a function (example, time step in s, method) that integrates an example with a load
+    that is sampled at the time steps, and returns the motion.
 
-    The function applies to methods that store only displacement and velocity from step to step,
-    because each time step is a separate integration. It receives the example, the time step (s) and
-    the method, and returns the motion.
-
-    `hold` is True if the load is constant in each time step and equal to its value at the start of
-    the step. False if the load is linear between the time steps.
+    With `hold`, the load is constant in each time step and equal to its value at the start of the
+    step, otherwise linear. The function applies to methods that store only displacement and
+    velocity from step to step, because each time step is a separate integration.
     """
 
     def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:

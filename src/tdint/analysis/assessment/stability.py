@@ -169,31 +169,19 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
 
 
 def _validated_method(method: Integrator | str, damping: float) -> Integrator:
-    """Return a method from its specification, and validate a damping ratio.
-
-    Raises
-    ------
-    UsageError
-        The method is unknown, or the damping ratio is negative or not finite.
+    """Return a method from its specification, and check a damping ratio. UsageError is raised if
+    the method is unknown, or the damping ratio is negative or not finite.
     """
     between(damping, "a damping ratio")
     return method if isinstance(method, Integrator) else parse(method)
 
 
 def _refined_steps(dt_over_t: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Add time steps to the requested time steps, so that roots can be tracked.
+    """Add time steps to the requested time steps (divided by the period, increasing), so that roots
+    can be tracked. Return all time steps, and the indices of the requested ones.
 
     The sequence starts at a small time step, at which the roots are identified, and neighboring
     time steps differ by a small ratio.
-
-    `dt_over_t` is the requested time steps divided by the period, positive and increasing.
-
-    Returns
-    -------
-    ratios : ndarray
-        All time steps divided by the period, increasing.
-    requested : ndarray, shape (k,)
-        Indices of the requested time steps in `ratios`.
     """
     endpoints = [min(_FIRST_STEP, dt_over_t[0]), *dt_over_t]
     grids = []
@@ -209,18 +197,12 @@ def _refined_steps(dt_over_t: Array) -> tuple[Array, NDArray[np.intp]]:
 def _track_principal_root(
     roots: NDArray[np.complex128], first: float, damping: float
 ) -> tuple[NDArray[np.complex128], Array]:
-    """Identify the principal root at each time step as the root nearest to that of the preceding
-    time step. At the first time step, it is the root nearest to the exact root.
+    """Return the principal root at each of k increasing time steps, with a positive imaginary part
+    if it is complex, and the maximum modulus of the roots other than this root and its conjugate.
 
-    `roots` contains the eigenvalues of the amplification matrix at k increasing time steps. `first`
-    is the product of the circular frequency and the first time step, rad.
-
-    Returns
-    -------
-    principal : ndarray, shape (k,)
-        Root of the oscillation, with a positive imaginary part if it is complex.
-    spurious : ndarray, shape (k,)
-        Maximum modulus of the roots other than the principal root and its conjugate.
+    The principal root is the root nearest to that of the preceding time step. At the first time
+    step (`first` is its product with the circular frequency, rad), it is the root nearest to the
+    exact root.
     """
     # Exact root exp((-xi + sqrt(xi^2 - 1)) omega h); complex below critical damping
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
@@ -252,22 +234,12 @@ def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.com
 
 @cache
 def critical_step(method: Integrator, damping: float = 0.0) -> float:
-    """Return the stability limit of a method: the minimum omega dt above which the spectral radius
-    exceeds 1.
+    """Return the stability limit of a method: the minimum omega dt (rad) above which the spectral
+    radius exceeds 1, without further error than rounding; inf if no instability is found.
 
     The search uses 4000 points up to `LARGEST` and points just above the declared limit of the
     method, then bisection. Results are cached. An unstable interval elsewhere that is narrower than
     0.5 % of omega dt can be missed.
-
-    Parameters
-    ----------
-    damping : float
-        Damping ratio. The default is 0.
-
-    Returns
-    -------
-    float
-        Limit of omega dt, rad, without further error than rounding; inf if no instability is found.
     """
     grid = np.geomspace(1e-3, LARGEST, 4000)
     declared = method.stability_limit
@@ -516,12 +488,8 @@ def overshoot(
 
 def _growth_powers(method: Integrator, start: str, damping: float) -> list[float]:
     """Determine how the response after one time step grows with omega h for omega h to infinity.
-
-    Returns
-    -------
-    list of two floats
-        Powers of omega h in the displacement u and in h v, where v is the velocity; -inf if the
-        response is 0 except for rounding, nan if it overflows.
+    Return the powers of omega h in the displacement u and in h v, where v is the velocity; -inf if
+    the response is 0 except for rounding, nan if it overflows.
     """
     # Maxima of |u| and |h v| for each level of omega h, shape (levels, 2). Each level is multiplied
     # by the 16 factors `_SPREAD`, from 1 to 2, because the response may be zero by chance at a
@@ -571,16 +539,9 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
 def _first_steps(
     method: Integrator, start: str, omega_h: Array, steps: int, damping: float
 ) -> Array:
-    """Integrate undriven linear oscillators over a few time steps of h = 1 s.
-
-    `omega_h` contains the products of the circular frequency of each oscillator and the time step,
-    rad.
-
-    Returns
-    -------
-    ndarray, shape (2, steps + 1, k)
-        Displacement u and h v, where v is the velocity, m, at the initial time and after each time
-        step; nan after the response has grown without bound.
+    """Integrate undriven linear oscillators over a few time steps of h = 1 s. Return the
+    displacement u and h v, where v is the velocity (m), at the initial time and after each step,
+    shape (2, steps + 1, k); nan after the response has grown without bound.
     """
     # The motion is proportional to the initial condition. A tiny initial condition prevents
     # overflow, and the motion is divided by the same factor at the end.
@@ -594,14 +555,9 @@ def _nonlinear_overshoot(
     method: Integrator, start: str, dt_over_t: float, steps: int, damping: float, law: str
 ) -> Overshoot:
     """Integrate the hardening or the softening oscillator of `tdint.analysis.assessment.failures`
-    over a few large time steps.
+    over a few large time steps. UsageError is raised if the method supports only linear buildings.
 
     The initial condition is the displacement of that problem, or the velocity with the same energy.
-
-    Raises
-    ------
-    UsageError
-        The method supports only linear buildings.
     """
     if method.family.linear_only:
         raise UsageError(
@@ -627,13 +583,9 @@ def _nonlinear_overshoot(
 
 
 def _integrate(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
-    """Integrate a building from its initial state, and return the motion of its floors.
-
-    Returns
-    -------
-    ndarray, shape (2, steps + 1, n)
-        Displacements (m) and velocities (m/s) at the initial time and after each time step; nan
-        after the response has grown without bound.
+    """Integrate a building from its initial state, and return the displacements (m) and velocities
+    (m/s) of its floors at the initial time and after each time step, shape (2, steps + 1, n); nan
+    after the response has grown without bound.
     """
     result = prepared.integrate(method, steps, history_rows=steps.count)
     n = prepared.building.stories

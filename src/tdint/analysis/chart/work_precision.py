@@ -273,16 +273,12 @@ class Chart(Tabular):
 
 
 def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[float, ...]:
-    """Return the default time steps for a number of methods, s, in descending order.
+    """Return the default time steps for a number of methods, each run of which is timed `repeats`
+    times, s, in descending order.
 
     The steps are eight sampling intervals and repeated halves, down to 1/16 of an interval. For a
     large building the smallest step is larger, but at most the interval. In between, steps of 6, 3,
     1/3, 1/6 and 1/12 intervals are added, without those below the smallest halved step.
-
-    Parameters
-    ----------
-    repeats : int
-        Number of times that each run is timed.
     """
     # Each run is executed `repeats` times for its time, and once before for its errors.
     seconds_at_interval = (
@@ -337,25 +333,16 @@ def measure(
     judge: Callable[[Sequence[Point]], object] | None = None,
     progress: Progress = silent,
 ) -> Chart:
-    """Measure the errors, then the times of a problem with all methods and time steps.
+    """Measure the errors, then the times of a problem with all methods that can integrate the
+    building (`suited`) and time steps.
 
-    The points are timed alternately, so that disturbances affect all of them.
+    The points are timed alternately, so that disturbances affect all of them. Compilation is not
+    timed. Each step is the interval of the problem divided or multiplied by a whole number. With
+    `cached`, the reference is read from the cache, if available, and stored.
 
-    Parameters
-    ----------
-    integrators : sequence of Integrator
-        Methods that can integrate the building; see `suited`.
-    dts : sequence of float
-        Time steps, s. Each step is the interval of the problem divided or multiplied by a whole
-        number.
-    repeats : int
-        Number of times that each run is timed; default 5. Compilation is not timed.
-    cached : bool
-        True (default) to read the reference from the cache, if available, and to store it.
-    judge : callable, optional
-        Function that receives all points and returns a result of interest, for example the cheapest
-        point. After `repeats` repetitions, the runs are timed again until one more repetition does
-        not change this result, or up to four times `repeats`.
+    `judge` receives all points and returns a result of interest, for example the cheapest point.
+    After `repeats` repetitions, the runs are timed again until one more repetition does not change
+    this result, or up to four times `repeats`.
 
     Raises
     ------
@@ -407,11 +394,6 @@ def with_tolerances(
     The lines show the cost and the error of `tdint run --tolerance`. The time includes repeated
     runs, error estimates and the Python code between the runs. The runs do not store a response
     history, so only the error of the peak drifts is available.
-
-    Parameters
-    ----------
-    repeats : int
-        Number of times that each run is timed.
     """
     judge = partial(errors_of_peaks, reference=chart.reference.motion)
     points = [
@@ -429,24 +411,11 @@ def by_tolerance(
     judge: Callable[[Response], RelativeErrors],
     repeats: int,
 ) -> list[Point]:
-    """Measure a method that chooses its time steps, and return a point for each tolerance.
+    """Measure a method that chooses its time steps, and return a point for each relative tolerance
+    of the peak drifts, in descending order.
 
-    The first run with each tolerance compiles the method and determines the errors. It is not
-    timed.
-
-    Parameters
-    ----------
-    tolerances : iterable of float
-        Relative tolerances of the peak drifts, one point each.
-    judge : callable
-        Function that returns the errors of a response.
-    repeats : int
-        Number of times that each run is timed.
-
-    Returns
-    -------
-    list of Point
-        Points with decreasing tolerances. A point of a failed run has no errors and no times.
+    The first run with each tolerance compiles the method and determines the errors by `judge`. It
+    is not timed. A point of a failed run has no errors and no times.
     """
     points = []
     for tolerance in sorted(set(tolerances), reverse=True):
@@ -558,19 +527,9 @@ def _timed(
     judge: Callable[[Sequence[Point]], object] | None,
     progress: Progress,
 ) -> dict[_MethodSteps, Point]:
-    """Measure the errors and the times of runs.
-
-    Parameters
-    ----------
-    judge : callable | None
-        Function of all points. After `repeats` repetitions, the runs are timed again until the
-        result of the function does not change, up to four times `repeats`. With None, each run is
-        timed `repeats` times.
-
-    Returns
-    -------
-    dict
-        Point of each run. A run that failed has no errors and no times.
+    """Measure the errors and the times of runs, as `measure` does, and return the point of each
+    run. Without `judge`, each run is timed `repeats` times. A run that failed has no errors and no
+    times.
     """
     points: dict[_MethodSteps, Point] = {}
     done, total = 0, (repeats + 1) * sum(steps.count for _, steps in runs)
@@ -620,21 +579,13 @@ def _timed(
 
 
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
-    """Return the point of minimum cost that meets an error limit; None if no point meets it.
+    """Return the point of minimum cost that meets an error limit; None if no point meets it. The
+    points of a line are sorted by decreasing time step.
 
     Points of the same line with smaller steps must meet the limit also: a step with an error that
     is small by chance is not recommended. Measured times do not distinguish costs that differ by
     less than a tenth. Of the points with at most 1.1 times the minimum cost, the most accurate
     point is returned.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        Points; those of a line are sorted by decreasing time step.
-    quantity : str
-        Name of the error, for example `peak_drift`.
-    limit : float
-        Maximum error.
     """
     lines = dict.fromkeys(point.line for point in points)
     meeting = [point for line in lines for point in within(points, line, quantity, limit)]
@@ -683,17 +634,12 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
 
 
 def performance_ratios(costs: Array, is_reference: Sequence[bool]) -> Array:
-    """Divide each cost by the minimum cost of the reference solvers for the same problem.
+    """Divide each cost, shape (problems, solvers), by the minimum cost of the reference solvers
+    (the methods of tdint) for the same problem.
 
-    The ratio is infinite if a solver does not solve the problem (r_M of Dolan and More 2002,
-    section 2). It is 0 if the solver solves the problem, but no reference solver does.
-
-    Parameters
-    ----------
-    costs : ndarray, shape (problems, solvers)
-        Costs; nan if a solver does not solve the problem.
-    is_reference : sequence of bool
-        True for each solver that is a reference solver, here the methods of tdint.
+    The cost is nan and the ratio infinite if a solver does not solve the problem (r_M of Dolan and
+    More 2002, section 2). The ratio is 0 if the solver solves the problem, but no reference solver
+    does.
     """
     is_unsolved = np.isnan(costs)
     minimum_cost = np.min(

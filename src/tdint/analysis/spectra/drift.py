@@ -356,17 +356,11 @@ class _Beam:
 
 
 def _beam_mode_count(period: float, dt: float) -> int:
-    """Return the number of modes of a beam that are included, at least `_MIN_BEAM_MODES`.
+    """Return the number of modes of a beam that are included, at least `_MIN_BEAM_MODES`;
+    AnalysisError if more than MAX_BEAM_MODES are required.
 
     All modes with periods of at least half a sampling interval are included. Modes with shorter
     periods follow the ground acceleration statically (`_Beam.static`).
-
-    `period` is the fundamental period, s. `dt` is the sampling interval, s.
-
-    Raises
-    ------
-    AnalysisError
-        More than MAX_BEAM_MODES modes are required.
     """
     # The period of mode j is period / (2 j - 1).
     count = max(_MIN_BEAM_MODES, math.ceil(period / dt + 0.5))
@@ -379,12 +373,8 @@ def _beam_mode_count(period: float, dt: float) -> int:
 
 
 def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: float) -> Array:
-    """Compute the maximum drift and displacement of each building under a ground motion.
-
-    Returns
-    -------
-    ndarray, shape (buildings, 3)
-        Maximum drift ratio, index of its story from 0, and maximum roof drift ratio.
+    """Return the maximum drift ratio, the index of its story from 0, and the maximum roof drift
+    ratio of each building under a ground motion, shape (buildings, 3).
     """
     omegas = [building.omega for building in buildings]
     # Divide the sampling interval into parts, so that omega h <= 1 for the resolved modes.

@@ -65,27 +65,11 @@ _ROUNDING = 1e-9
 
 
 def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -> Array:
-    """Return the coefficients of the exact solution over one time step for linear oscillators.
+    """Return the coefficients of the exact solution over one time step (s) for linear oscillators
+    in the rows of `tdint.kernels.oscillators.between_steps`, and `more` rows without values.
 
     The solution is exact for a ground acceleration that is linear within the step (Nigam and
-    Jennings 1969).
-
-    Parameters
-    ----------
-    omega : ndarray, shape (k,)
-        Natural circular frequencies, rad/s.
-    h : ndarray, shape (k,)
-        Time steps, s.
-    damping : float or ndarray, shape (k,)
-        Damping ratio: one value, or one for each oscillator.
-    more : int
-        Number of additional rows to allocate.
-
-    Returns
-    -------
-    ndarray, shape (RECURSION_ROWS + more, k)
-        Coefficients in the rows of `tdint.kernels.oscillators.between_steps`, and additional rows
-        without values.
+    Jennings 1969). The damping ratio is one value, or one for each oscillator.
     """
     # The coefficients are first computed for displacements u, h v (velocity v) and h^2 p (load p),
     # and then converted to u, v and p.
@@ -190,25 +174,11 @@ MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
 
 def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxima) -> Array:
-    """Compute the maximum responses of linear oscillators to a ground motion.
+    """Return the maximum displacement (m) and velocity (m/s) relative to the ground, and maximum
+    absolute acceleration (m/s^2) of linear oscillators, shape (3, k).
 
-    Parameters
-    ----------
-    ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2, linear between samples. The oscillators are at rest at the first
-        sample, and maxima are evaluated until the last sample.
-    dt : float
-        Sampling interval, s.
-    omega : ndarray, shape (k,)
-        Natural circular frequencies, rad/s.
-    damping : float
-        Damping ratio, in [0, 1).
-
-    Returns
-    -------
-    ndarray, shape (3, k)
-        Maximum displacement (m) and velocity (m/s) relative to the ground, and maximum absolute
-        acceleration (m/s^2).
+    The ground acceleration (m/s^2) is linear between samples. The oscillators are at rest at the
+    first sample, and maxima are evaluated until the last sample.
     """
     result = np.empty((spectra.PEAKS, omega.size))
     for indices, parts, table in groups(omega, damping, dt, maxima, _lanes):
@@ -225,29 +195,13 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
 def groups(
     omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
 ) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
-    """Yield groups of oscillators whose time step is the same part of the sampling interval.
+    """Yield groups of oscillators whose time step is the same part of the sampling interval: their
+    indices in `omega`, the number of time steps in a sampling interval, and a table of coefficients
+    for the kernel.
 
-    Parameters
-    ----------
-    omega : ndarray, shape (k,)
-        Natural circular frequencies, rad/s.
-    dt : float
-        Sampling interval, s.
-    maxima : Maxima
-        Times at which maxima are evaluated, which determine the time step of each oscillator.
-    lanes : callable
-        Function that receives the number of oscillators in a group, and returns the number of
-        oscillators that the kernel integrates together.
-
-    Yields
-    ------
-    indices : ndarray
-        Indices of the oscillators of the group in `omega`.
-    count : int
-        Number of time steps in a sampling interval.
-    table : ndarray
-        Coefficients for the kernel, one column for each oscillator. The last column is repeated
-        until the number of columns is a multiple of the number of oscillators integrated together.
+    `lanes` returns the number of oscillators that the kernel integrates together from the number of
+    oscillators in a group. The table has one column for each oscillator. The last column is
+    repeated until the number of columns is a multiple of the number of lanes.
     """
     parts = maxima.parts(omega, dt)
     table = recursion_table(omega, dt / parts, damping, more=2)
@@ -629,19 +583,9 @@ def _lookup(table: dict[str, Choice], name: str, quantity: str) -> Choice:
 
 
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
-    """Integrate oscillators together by a method with the sampling interval as time step.
-
-    Returns
-    -------
-    label : str
-        Name of the method with its parameters.
-    maxima : ndarray, shape (3, k)
-        As in `largest`.
-
-    Raises
-    ------
-    AnalysisError
-        The method is unstable or diverges with this time step.
+    """Integrate oscillators together by a method with the sampling interval as time step. Return
+    the name of the method with its parameters, and the maxima as `largest`. AnalysisError is raised
+    if the method is unstable or diverges with this time step.
     """
     # Imported here, because the import loads all methods, which most spectra do not need.
     from tdint.analysis.run.compiled_steps import find_instability

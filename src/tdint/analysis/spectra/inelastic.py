@@ -253,14 +253,8 @@ def constant_strength(
 def _oscillators(
     record: AnyRecord, periods: Numbers, damping: float | str, hardening: float
 ) -> tuple[dict[str, Any], list[_Oscillator]]:
-    """Check the arguments of `constant_ductility` and `constant_strength`.
-
-    Returns
-    -------
-    arguments : dict
-        Checked arguments, by name of the field of `InelasticSpectrum`.
-    oscillators : list of _Oscillator
-        Oscillator of each period.
+    """Check the arguments of `constant_ductility` and `constant_strength`. Return them by name of
+    the field of `InelasticSpectrum`, and the oscillator of each period.
 
     Raises
     ------
@@ -297,11 +291,9 @@ def _spectrum(
     target: float | None,
     result: Array,
 ) -> InelasticSpectrum:
-    """Build a spectrum from the results of its oscillators.
-
-    `arguments` contains the fields of `InelasticSpectrum` by name, as from `_oscillators`. `target`
-    is the requested ductility; None for a spectrum of constant strength. `result` is the yield
-    displacement, maximum displacement and residual displacement of each oscillator, m.
+    """Build a spectrum from the checked arguments (`_oscillators`) and the yield displacement,
+    maximum displacement and residual displacement of each oscillator, m. `target` is the requested
+    ductility; None for a spectrum of constant strength.
     """
     yield_displacement, sd, residual = result.T
     return InelasticSpectrum(
@@ -337,17 +329,9 @@ class _Oscillator:
     hardening: float
 
     def response(self, yield_displacement: float) -> tuple[float, float]:
-        """Integrate the oscillator with a yield displacement (m; inf for elastic response).
-
-        Returns
-        -------
-        tuple of float
-            Maximum absolute displacement and residual displacement, m.
-
-        Raises
-        ------
-        AnalysisError
-            The motion changes too often between elastic and plastic.
+        """Return the maximum absolute displacement and the residual displacement for a yield
+        displacement (m; inf for elastic response). AnalysisError is raised if the motion changes
+        too often between elastic and plastic.
         """
         results = np.empty(inelastic.RESULTS)
         code = inelastic.bilinear_response.compiled(
@@ -384,7 +368,8 @@ class _Oscillator:
 
 
 def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
-    """Return the largest strength ratio, at most `start`, that leads to the ductility `target`.
+    """Return the largest strength ratio, at most `start`, that leads to the ductility `target` (at
+    least 1); AnalysisError if no ratio above 1e-9 does.
 
     A strength ratio is the strength divided by the elastic strength. The ductility is a continuous
     function of the ratio. It does not exceed the target at `start` and grows without bound as the
@@ -392,18 +377,6 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
     small steps to the first ratio that reaches the target. The steps are refined where the
     ductility rises steeply. If the ductility approaches the target and decreases again, the search
     computes its maximum.
-
-    Parameters
-    ----------
-    ductility : callable
-        Function that receives a strength ratio and returns the ductility.
-    target : float
-        Required ductility, at least 1.
-
-    Raises
-    ------
-    AnalysisError
-        No ratio above 1e-9 reaches the target.
     """
     if target == 1.0:
         return start
@@ -434,19 +407,9 @@ Point = tuple[float, float]
 def _bracket(
     ductility: Callable[[float], float], target: float, start: float
 ) -> tuple[Point, Point]:
-    """Search downward from the strength ratio `start` for two points on both sides of the target.
-
-    Returns
-    -------
-    low : tuple of float
-        Strength ratio and ductility of the first point that reaches the target.
-    high : tuple of float
-        Point with a larger strength ratio and a ductility below the target.
-
-    Raises
-    ------
-    AnalysisError
-        No ratio above `_MIN_RATIO` reaches the target.
+    """Search downward from the strength ratio `start` for two points (strength ratio, ductility):
+    the first point that reaches the target, and a point with a larger ratio and a ductility below
+    the target. AnalysisError is raised if no ratio above `_MIN_RATIO` reaches the target.
     """
     # The last three points of the search, in the order of increasing ratio, are `low`, `high` and
     # `previous`. Rounding errors must not let the first point exceed the target.

@@ -157,15 +157,8 @@ def rotated_spectrum(
 def _directional_displacements(
     motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings
 ) -> Array:
-    """Compute the maximum displacements of linear oscillators in all directions.
-
-    `settings` is the interpolation of the acceleration between samples, and determination of the
-    maxima.
-
-    Returns
-    -------
-    ndarray, shape (k, ANGLES)
-        Maximum absolute relative displacements, m.
+    """Compute the maximum absolute relative displacements of linear oscillators in all directions,
+    m, shape (k, ANGLES).
     """
     shortest_period = 2.0 * math.pi / float(np.max(omega))
     components = (

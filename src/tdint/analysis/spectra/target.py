@@ -83,15 +83,9 @@ s."""
 
 
 def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
-    """Return the two-period design spectrum of ASCE 7-10 and 7-16 (section 11.4).
-
-    `parameters` contains the texts of `sds` and `sd1` (design accelerations at short periods and at
-    1 s, g) and `tl` (long-period transition period, s).
-
-    Raises
-    ------
-    UsageError
-        A parameter is invalid.
+    """Return the two-period design spectrum of ASCE 7-10 and 7-16 (section 11.4) for the texts of
+    `sds` and `sd1` (design accelerations at short periods and at 1 s, g) and `tl` (long-period
+    transition period, s).
     """
     sds, sd1, tl = (parse_positive(key, parameters[key]) for key in ("sds", "sd1", "tl"))
     if sds > _MAX_SDS:
@@ -121,20 +115,11 @@ def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
 def _ec8(parameters: Texts) -> DesignSpectrum:
     """Return the elastic spectrum Se of Eurocode 8 (EN 1998-1:2004, 3.2.2.2).
 
-    A spectrum of type 1 extends to 10 s; from the period TE on it follows the displacements of
-    eq. A.2 (Annex A). A spectrum of type 2 extends to 4 s.
-
-    Parameters
-    ----------
-    parameters : mapping of str to str
-        Texts of `type` (1 or 2), `soil` (A to E), `ag` (peak ground acceleration with its unit) and
-        `damping` (ratio, 5 % by default); and `s` (soil factor), `tb`, `tc` and `td` (corner
-        periods, s) of a National Annex, by default the recommended values.
-
-    Raises
-    ------
-    UsageError
-        A parameter is invalid.
+    A spectrum of type 1 extends to 10 s; from the period TE on it follows the displacements of eq.
+    A.2 (Annex A). A spectrum of type 2 extends to 4 s. The parameters are the texts of `type` (1 or
+    2), `soil` (A to E), `ag` (peak ground acceleration with its unit) and `damping` (ratio, 5 % by
+    default); and `s` (soil factor), `tb`, `tc` and `td` (corner periods, s) of a National Annex, by
+    default the recommended values.
     """
     soils = _EC8_PARAMETERS.get(parameters["type"])
     if soils is None:
@@ -443,16 +428,10 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
 
 def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
     """Return a multi-period spectrum of ASCE 7-22 (11.4.5.1) with 5 % damping, linear between the
-    periods of the file.
+    periods of a JSON file of the USGS design maps service; accelerations are in g.
 
-    `file` is the JSON file of the USGS design maps service for ASCE 7-22; accelerations are in g.
-
-    Raises
-    ------
-    UsageError
-        There is no file.
-    ModelError
-        The file cannot be read, is not from the service for ASCE 7-22, or is invalid.
+    UsageError is raised if there is no file; ModelError, if it cannot be read, is not from the
+    service for ASCE 7-22, or is invalid.
     """
     key = _MULTI_PERIOD[name]
     if not file:
@@ -527,15 +506,8 @@ def _has_damping(
 
 
 def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
-    """Return the target spectrum of a table of periods and accelerations.
-
-    `table` is the table with one column of periods and one column of accelerations. `damping` is
-    the damping ratio of the spectrum; None if unknown.
-
-    Raises
-    ------
-    ModelError
-        A column is missing, or its values are invalid.
+    """Return the target spectrum of a table with one column of periods and one column of
+    accelerations. ModelError is raised if a column is missing, or its values are invalid.
     """
     # Find the columns of periods and accelerations with their units. Columns of
     # pseudo-acceleration take precedence over other accelerations.
@@ -769,23 +741,11 @@ def differences(
 
 
 def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
-    """Return the quantity and the values of a column of a published spectrum.
+    """Return the quantity (key of `QUANTITIES`) and the values, in SI units, of a column of a
+    published spectrum; without a name, of the only column of a spectral quantity.
 
-    `column` is the name of the column; None for the only column of a spectral quantity.
-
-    Returns
-    -------
-    quantity : str
-        Key of `QUANTITIES`.
-    values : ndarray
-        Values in SI units.
-
-    Raises
-    ------
-    RecordError
-        The column is missing, or its name has no valid units.
-    UsageError
-        There are several columns of spectra, and `column` is None.
+    RecordError is raised if the column is missing, or its name has no valid units; UsageError, if
+    there are several columns of spectra and no name.
     """
     columns = {
         text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES
