@@ -22,6 +22,7 @@ ELSEWHERE = {
     "cryptography": "Dask",
     "district": "column of a user",
     "diff_step": "SciPy",
+    "distributed.comm.tls": "Dask",
     "drift_mm": "column of a user",
     "fragilityFunction": "OpenQuake",
     "hc": "Hazus",

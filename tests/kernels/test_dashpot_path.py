@@ -87,7 +87,7 @@ def test_mean_and_moment_of_the_force(first, last, close, direction):
     assert found == pytest.approx(expected, abs=close * size)
     assert scratch[[path.MEAN, path.MOMENT], 1] == pytest.approx(7.0 + found, rel=1e-12)
     assert np.all(scratch[:, [0, 2]] == 7.0)
-    # Derivatives with respect to rise and bend, where the force has no sharp bend
+    # Derivatives with respect to rise and bend, where the force has no kink
     if min(abs(first), abs(last)) >= 1.0:
         derivatives = [
             averages(lambda s: power_damper(terms, 1, (rise + bend * s) / H)[1] / H, zero),

@@ -132,8 +132,7 @@ class LawFunctions:
         change of drift (m, not negative), for a curved law. Default: 16.
     kink : function, optional
         (law_parameters, law_state, i, block, side) -> drift change in the direction `side` (1 or
-        -1) after which the force of a curved law has a sharp bend, m; infinite if the force has no
-        sharp bend.
+        -1) after which the force of a curved law has a kink, m; infinite if the force has no kink.
     """
 
     force: Any

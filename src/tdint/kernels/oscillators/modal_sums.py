@@ -178,7 +178,7 @@ def _superpose(q, shapes, static, motion, drift):
 
 
 @outlined
-def _update_maxima(drift, rows, column_maxima, column_bends):
+def _update_maxima(drift, rows, column_maxima, column_curvatures):
     """Store the maximum absolute value and the maximum absolute second difference of each column in
     a chunk.
 
@@ -188,7 +188,7 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
     columns = drift.shape[1]
     for c in range(columns):
         column_maxima[c] = abs(drift[0, c])
-        column_bends[c] = 0.0
+        column_curvatures[c] = 0.0
     for row in range(1, rows):
         for c in range(columns):
             size = abs(drift[row, c])
@@ -196,7 +196,7 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
     for row in range(1, rows - 1):
         for c in range(columns):
             size = abs(drift[row - 1, c] - 2.0 * drift[row, c] + drift[row + 1, c])
-            column_bends[c] = size if size > column_bends[c] else column_bends[c]
+            column_curvatures[c] = size if size > column_curvatures[c] else column_curvatures[c]
 
 
 @inline
@@ -318,7 +318,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
         Drift ratios at the steps of the chunk.
     start_q, start_rate : ndarray, shape (chunks, modes)
         Modal coordinates and their rates at the start of each chunk, for its second integration.
-    column_maxima, column_bends : ndarray, shape (columns,)
+    column_maxima, column_curvatures : ndarray, shape (columns,)
         Maximum absolute drift ratio of each column in a chunk, and maximum absolute second
         difference of the drift ratio.
     chunk_maxima : ndarray, shape (chunks, 2)
@@ -336,7 +336,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
         (chunks, modes),  # start_rate
         (columns,),  # column_maxima
     )
-    # column_bends and chunk_maxima
+    # column_curvatures and chunk_maxima
     return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
 
 
@@ -347,7 +347,7 @@ _SCRATCH_TYPES = (TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TAB
 @kernel(I8(*_INPUT_TYPES, *_SCRATCH_TYPES), parts=(), vectorized=True)
 def largest_drifts(
     ground, parts, h, modes, shapes, static, results,
-    q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima,
+    q, rate, motion, drift, start_q, start_rate, column_maxima, column_curvatures, chunk_maxima,
 ):  # fmt: skip
     """Compute the maximum drift ratio of a building from rest, its story, and the maximum roof
     drift ratio.
@@ -367,18 +367,18 @@ def largest_drifts(
         1/m.
     static : ndarray, shape (stories + 1,)
         Static correction, s^2/m.
-    q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima : ndarray
+    q, rate, motion, drift, start_q, start_rate : ndarray
+    column_maxima, column_curvatures, chunk_maxima : ndarray
         Scratch arrays from `scratch`. They must be zero at the start: row 0 of `q` and `rate` is
-        the
-        state of rest, and the maxima in `chunk_maxima` start from zero.
+        the state of rest, and the maxima in `chunk_maxima` start from zero.
     """
     sums = _Sum(modes, shapes, static, h)
     steps = (ground.size - 1) * parts
     count, columns = shapes.shape
     chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
     # of the stories and of the roof
-    bends = local(2)
-    bends[:] = 0.0
+    curvatures = local(2)
+    curvatures[:] = 0.0
     # First pass
     story_maximum = roof_maximum = 0.0
     for chunk in range(chunks):
@@ -387,19 +387,19 @@ def largest_drifts(
             start_q[chunk, j], start_rate[chunk, j] = q[0, j], rate[0, j]
         _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, rows, modes, q, rate, motion)
         _superpose(q, shapes, static, motion, drift)
-        _update_maxima(drift, rows, column_maxima, column_bends)
+        _update_maxima(drift, rows, column_maxima, column_curvatures)
         for c in range(columns):
             # Group 0 contains the stories, group 1 the roof, which is the last column.
             group = 1 if c == columns - 1 else 0
             chunk_maxima[chunk, group] = max(chunk_maxima[chunk, group], column_maxima[c])
-            bends[group] = max(bends[group], column_bends[c])
+            curvatures[group] = max(curvatures[group], column_curvatures[c])
         story_maximum = max(story_maximum, chunk_maxima[chunk, 0])
         roof_maximum = max(roof_maximum, chunk_maxima[chunk, 1])
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
     # Second pass. Between two steps, a smooth curve exceeds its values at both steps by at most
     # about one eighth of the second difference; _TOLERANCE exceeds one eighth with a margin.
-    story_tolerance, roof_tolerance = _TOLERANCE * bends[0], _TOLERANCE * bends[1]
+    story_tolerance, roof_tolerance = _TOLERANCE * curvatures[0], _TOLERANCE * curvatures[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):
         may_contain_story_maximum = chunk_maxima[chunk, 0] >= story_maximum - story_tolerance

@@ -3,7 +3,7 @@
 Along the parabola d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step of length h,
 the drift rate is (rise + bend s) / h, with s = t - 1/2. The integrals of the dashpot force f are
 mean = int f ds and moment = 12 int s f ds, with s from -1/2 to 1/2. They are computed by Gauss
-integration. Near zero rate the force has a sharp bend. The path is therefore divided where the rate
+integration. Near zero rate the force has a kink. The path is therefore divided where the rate
 changes its sign. On a part where the rate varies strongly, the integration variable is the cube
 root of the rate. The error is then about 1e-6 of the force. The dashpot dissipates energy for any
 integration error, because the weights and the product of force and rate are positive at each point.

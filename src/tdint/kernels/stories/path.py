@@ -131,13 +131,13 @@ def required_points(law_parameters, law_state, i, drift_change):
 
 
 @inline
-def _no_sharp_bend(law_parameters, law_state, i, block, side):
+def _no_kink(law_parameters, law_state, i, block, side):
     """Return infinity, the distance to a kink of the force, for laws without a function `kink`
     (`LawFunctions`)."""
     return math.inf
 
 
-_distance_to_bend = select_function("kink", case_with_5_arguments, _no_sharp_bend)
+_distance_to_kink = select_function("kink", case_with_5_arguments, _no_kink)
 
 
 @inline
@@ -770,13 +770,12 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
 # ---- Curved laws
 
 
-def dividing_at_bend(integrate):
+def dividing_at_kink(integrate):
     """Return a compiled function that integrates a curved law along a path without reversal, in two
     parts if the force has a kink on the path.
 
-    At a kink (sharp bend of the force), the tangent stiffness changes rapidly, and Gauss
-    integration over it would be inaccurate. The name "bend" in `_distance_to_bend` and in the name
-    of the function is the kink, not the coefficient of the parabola.
+    At a kink, the tangent stiffness changes rapidly, and Gauss integration over it would be
+    inaccurate.
 
     Parameters
     ----------
@@ -806,7 +805,7 @@ def dividing_at_bend(integrate):
         # Change of drift from the state in `previous` to the kink, m. This state is at
         # `start_drift`. Only for the difference quotient after a reversal, it differs by the shift
         # of the reversal (`_integrate_hysteretic`), which is negligible.
-        kink_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
+        kink_distance = _distance_to_kink(law_parameters, law_state, i, previous, side)
         if kink_distance < drift_change:
             count = required_points(law_parameters, law_state, i, kink_distance)
             t_end = min(
@@ -890,7 +889,7 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     return trial
 
 
-_integrate_divided = dividing_at_bend(_integrate)
+_integrate_divided = dividing_at_kink(_integrate)
 
 
 @outlined
