@@ -839,12 +839,11 @@ def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[s
     name = ":memory:" if file is None else str(file)
     with sqlite_errors_reported(name):
         store = Store(connect(name), name)
-    with schema.closed_on_failure(store.connection):
+    with schema.closed_on_failure(store.connection), sqlite_errors_reported(name):
         # `remarks` is None if the file is new or empty.
         remarks = check_same(store, identity) if _has_contents(store) else None
         if remarks is None:
-            with sqlite_errors_reported(name):
-                _create(store, identity)
+            _create(store, identity)
         elif removed_count := store.remove_invalid_chunks(identity):
             remarks.append(
                 f"{name}: {removed_count} chunks of runs are corrupt or incomplete; they are run "
