@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import sqlite3
+import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -319,6 +320,40 @@ def test_every_command_reads_a_store_anywhere_and_leaves_nothing(
     # Commands that may write to the directory remove the log of a killed process.
     if medium == "writable":
         assert names("out") <= before and not list(Path("out").glob("*-*"))
+
+
+@pytest.mark.parametrize("name", [FILE, LOCK])
+def test_a_journal_that_names_another_file_is_refused(
+    done: dict[str, bytes], tdint: Command, name: str
+) -> None:
+    """SQLite deletes the file that such a journal names, if it reverses its transaction."""
+    Path("victim").write_text("mine")
+    if name == LOCK:
+        shutil.copy(f"out/{FILE}", f"out/{LOCK}")
+    script = (
+        "import os, sqlite3\n"
+        f"connection = sqlite3.connect({f'out/{name}'!r}, isolation_level=None)\n"
+        "connection.execute('PRAGMA cache_size=1')\n"
+        "connection.execute('BEGIN')\n"
+        "connection.execute('CREATE TABLE large AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL '\n"
+        "    'SELECT i + 1 FROM n LIMIT 20000) SELECT i, hex(randomblob(20)) AS text FROM n')\n"
+        "os._exit(0)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
+    victim = str(Path("victim").absolute()).encode()
+    page = int.from_bytes(Path("out", name).read_bytes()[16:18], "big")
+    end = (
+        struct.pack(">I", 2**30 // page + 1) + victim + struct.pack(">II", len(victim), sum(victim))
+    )
+    with Path("out", f"{name}-journal").open("ab") as stream:
+        stream.write(end + bytes.fromhex("d9d505f920a163d7"))
+    lines = [["study.yaml", "-o", "out"], ["merge", "out", "-o", "out"]]
+    if name == FILE:
+        lines += [["status", "out"], ["export", "out"], ["merge", "out", "-o", "new"]]
+    for line in lines:
+        message = tdint("campaign", *line, code=6).stderr
+        assert f"{name}-journal was not written by tdint" in message
+        assert Path("victim").read_text() == "mine"
 
 
 def test_a_store_that_cannot_be_read_is_reported(

@@ -249,14 +249,31 @@ def _protect(connection: sqlite3.Connection) -> None:
     connection.execute("PRAGMA cell_size_check=ON")  # detects corrupt pages earlier
 
 
+_END_OF_LINKED_JOURNAL = bytes.fromhex("d9d505f920a163d7")
+"""Last bytes of a journal that names another journal, for transactions in several files."""
+
+
 def _refuse_special_files(name: str) -> None:
-    """Raise OutputError if a path is not a regular file. Opening a named pipe, for example, would
-    block."""
-    if name != ":memory:" and is_there(name) and not is_file(name):
+    """Raise OutputError if a path is not a regular file, or has a journal that tdint did not write.
+
+    Opening a named pipe, for example, would block. tdint changes one file in a transaction; from a
+    journal of several files, SQLite would delete a file of any name.
+    """
+    if name == ":memory:":
+        return
+    if is_there(name) and not is_file(name):
         raise OutputError(
             f"{name}: this path is not a regular file; remove it, or specify another directory "
             "with -o"
         )
+    journal = Path(os.path.realpath(name) + "-journal")
+    if is_there(journal) and not is_file(journal):
+        raise OutputError(f"{journal}: this path is not a regular file; remove it")
+    with suppress(OSError), journal.open("rb") as stream:  # usually there is no journal
+        length = len(_END_OF_LINKED_JOURNAL)
+        stream.seek(-min(length, journal.stat().st_size), os.SEEK_END)
+        if stream.read(length) == _END_OF_LINKED_JOURNAL:
+            raise UntrustedStoreError(name, f"{journal.name} was not written by tdint")
 
 
 def wait_for(
@@ -418,11 +435,7 @@ def locked(folder: Path) -> Iterator[None]:
         raise OutputError(
             f"{folder}: cannot create the directory: {error.strerror or error}"
         ) from None
-    # Opening a named pipe of this name would block.
-    if is_there(folder / LOCK) and not is_file(folder / LOCK):
-        raise OutputError(
-            f"{folder / LOCK}: this path is not a regular file; remove it, or write elsewhere"
-        )
+    _refuse_special_files(str(folder / LOCK))
     try:
         lock = _lock_file(folder)
     except _NoLocksError:
