@@ -407,3 +407,29 @@ def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, ad
         or (item["level"] == 1 and term.lower() in item["text"].lower())
     ]
     assert any(location.startswith(address) for location in found), found
+
+
+@pytest.mark.parametrize(
+    ("term", "section"),
+    [
+        ("P-delta", "p-delta"),
+        ("base shear", "ductility-residual-drift-base-shear"),
+        ("residual drift", "ductility-residual-drift-base-shear"),
+        ("ductility", "ductility-residual-drift-base-shear"),
+        ("units", "units-of-the-model-file"),
+        ("damping", "damping-and-dashpots"),
+        ("dashpot", "dashpots-and-braces"),
+        ("limits", "limits-and-performance-levels"),
+        ("isolator", "isolators"),
+    ],
+)
+@pytest.mark.long
+def test_the_search_lists_the_page_of_a_key_before_the_reference(site, term, section):
+    """The search ranks titles by the position of the term, then by the order of the pages."""
+    items = json.loads((site / "search.json").read_text("utf-8"))["items"]
+    positions = [
+        (item["title"].lower().replace("_", "-").find(term.lower()), number)
+        for number, item in enumerate(items)
+    ]
+    _, first = min(found for found in positions if found[0] >= 0)
+    assert items[first]["location"] == f"guide/own-building/#{section}"
