@@ -165,9 +165,12 @@ class Profiles:
     @cached_property
     def limits(self) -> SuiteLimits:
         """Comparison of the demands with the limits."""
+        from tdint.ground_motion.origin import MotionOrigin, matched_clause
         from tdint_cli.suite_limits import SuiteLimits
 
-        return SuiteLimits(self.profiles, self.request.limit)
+        origins = [MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values()]
+        records = self.store.connection.execute("SELECT count(*) FROM records").fetchone()[0]
+        return SuiteLimits(self.profiles, self.request.limit, matched_clause(origins, records))
 
     def _require_profiles(self, option: str) -> None:
         """Raise AnalysisError, with the option that needs them, if no demands are stored."""

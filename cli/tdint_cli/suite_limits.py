@@ -28,10 +28,13 @@ class SuiteLimits:
         Demands of each building and intensity level.
     limit : float, str or None
         Drift limit or performance level of the command line; None for the limits of the models.
+    matched : str
+        Clause on matched ground motions (`tdint.ground_motion.origin.matched_text`).
     """
 
     profiles: list[Profile]
     limit: float | str | None
+    matched: str = ""
 
     @cached_property
     def checks(self) -> list[tuple[Profile, Sequence[LimitCheck]]]:
@@ -65,7 +68,7 @@ class SuiteLimits:
             if not self.is_limited(profile):
                 continue
             lost = LostMotions(profile.collapsed + profile.failed, profile.runs)
-            verdicts = suite_verdicts(checks, lost, profile.pair_demand, units)
+            verdicts = suite_verdicts(checks, lost, profile.pair_demand, units, self.matched)
             # Without a completed run there are no demands: the limit counts as exceeded.
             if not profile.motions:
                 limit = self.limit

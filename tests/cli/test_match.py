@@ -1,11 +1,14 @@
 """`tdint match`: effects of its options."""
 
+import hashlib
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tdint as tdint_api
+from cli.test_report import page
 from csv_rows import rows
 
 CALL = ("match", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "-o", "m")
@@ -39,3 +42,89 @@ def test_the_range_of_periods(tdint):
         assert 0.5 * float(row["largest_misfit"]) < misfit <= 1.001 * float(row["largest_misfit"])
         found.append(row["factor"])
     assert found[0] != found[1]
+
+
+MODEL = """\
+name: one
+stories: [{mass: 100, height: 3, stiffness: 4.0e3}]
+damping: 5%
+analysis: {method: newmark-average}
+"""
+
+
+@pytest.mark.usefixtures("folder", "short_matching")
+@pytest.mark.long
+def test_a_matched_motion_keeps_its_origin_in_every_result(tdint):
+    """Seed, target, factor, change and misfit of the table of the match are in summary.json of a
+    run and of a suite, in reports, verdicts and notes; `rerun` reads them again."""
+    Path("one.yaml").write_text(MODEL)
+    tdint(*CALL, *TARGET, code=0)
+    (row,) = rows("m/matched.csv")
+    (entry,) = json.loads(Path("m/matched.json").read_text())["written_motions"]
+    file = Path("m") / entry["file"]
+    assert entry["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest()
+    for motion, out in ((str(file), "single"), ("m", "suite")):
+        call = ("run", "one.yaml", motion, "--limit", "2%", "--report", "p.html", "-o", out)
+        result = tdint(*call, code=0)
+        content = json.loads(Path(out, "summary.json").read_text())
+        origin = (content["record"] if out == "single" else content["records"][0])["origin"]
+        assert origin == entry["origin"]
+        assert (origin["seed"], origin["seed_component"]) == ("motion.mseed", "HNE")
+        assert origin["target"] == TARGET[1]
+        assert origin["change"] == pytest.approx(float(row["change"]), rel=1e-9)
+        assert origin["largest_misfit"] == pytest.approx(float(row["largest_misfit"]), rel=1e-9)
+        assert "m/matched.json" in [item["file"] for item in content["inputs"]]
+        factor = f"(seed factor {origin['factor']:.3g})"
+        verdict = f"1 ground motion, matched to {TARGET[1]} {factor}."
+        assert verdict in result.stderr
+        text = page("p.html").text
+        assert verdict in text and f"The ground motions are matched to {TARGET[1]}" in text
+        assert "motion.mseed HNE" in text
+        if out == "single":
+            assert f"note: matched to {TARGET[1]}: seed motion.mseed HNE times" in result.stderr
+        tdint("rerun", out, code=0)
+        Path("p.html").unlink()
+
+
+@pytest.mark.usefixtures("folder", "short_matching")
+@pytest.mark.long
+def test_an_edited_or_moved_motion_has_no_origin(tdint):
+    """The origin belongs to the content of the file, and to the directory with the JSON file."""
+    Path("one.yaml").write_text(MODEL)
+    tdint(*CALL, *TARGET, "--format", "csv", code=0)
+    file = next(path for path in Path("m").glob("*.csv") if path.name != "matched.csv")
+    record = tdint_api.read_record(str(file), units="m/s^2")
+    assert record.origin.target == TARGET[1] and record.processing == record.origin.processing
+    Path("moved.csv").write_bytes(file.read_bytes())
+    assert tdint_api.read_record("moved.csv", units="m/s^2").origin is None
+    file.write_text(file.read_text() + "\n")
+    assert tdint_api.read_record(str(file), units="m/s^2").origin is None
+    # A JSON file of another program is ignored.
+    for text in ("[]", "{", '{"written_motions": [{"sha256": 1}]}', "\0"):
+        Path("moved.json").write_text(text)
+        assert tdint_api.read_record("moved.csv", units="m/s^2").origin is None
+
+
+@pytest.mark.usefixtures("folder", "short_matching")
+@pytest.mark.long
+def test_processing_of_an_exported_motion_is_stated_by_the_commands_that_read_it(tdint):
+    """A matched motion that is processed and exported keeps its target."""
+    call = ("motion.mseed", "--units", "m/s^2", "--highpass", "0.2")
+    tdint("info", *call, "--export", "p.mseed", code=0)
+    records = [
+        tdint_api.read_record("p.mseed", component=component)
+        for component in sorted({item["exported_as"] for item in exported("p.json")})
+    ]
+    for record in records:
+        assert record.origin.target == "" and "0.2 Hz" in record.processing[0]
+        assert record.origin.seed == "motion.mseed"
+        assert record.processing[0] in record.notes
+    tdint(*CALL, *TARGET, code=0)
+    tdint("info", "m", "--lowpass", "20", "--export", "q.csv", code=0)
+    record = tdint_api.read_record("q.csv")
+    assert record.origin.target == TARGET[1] and record.origin.seed == "motion.mseed"
+    assert len(record.processing) == 2 and "20 Hz" in record.processing[1]
+
+
+def exported(file):
+    return json.loads(Path(file).read_text())["records"]

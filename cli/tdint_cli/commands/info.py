@@ -172,6 +172,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     different sampling intervals for a MiniSEED file.
     """
     from tdint.ground_motion.measures import channels_of
+    from tdint.ground_motion.origin import WRITTEN, origin_after, written_motion
     from tdint.ground_motion.record import to_mseed
     from tdint.output.summary import in_units, json_bytes, table_summary
 
@@ -181,7 +182,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     file, json_file = _exported_files(request)
     motions = [record for product in products for record in product.exported]
     summaries = [dict(summary) for product in products for summary in product.records]
-    units, notes = SI, tuple[str, ...]()
+    units, notes, ids = SI, tuple[str, ...](), list[str]()
     table = tables.spectra.ground_table(motions[0])
     if file.suffix.lower() == _MSEED:
         if len({record.dt for record in motions}) > 1:
@@ -196,6 +197,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
         channels_per_motion = len(channels) // len(motions)
         for summary, channel in zip(summaries, channels[::channels_per_motion], strict=True):
             summary["exported_as"] = channel.id
+            ids.append(channel.id)
     elif len(motions) > 1:
         raise UsageError(
             f"--export {request.export[:60]}: a CSV file can contain one component, got "
@@ -205,9 +207,15 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     else:
         units = request.outputs.shown_units
         content = table.in_units(units).csv()
+        ids.append("")
     # The descriptions of the columns are already in the output units.
     columns = {"columns": table.in_units(units).meanings}
     summary = in_units(table_summary("info", request.settings, summaries, {}), units) | columns
+    # A command that reads the file states how the motion was made.
+    summary[WRITTEN] = [
+        written_motion(file.name, content, id, origin_after(motion))
+        for id, motion in zip(ids, motions, strict=True)
+    ]
     write_files(
         {file: content, json_file: json_bytes(summary)}, overwrite=request.outputs.overwrite
     )

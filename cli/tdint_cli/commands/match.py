@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from tdint_cli.terminal import Failures, Progress, note, progress_bar, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.matching import Match
     from tdint.analysis.spectra.target import TargetSpectrum
+    from tdint.ground_motion.origin import MotionOrigin
     from tdint.ground_motion.reading.suites import GroundMotion
     from tdint.ground_motion.record import Record
     from tdint.output.tables.table import Table
@@ -132,6 +134,7 @@ def command(request: MatchRequest) -> None:
     """
     from tdint.analysis.matching import match_suite
     from tdint.analysis.spectra.target import read_targets
+    from tdint.ground_motion.origin import written_motion
     from tdint.output.motion_files import motion_contents, motion_file_names
 
     # A missing option or an existing output file must not be detected after a long computation.
@@ -162,11 +165,15 @@ def command(request: MatchRequest) -> None:
 
     contents, notes = motion_contents([matched.record for matched in matches], request.format)
     write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)
+    written = [
+        written_motion(file.name, content, "", origin)
+        for file, content, origin in zip(files, contents, _origins(request, matches), strict=True)
+    ]
     note(*notes)
     outputs.deliver(
         table,
         lambda: figures.comparison.match_picture(matches[0]),
-        lambda: _summary(request, suite.records, files, table),
+        lambda: _summary(request, suite.records, written, table),
     )
     _report(request, matches, targets)
     above_max_misfit = [
@@ -183,13 +190,40 @@ def command(request: MatchRequest) -> None:
         )
 
 
+def _origins(request: MatchRequest, matches: Sequence[Match]) -> list[MotionOrigin]:
+    """Return the origin of each component of the matched motions, with the warnings about it.
+
+    The warnings omit their subject, because they are reported with the file of the component.
+    """
+    origins = []
+    for matched in matches:
+        warnings = [
+            text
+            for spectrum in matched.by_damping
+            for text in _misfit_warning(spectrum, request.max_misfit)
+        ]
+        warnings += _change_warnings(matched)
+        texts = [text.partition(": ")[2] for text in warnings]
+        for part in matched.parts:
+            # The change and the misfits of a pair are those of both components together.
+            origin = part.origin()
+            pair = matched.origin(texts)
+            origins.append(replace(pair, seed=origin.seed, seed_component=origin.seed_component))
+    return origins
+
+
 def _summary(
-    request: MatchRequest, records: Sequence[Record], files: Sequence[Path], table: Table
+    request: MatchRequest,
+    records: Sequence[Record],
+    written: Sequence[Mapping[str, Any]],
+    table: Table,
 ) -> dict[str, Any]:
     """Return the content of the JSON file of a match: settings, records and written files.
 
-    `records` contains the records before scaling and matching.
+    `records` contains the records before scaling and matching; `written` contains the entries of
+    the written files with their origins.
     """
+    from tdint.ground_motion.origin import WRITTEN
     from tdint.output.summary import record_summary, table_summary
 
     settings: dict[str, Any] = {
@@ -203,7 +237,8 @@ def _summary(
     }
     seeds = list(map(record_summary, records))
     return table_summary("match", settings, seeds, table.meanings) | {
-        "motions": [file.name for file in files]
+        "motions": [entry["file"] for entry in written],
+        WRITTEN: list(written),
     }
 
 

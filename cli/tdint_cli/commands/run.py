@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_disk_space, is_folder, is_there, write_files
+from tdint.ground_motion.origin import matched_text
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
@@ -298,7 +299,8 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
         return []
     from tdint.output.verdicts import run_verdicts
 
-    return run_verdicts(response.limit_checks(limit), response.status, units)
+    matched = matched_text([response.record] if response.record else [])
+    return run_verdicts(response.limit_checks(limit), response.status, units, matched)
 
 
 def _respond(case: Case, events: list[Record], request: Request) -> Response:

@@ -31,6 +31,7 @@ from tdint.analysis.spectra.target import TargetSpectrum, read_targets, source_o
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
+from tdint.ground_motion.origin import MotionOrigin
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
 from tdint.tabular import Progress, Tabular, progress_reporter
@@ -124,6 +125,21 @@ class Match(Tabular):
         component_pairs = zip(components(self.record), components(self.seed), strict=True)
         return tuple(
             replace(self, record=record, seed=seed, further=()) for record, seed in component_pairs
+        )
+
+    def origin(self, warnings: Sequence[str] = ()) -> MotionOrigin:
+        """Return the origin of the matched motion (of a pair: of its first component) for the file
+        to which it is written, with the warnings about the match."""
+        return MotionOrigin(
+            seed=components(self.seed)[0].source,
+            seed_component=components(self.seed)[0].component,
+            processing=self.after.processing,
+            target=source_of([match.target for match in self.by_damping]),
+            factor=self.factor,
+            change=self.change,
+            largest_misfit=max(match.largest_misfit for match in self.by_damping),
+            mean_misfit=float(np.mean([match.mean_misfit for match in self.by_damping])),
+            warnings=tuple(warnings),
         )
 
     @property

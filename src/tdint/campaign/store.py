@@ -292,6 +292,9 @@ def all_differences(
 FILE = "campaign.sqlite"
 """File name of the store in the directory of a campaign."""
 
+_ORIGINS = "origins"
+"""Key of the origins of motions in the table `meta`."""
+
 _SETTING = "setting "  # prefix of the keys of settings in the table `meta`
 
 
@@ -342,6 +345,13 @@ class Store:
         query = "SELECT value FROM meta WHERE key = ?"
         (value,) = self.connection.execute(query, (key,)).fetchone()
         return str(value)
+
+    def origins(self) -> dict[str, dict[str, Any]]:
+        """Return the origins of the motions that tdint wrote, by the number of the motion; empty
+        without such motions."""
+        query = "SELECT value FROM meta WHERE key = ?"
+        row = self.connection.execute(query, (_ORIGINS,)).fetchone()
+        return dict(json.loads(row[0])) if row else {}
 
     def settings(self) -> dict[str, str]:
         """Return the settings that apply to all runs: their values as JSON texts, by name."""
@@ -1026,6 +1036,15 @@ def _create(store: Store, identity: Identity) -> None:
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
     if identity.code:
         metadata["code"] = json.dumps(identity.code)
+    # Few campaigns have motions that tdint wrote. Their origins are the values of a dictionary, in
+    # which the keys are the numbers of the motions.
+    origins = {
+        number: {"origin": motion.record.origin.summary}
+        for number, motion in enumerate(identity.motions)
+        if motion.record.origin
+    }
+    if origins:
+        metadata[_ORIGINS] = json.dumps(origins)
     # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
     # these buildings, so do not query each building.
     buildings = identity.buildings

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import OutputError, RecordError, UsageError
+from tdint.ground_motion.origin import MotionOrigin
 from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY
@@ -109,6 +110,9 @@ class Record(Tabular):
     event : str
         Earthquake named in the file, with its date if the file states it separately; empty if the
         file does not name an earthquake.
+    origin : MotionOrigin or None
+        Seed, target and changes of a motion that `tdint match` or `tdint info --export` wrote;
+        None for other files.
     """
 
     acceleration: NDArray[np.float64]
@@ -128,6 +132,7 @@ class Record(Tabular):
     scale: float = 1.0
     peaks: tuple[float | None, float | None] = (None, None)
     event: str = ""
+    origin: MotionOrigin | None = None
 
     def _headline(self) -> str:
         """Return the first line of the text that represents the record: name, number of samples,

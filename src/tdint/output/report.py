@@ -20,6 +20,7 @@ from tdint.campaign.pairs import PairRule, describe_demand
 from tdint.campaign.scaling import Scaling
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
+from tdint.ground_motion.origin import matched_text
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
@@ -33,7 +34,7 @@ from tdint.output.summary import campaign_summary
 from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
 from tdint.output.tables.responses import ELEMENT_COLUMNS, element_table, story_table
-from tdint.output.tables.spectra import motion_table
+from tdint.output.tables.spectra import match_origin_table, motion_table
 from tdint.output.tables.table import TEXT, Cell, Table, error_percent
 from tdint.units import SI, OutputUnits, suffix
 
@@ -853,6 +854,16 @@ def motion_chapter(
         if len(levels) > 1:
             parts.append(f"Level {number} of {len(levels)}{scaling}:")
         parts.append(motion_table(records, component_names(records)).in_units(units))
+        if matched := matched_text(records):
+            parts.append(f"The ground motions are {matched}:")
+            parts.append(match_origin_table(records, component_names(records)))
+            warnings = [
+                f"{record.name}: {text}"
+                for record in records
+                for text in (record.origin.warnings if record.origin else ())
+            ]
+            if warnings:
+                parts += ["Warnings of the match:", once(warnings)]
         # A figure of more spectra would be a gray area.
         if len(records) <= _MAX_MOTIONS and not drawn:
             grid = np.geomspace(SPECTRUM_PERIODS[0], SPECTRUM_PERIODS[1], int(SPECTRUM_PERIODS[2]))

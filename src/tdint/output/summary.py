@@ -108,6 +108,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "ORDER BY id"
     )
     keys = ("file", "component", "direction", "dt_s", "samples", "pga_m_s2", "pgv_m_s", "sha256")
+    origins = store.origins()
     buildings = store.connection.execute("SELECT count(*) FROM buildings").fetchone()[0]
     return {
         "schema": schema("campaign"),
@@ -116,7 +117,10 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "settings": store.parameters(),
         "buildings": buildings,
         "inputs": [{"file": file, "sha256": digest} for file, digest in store.files().items()],
-        "records": [dict(zip(keys, row, strict=True)) for row in records],
+        "records": [
+            {**dict(zip(keys, row, strict=True)), **origins.get(str(number), {})}
+            for number, row in enumerate(records)
+        ],
         "runs": {
             "all": int(store.meta("runs")),
             "done": sum(statuses.values()),
@@ -260,6 +264,7 @@ def motion_summary(record: Record) -> dict[str, Any]:
         "scale": record.scale,
         "processing": list(record.processing),
         "warnings": list(record.warnings),
+        **({"origin": record.origin.summary} if record.origin else {}),
         "compared_with_file": list(record.header_checks)
         or ["no comparison: the file states no value that can be computed from its samples"],
     }

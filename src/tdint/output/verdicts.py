@@ -32,7 +32,9 @@ class Verdict(NamedTuple):
     single_limit: bool = False
 
 
-def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) -> list[Verdict]:
+def run_verdicts(
+    checks: Sequence[LimitCheck], status: str, units: OutputUnits, matched: str = ""
+) -> list[Verdict]:
     """Return the result of the comparison of a run with its limits.
 
     There is a result for each performance level.
@@ -43,8 +45,11 @@ def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) 
         Comparisons of the demands of the run with the limits.
     status : str
         Status of the run; a collapsed building does not meet any limit.
+    matched : str
+        Clause on a matched ground motion (`matched_text`); empty for a recorded motion.
     """
     verdicts = []
+    motion_text = f" 1 ground motion, {matched}." if matched else ""
     status_text = "" if status == "done" else f", status {status}"
     for level, level_checks in by_level(checks).items():
         met = all(check.within for check in level_checks)
@@ -57,7 +62,7 @@ def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) 
             )
         else:
             text = _sentence(level, level_checks, units, met=met, lost=status_text, mean=False)
-        verdicts.append(Verdict(met, text, has_single_limit))
+        verdicts.append(Verdict(met, text + motion_text, has_single_limit))
     return verdicts
 
 
@@ -84,7 +89,11 @@ class LostMotions(NamedTuple):
 
 
 def suite_verdicts(
-    checks: Sequence[LimitCheck], lost: LostMotions, pair_demand: str, units: OutputUnits
+    checks: Sequence[LimitCheck],
+    lost: LostMotions,
+    pair_demand: str,
+    units: OutputUnits,
+    matched: str = "",
 ) -> list[Verdict]:
     """Return the result of the comparison of a suite with its limits at a single intensity level.
 
@@ -96,9 +105,13 @@ def suite_verdicts(
         Comparisons of the mean demands over the ground motions with the limits.
     pair_demand : str
         Rule that combines the components of pairs; empty without pairs.
+    matched : str
+        Clause on matched ground motions (`matched_text`); empty for recorded motions.
     """
     verdicts = []
     pair_text = f" Demand of pairs: {pair_demand}." if pair_demand else ""
+    if matched:
+        pair_text += f" {pluralize(lost.motions, 'ground motion')}, {matched}."
     for level, level_checks in by_level(checks).items():
         met = all(check.within for check in level_checks)
         has_single_limit = _is_drift_alone(level_checks)

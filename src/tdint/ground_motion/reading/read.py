@@ -19,6 +19,7 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
+from tdint.ground_motion.origin import origin_of
 from tdint.ground_motion.reading.contents import (
     Contents,
     read_all_contents,
@@ -460,11 +461,22 @@ def _read_components(
     records = []
     for channel, trace in components:
         record = _to_record(channel, trace, specified, instruments)
+        inputs = [input_file]
         # The inventory is an input of a record only if its response was used.
         if instruments is not None and record.units_from == "inventory":
-            records.append(replace(record, inputs=(input_file, instruments.input)))
-        else:
-            records.append(replace(record, inputs=(input_file,)))
+            inputs.append(instruments.input)
+        if found := origin_of(input_file, channel.id):
+            origin, origin_file = found
+            inputs.append(origin_file)
+            # A matched motion has a note of its own, which contains its target.
+            steps = origin.processing if not origin.target else (origin.text,)
+            record = replace(
+                record,
+                origin=origin,
+                processing=origin.processing,
+                notes=(*record.notes, *steps),
+            )
+        records.append(replace(record, inputs=tuple(inputs)))
     return tuple(records)
 
 

@@ -24,12 +24,13 @@ from tdint.ground_motion.horizontals import (
     with_component,
 )
 from tdint.ground_motion.measures import baseline_notes_of_suite
+from tdint.ground_motion.origin import matched_text
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import is_record, record_formats
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
-from tdint.number_parsing import abbreviate
+from tdint.number_parsing import abbreviate, pluralize
 
 _MAX_NAMES = 10  # maximum number of names in a message
 
@@ -209,12 +210,16 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
         if pairs
         else read_components(sources.files, choice)
     )
+    matched = matched_text(suite.records)
+    if warned := sum(bool(record.origin and record.origin.warnings) for record in suite.records):
+        matched += f"; {pluralize(warned, 'component')} with warnings of the match"
     return Suite(
         suite.motions,
         (*sources.failures, *suite.failures),
         (
             *sources.notes,
             *suite.notes,
+            *([f"the ground motions are {matched}"] if matched else ()),
             *_duplicate_notes(suite.records),
             *baseline_notes_of_suite(suite.records),
         ),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.analysis.spectra.target import SpectrumDifference
+    from tdint.ground_motion.origin import MotionOrigin
 
 
 INFO = (
@@ -483,6 +486,53 @@ def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
         (record.source, component) for record, component in zip(records, components, strict=True)
     ]
     return Table.of_results(MOTION, records, heads)
+
+
+def _percent(name: str) -> Callable[[Record], float]:
+    """Return a function that returns a value of the origin of a record in percent."""
+    return lambda record: 100.0 * float(getattr(record.origin, name))
+
+
+_MATCH_ORIGIN = (
+    *RECORD_COLUMNS,
+    Column("seed", "text", lambda record: _seed(record.origin), "file and component of the seed"),
+    Column("seed_factor", "1", "origin.factor", "scale factor of the seed"),
+    Column(
+        "change",
+        "%",
+        _percent("change"),
+        "root mean square of the change over that of the scaled seed",
+    ),
+    Column(
+        "largest_misfit",
+        "%",
+        _percent("largest_misfit"),
+        "maximum misfit of the spectrum to the target",
+    ),
+    Column(
+        "mean_misfit", "%", _percent("mean_misfit"), "mean misfit of the spectrum to the target"
+    ),
+)
+"""Columns of the origins of matched motions in a report."""
+
+
+def _seed(origin: MotionOrigin) -> str:
+    """Return file name and component of the seed of a matched motion."""
+    return f"{Path(origin.seed).name} {origin.seed_component}".rstrip()
+
+
+def match_origin_table(records: Sequence[Record], components: Sequence[str]) -> Table:
+    """Return the table of seeds, factors, changes and misfits of the matched motions among some
+    records; `components` are the names of their components."""
+    heads = [
+        (record.source, component) for record, component in zip(records, components, strict=True)
+    ]
+    is_matched = [bool(record.origin and record.origin.target) for record in records]
+    return Table.of_results(
+        _MATCH_ORIGIN,
+        list(itertools.compress(records, is_matched)),
+        list(itertools.compress(heads, is_matched)),
+    )
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:

@@ -1,0 +1,213 @@
+"""Origin of ground motions that tdint wrote: seed, factor, target and changes.
+
+`tdint match` and `tdint info --export` write the origins to the JSON file next to the motions. A
+motion is recognized by its SHA-256, so that an edited or replaced file has no origin.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import RecordError
+from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
+from tdint.number_parsing import number_text, pluralize
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.record import Input, Record
+
+MATCHED = "matched"
+"""Name of the files with table and JSON of matched motions, without suffix."""
+
+WRITTEN = "written_motions"
+"""Key of the JSON file with one entry for each component: file, SHA-256, id and origin."""
+
+
+@dataclass(frozen=True)
+class MotionOrigin:
+    """Origin of a component of a ground motion that tdint wrote.
+
+    Attributes
+    ----------
+    seed, seed_component : str
+        File and component of the record from which the motion was made.
+    processing : tuple of str
+        Steps of processing, one sentence each.
+    target : str
+        Target spectrum of a matched motion; empty for a motion that was only processed.
+    factor : float
+        Scale factor of the seed.
+    change : float
+        Root mean square of the change by matching relative to the scaled seed; nan without
+        matching.
+    largest_misfit, mean_misfit : float
+        Maximum and mean absolute misfit of the spectrum to the target at all damping ratios; nan
+        without matching.
+    warnings : tuple of str
+        Warnings about the matched motion: a large misfit or change, a doubtful baseline.
+    """
+
+    seed: str
+    seed_component: str = ""
+    processing: tuple[str, ...] = ()
+    target: str = ""
+    factor: float = 1.0
+    change: float = math.nan
+    largest_misfit: float = math.nan
+    mean_misfit: float = math.nan
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Content of the origin in a JSON file; numbers that do not apply are omitted."""
+        content: dict[str, Any] = {"seed": self.seed, "seed_component": self.seed_component}
+        content |= {"factor": self.factor, "processing": list(self.processing)}
+        if self.target:
+            content |= {
+                "target": self.target,
+                "change": self.change,
+                "largest_misfit": self.largest_misfit,
+                "mean_misfit": self.mean_misfit,
+                "warnings": list(self.warnings),
+            }
+        return content
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> MotionOrigin:
+        """Return the origin from the content of a JSON file (`summary`).
+
+        Raises
+        ------
+        LookupError, TypeError, ValueError
+            The content was not written by tdint.
+        """
+        return cls(
+            seed=str(content["seed"]),
+            seed_component=str(content["seed_component"]),
+            processing=tuple(map(str, content["processing"])),
+            target=str(content.get("target", "")),
+            factor=float(content["factor"]),
+            **{
+                name: float(content.get(name, math.nan))
+                for name in ("change", "largest_misfit", "mean_misfit")
+            },
+            warnings=tuple(map(str, content.get("warnings", ()))),
+        )
+
+    @property
+    def text(self) -> str:
+        """Description of a matched motion for a note; empty for a motion that was only
+        processed."""
+        if not self.target:
+            return ""
+        seed = f"{self.seed} {self.seed_component}".rstrip()
+        warnings = f"; warnings of the match: {'; '.join(self.warnings)}" if self.warnings else ""
+        return (
+            f"matched to {self.target}: seed {seed} times {self.factor:.3g}, change "
+            f"{100.0 * self.change:.2g} % of the scaled seed (root mean square), largest misfit "
+            f"{100.0 * self.largest_misfit:.2g} %{warnings}"
+        )
+
+
+def written_motion(file: str, content: bytes, id: str, origin: MotionOrigin) -> dict[str, Any]:
+    """Return the entry of a component for the list `WRITTEN` of a JSON file.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file.
+    content : bytes
+        Content of the file, for its SHA-256.
+    id : str
+        Network, station, location and channel of the component; needed if the file has several
+        components.
+    """
+    from hashlib import sha256
+
+    digest = sha256(content).hexdigest()
+    return {"file": file, "sha256": digest, "id": id, "origin": origin.summary}
+
+
+def origin_after(record: Record) -> MotionOrigin:
+    """Return the origin of a record that is written to a file after its processing.
+
+    A matched motion that is processed further keeps its seed and target.
+    """
+    first = record.origin or MotionOrigin(record.source, record.component)
+    return replace(first, processing=record.processing)
+
+
+def origin_of(file: Input, id: str) -> tuple[MotionOrigin, Input] | None:
+    """Return the origin of a component of a file, and the JSON file that states it.
+
+    The JSON file is `matched.json` in the directory of the file, or has the name of the file with
+    the suffix `.json`.
+
+    Parameters
+    ----------
+    file : Input
+        File of the motion with its SHA-256.
+    id : str
+        Network, station, location and channel of the component, joined by dots.
+
+    Returns
+    -------
+    tuple of (MotionOrigin, Input), or None
+        None if no JSON file states the origin of this content.
+    """
+    path = Path(file.file)
+    for sidecar in (path.parent / f"{MATCHED}.json", path.with_suffix(".json")):
+        if sidecar == path or not is_file(sidecar):
+            continue
+        # A file that is not a JSON file of tdint belongs to the user and is not an error.
+        with suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
+            # Imported here, because few motions have such a file.
+            import json
+
+            data = read_at_most(sidecar, MOST_BYTES, RecordError)
+            entries = [
+                entry for entry in json.loads(data)[WRITTEN] if entry["sha256"] == file.sha256
+            ]
+            if len(entries) > 1:
+                entries = [entry for entry in entries if entry["id"] == id]
+            if entries:
+                from hashlib import sha256
+
+                from tdint.ground_motion.record import Input
+
+                origin = MotionOrigin.of(entries[0]["origin"])
+                # The spelling of the user is kept, for example a leading "./".
+                name = os.path.join(os.path.dirname(file.file), sidecar.name)  # noqa: PTH118, PTH120
+                record_digest(name, data)
+                return origin, Input(name, sha256(data).hexdigest())
+    return None
+
+
+def matched_text(records: Iterable[Record]) -> str:
+    """Return a clause on the matched motions among the components of a suite; empty without them.
+
+    For example `matched to ec8:... (seed factors 0.42 to 4.7)`.
+    """
+    components = list(records)
+    return matched_clause([record.origin for record in components], len(components))
+
+
+def matched_clause(origins_of_records: Iterable[MotionOrigin | None], count: int) -> str:
+    """Return the clause of `matched_text` from the origins of `count` components."""
+    origins = [origin for origin in origins_of_records if origin and origin.target]
+    if not origins:
+        return ""
+    targets = list(dict.fromkeys(origin.target for origin in origins))
+    target = targets[0] if len(targets) == 1 else pluralize(len(targets), "target")
+    factors = sorted(origin.factor for origin in origins)
+    low, high = (number_text(factor, 3) for factor in (factors[0], factors[-1]))
+    factor_text = f"seed factor {low}" if low == high else f"seed factors {low} to {high}"
+    share = ""
+    if len(origins) < count:
+        share = f"{len(origins)} of {pluralize(count, 'component')} "
+    return f"{share}matched to {target} ({factor_text})"
