@@ -301,7 +301,14 @@ def _exact(example: Example, dt: float, reference: str) -> str:
 
 def _report_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
     """Report an example: its reference solutions, the ranking of the methods, and a remark."""
-    from tdint.analysis.assessment.paper_examples import EXACT, exact_steps, gap
+    from tdint.analysis.assessment.paper_examples import (
+        EQUAL_ERRORS,
+        EXACT,
+        NORMS,
+        exact_steps,
+        gap,
+        ordered_methods,
+    )
 
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")
@@ -317,13 +324,39 @@ def _report_example(example: Example, runs: list[ExampleRun], reference: str, re
         f"{_exact(example, dt, 'finer')}; {_CHECK_METHOD} with the same time step differs from the "
         f"latter by {check_gap:.1e} m."
     )
+    floors = runs[0].motion.displacement.shape[1]
+    over = "all time steps" if floors == 1 else f"all {floors} floors and time steps"
     say(
-        f"Maximum displacement errors with dt {dt:g} s, relative to "
+        f"Displacement errors with dt {dt:g} s over {over}, m, relative to "
         f"{_exact(example, dt, reference)}:"
     )
-    errors = [(run.error("displacement", reference), run) for run in runs if run.outcome == "done"]
-    ranked = sorted(errors, key=lambda error_and_run: error_and_run[0])
-    say_table([(f"  {error:.2e} m", run.method, run.variant) for error, run in ranked])
+    # The paper shows the error of one floor, which may be small where others are large.
+    (drawn_floor,) = (figure.floor for figure in example.figures if figure.is_error)
+    norms: list[tuple[str, str, int | None]] = [(norm, norm, None) for norm in NORMS]
+    if floors > 1:
+        norms.append((f"maximum, floor {drawn_floor}", "maximum", drawn_floor))
+    completed = sorted(
+        (run for run in runs if run.outcome == "done"),
+        key=lambda run: run.error("displacement", reference),
+    )
+    rows = [
+        [
+            *(
+                f"{run.error('displacement', reference, norm, floor):.2e}"
+                for _, norm, floor in norms
+            ),
+            run.method,
+            run.variant,
+        ]
+        for run in completed
+    ]
+    head = [*(name for name, _, _ in norms), "method", ""]
+    say_table([[f"  {row[0]}", *row[1:]] for row in (head, *rows)])
+    if len(completed) > 1:
+        say(f"Order by error, = within {100.0 * EQUAL_ERRORS:g} %:")
+        for name, norm, floor in norms:
+            groups = ordered_methods(runs, reference, norm, floor)
+            say(f"  {name}: {' < '.join(' = '.join(group) for group in groups)}")
     for run in runs:
         if run.outcome != "done":
             say(f"  {run.method} has no result: {run.outcome}")

@@ -296,7 +296,14 @@ def _example_errors(reference: str, description: str, prefix: str = "") -> tuple
         name = f"{prefix}{quantity}{suffix(unit)}_error"
         return Column(name, unit, lambda run: run.error(quantity, reference), meaning)
 
-    return tuple(map(column, ("displacement", "velocity", "acceleration"), ("m", "m/s", "m/s^2")))
+    def norm_column(norm: str) -> Column:
+        """Return the column of another norm of the displacement error."""
+        meaning = f"{norm} error of the displacement over all floors, relative to {description}"
+        name = f"{prefix}displacement_{norm}_m_error"
+        return Column(name, "m", lambda run: run.error("displacement", reference, norm), meaning)
+
+    maxima = map(column, ("displacement", "velocity", "acceleration"), ("m", "m/s", "m/s^2"))
+    return (*maxima, norm_column("rms"), norm_column("mean"))
 
 
 EXAMPLE = (
@@ -322,7 +329,8 @@ def rank(rank_of: Callable[[Any], int | None]) -> Column:
         "rank",
         "1",
         rank_of,
-        "rank of the method by the displacement error (relative to --reference), from 1",
+        "rank of the method by the maximum displacement error (relative to --reference), from 1; "
+        "methods with equal errors (within 5 %) have the same rank",
     )
 
 
@@ -393,19 +401,21 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
     Methods are ranked by the displacement error relative to `reference`, a key of
     `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
+    # Imported here, because most commands do not need the examples.
+    from tdint.analysis.assessment.paper_examples import ordered_methods
 
-    def rank_of(ranked: ExampleRun) -> int | None:
-        """Return the rank of a run among the runs of the same example with the same time step; None
-        for a variant and for a failed run."""
-        error = ranked.error("displacement", reference)
-        if ranked.variant or math.isnan(error):
-            return None
-        smaller_errors = 0
-        for run in runs:
-            # A run with a variant is not ranked and does not count; nan is never smaller.
-            is_compared = (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")
-            smaller_errors += is_compared and run.error("displacement", reference) < error
-        return 1 + smaller_errors
+    # Ranks by example, time step and method. Methods with equal errors share the smallest rank.
+    ranks: dict[tuple[int, float, str], int] = {}
+    for example, dt in dict.fromkeys((run.example, run.dt) for run in runs):
+        compared = [run for run in runs if (run.example, run.dt) == (example, dt)]
+        first_rank = 1
+        for group in ordered_methods(compared, reference, "maximum"):
+            ranks |= {(example, dt, method): first_rank for method in group}
+            first_rank += len(group)
+
+    def rank_of(run: ExampleRun) -> int | None:
+        """Return the rank of a run; None for a variant and for a failed run."""
+        return None if run.variant else ranks.get((run.example, run.dt, run.method))
 
     return Table.of_results((*EXAMPLE, rank(rank_of), OUTCOME), runs)
 
