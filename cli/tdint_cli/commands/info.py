@@ -172,7 +172,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     different sampling intervals for a MiniSEED file.
     """
     from tdint.ground_motion.measures import channels_of
-    from tdint.ground_motion.origin import WRITTEN, origin_after, written_motion
+    from tdint.ground_motion.origin import WRITTEN, written_motion
     from tdint.ground_motion.record import to_mseed
     from tdint.output.summary import in_units, json_bytes, table_summary
 
@@ -213,7 +213,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     summary = in_units(table_summary("info", request.settings, summaries, {}), units) | columns
     # A command that reads the file states how the motion was made.
     summary[WRITTEN] = [
-        written_motion(file.name, content, id, origin_after(motion))
+        written_motion(file.name, content, id, motion.written_origin)
         for id, motion in zip(ids, motions, strict=True)
     ]
     write_files(

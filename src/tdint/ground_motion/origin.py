@@ -10,16 +10,13 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
 from tdint.number_parsing import number_text, pluralize
-
-if TYPE_CHECKING:
-    from tdint.ground_motion.record import Input, Record
 
 MATCHED = "matched"
 """Name of the files with table and JSON of matched motions, without suffix."""
@@ -133,16 +130,7 @@ def written_motion(file: str, content: bytes, id: str, origin: MotionOrigin) -> 
     return {"file": file, "sha256": digest, "id": id, "origin": origin.summary}
 
 
-def origin_after(record: Record) -> MotionOrigin:
-    """Return the origin of a record that is written to a file after its processing.
-
-    A matched motion that is processed further keeps its seed and target.
-    """
-    first = record.origin or MotionOrigin(record.source, record.component)
-    return replace(first, processing=record.processing)
-
-
-def origin_of(file: Input, id: str) -> tuple[MotionOrigin, Input] | None:
+def origin_of(file: str, digest: str, id: str) -> tuple[MotionOrigin, str, str] | None:
     """Return the origin of a component of a file, and the JSON file that states it.
 
     The JSON file is `matched.json` in the directory of the file, or has the name of the file with
@@ -150,17 +138,20 @@ def origin_of(file: Input, id: str) -> tuple[MotionOrigin, Input] | None:
 
     Parameters
     ----------
-    file : Input
-        File of the motion with its SHA-256.
+    file : str
+        File of the motion.
+    digest : str
+        SHA-256 of the file.
     id : str
         Network, station, location and channel of the component, joined by dots.
 
     Returns
     -------
-    tuple of (MotionOrigin, Input), or None
-        None if no JSON file states the origin of this content.
+    tuple of (MotionOrigin, str, str), or None
+        Origin; name and SHA-256 of the JSON file. None if no JSON file states the origin of this
+        content.
     """
-    path = Path(file.file)
+    path = Path(file)
     for sidecar in (path.parent / f"{MATCHED}.json", path.with_suffix(".json")):
         if sidecar == path or not is_file(sidecar):
             continue
@@ -170,25 +161,33 @@ def origin_of(file: Input, id: str) -> tuple[MotionOrigin, Input] | None:
             import json
 
             data = read_at_most(sidecar, MOST_BYTES, RecordError)
-            entries = [
-                entry for entry in json.loads(data)[WRITTEN] if entry["sha256"] == file.sha256
-            ]
+            entries = [entry for entry in json.loads(data)[WRITTEN] if entry["sha256"] == digest]
             if len(entries) > 1:
                 entries = [entry for entry in entries if entry["id"] == id]
             if entries:
                 from hashlib import sha256
 
-                from tdint.ground_motion.record import Input
-
                 origin = MotionOrigin.of(entries[0]["origin"])
                 # The spelling of the user is kept, for example a leading "./".
-                name = os.path.join(os.path.dirname(file.file), sidecar.name)  # noqa: PTH118, PTH120
+                name = os.path.join(os.path.dirname(file), sidecar.name)  # noqa: PTH118, PTH120
                 record_digest(name, data)
-                return origin, Input(name, sha256(data).hexdigest())
+                return origin, name, sha256(data).hexdigest()
     return None
 
 
-def matched_text(records: Iterable[Record]) -> str:
+class HasOrigin(Protocol):
+    """Component of a ground motion."""
+
+    @property
+    def name(self) -> str:
+        """File and component."""
+
+    @property
+    def origin(self) -> MotionOrigin | None:
+        """Origin of the component."""
+
+
+def matched_text(records: Iterable[HasOrigin]) -> str:
     """Return a clause on the matched motions among the components of a suite; empty without them.
 
     For example `matched to ec8:... (seed factors 0.42 to 4.7)`.
@@ -211,3 +210,12 @@ def matched_clause(origins_of_records: Iterable[MotionOrigin | None], count: int
     if len(origins) < count:
         share = f"{len(origins)} of {pluralize(count, 'component')} "
     return f"{share}matched to {target} ({factor_text})"
+
+
+def match_warnings(records: Iterable[HasOrigin]) -> list[str]:
+    """Return the warnings about matched motions when they were matched, each with its file."""
+    return [
+        f"{record.name}: {text}"
+        for record in records
+        for text in (record.origin.warnings if record.origin else ())
+    ]

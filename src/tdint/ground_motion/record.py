@@ -177,6 +177,13 @@ class Record(Tabular):
         return " ".join(filter(None, (self.source, self.component)))
 
     @property
+    def written_origin(self) -> MotionOrigin:
+        """Origin of a file to which this record is written. A matched motion that is processed
+        further keeps its seed and target."""
+        first = self.origin or MotionOrigin(self.source, self.component)
+        return replace(first, processing=self.processing)
+
+    @property
     def digest(self) -> str:
         """Hexadecimal SHA-256 checksum of the samples and the sampling interval."""
         return hashlib.sha256(self.acceleration.tobytes() + repr(self.dt).encode()).hexdigest()
@@ -460,6 +467,13 @@ class JoinedRecord(Record):
         joined = join_records(events, starts)
         attributes = {field.name: getattr(joined, field.name) for field in fields(Record)}
         return cls(**attributes, events=tuple(events), rest=rest, fixed=fixed)
+
+    @property
+    def written_origin(self) -> MotionOrigin:
+        """Origin of a file to which this record is written. A matched motion that is processed
+        further keeps its seed and target."""
+        first = self.origin or MotionOrigin(self.source, self.component)
+        return replace(first, processing=self.processing)
 
     @property
     def digest(self) -> str:

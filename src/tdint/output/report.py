@@ -20,7 +20,7 @@ from tdint.campaign.pairs import PairRule, describe_demand
 from tdint.campaign.scaling import Scaling
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import Horizontals, find_horizontals
-from tdint.ground_motion.origin import matched_text
+from tdint.ground_motion.origin import match_warnings, matched_text
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
@@ -389,10 +389,7 @@ def suite_page(
     )
     # Only the first buildings are described, because the report must remain readable.
     buildings_by_name = {building.name: building for building in plan.buildings[:_MAX_MODELS]}
-    subjects = [building.subject() for building in buildings_by_name.values()]
-    models = {
-        name: subject.model for name, subject in zip(buildings_by_name, subjects, strict=True)
-    }
+    subjects = {name: building.subject() for name, building in buildings_by_name.items()}
     # Warnings about the scaling and the records are printed at the top. Notes with the same text
     # are omitted.
     scaling_parts, scaling_warnings = _scaling(plan, units, periods)
@@ -406,13 +403,13 @@ def suite_page(
         Chapter("Result", (list(page_text.sentences), *((profile_figure,) if profiles else ()))),
         Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
         Chapter("Ratios to the baseline", (_ratio_rows(ratios),) if ratios else ()),
-        *(_statistics_chapter(profile, units, models) for profile in profiles),
+        *(_statistics_chapter(profile, units, subjects) for profile in profiles),
         _runs_chapter(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *(model_chapter(subject.model, units) for subject in subjects),
+        *(model_chapter(subject.model, units) for subject in subjects.values()),
         motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
-        _suite_assumptions(plan, store, subjects),
+        _suite_assumptions(plan, store, [*subjects.values()]),
         Chapter("Notes", (once(notes),)),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
@@ -518,17 +515,17 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
 
 
 def _statistics_chapter(
-    profile: Profile, units: OutputUnits, models: Mapping[str, Model]
+    profile: Profile, units: OutputUnits, subjects: Mapping[str, Subject]
 ) -> Chapter:
     """Return the chapter of means and maxima of a building at a single intensity level.
 
     `profile`: statistics of the building over the ground motions; estimated errors are added if the
-    runs have error estimates. `models` contains the models by the name of the building. Total
+    runs have error estimates. `subjects` contains the buildings by name. Total
     shears are omitted if the model has neither P-delta nor dashpots.
     """
-    model = models.get(profile.building)
+    subject = subjects.get(profile.building)
     suite_columns: tuple[str, ...] = _SUITE_COLUMNS
-    if model and not (model.p_delta or model.has_dashpots):
+    if subject and not (subject.model.p_delta or subject.model.has_dashpots):
         suite_columns = tuple(name for name in suite_columns if name != "peak_total_shear")
     has_heights = not np.isnan(profile.height).any()
     # Isolators have no height, so their drifts in length units are listed in addition to the
@@ -857,12 +854,7 @@ def motion_chapter(
         if matched := matched_text(records):
             parts.append(f"The ground motions are {matched}:")
             parts.append(match_origin_table(records, component_names(records)))
-            warnings = [
-                f"{record.name}: {text}"
-                for record in records
-                for text in (record.origin.warnings if record.origin else ())
-            ]
-            if warnings:
+            if warnings := match_warnings(records):
                 parts += ["Warnings of the match:", once(warnings)]
         # A figure of more spectra would be a gray area.
         if len(records) <= _MAX_MOTIONS and not drawn:

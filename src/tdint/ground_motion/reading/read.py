@@ -465,9 +465,9 @@ def _read_components(
         # The inventory is an input of a record only if its response was used.
         if instruments is not None and record.units_from == "inventory":
             inputs.append(instruments.input)
-        if found := origin_of(input_file, channel.id):
-            origin, origin_file = found
-            inputs.append(origin_file)
+        if found := origin_of(input_file.file, input_file.sha256, channel.id):
+            origin, *origin_file = found
+            inputs.append(Input(*origin_file))
             # A matched motion has a note of its own, which contains its target.
             steps = origin.processing if not origin.target else (origin.text,)
             record = replace(
