@@ -572,10 +572,9 @@ def _deliver(
 
 # The last line of the recommendations explains how they were chosen.
 _RULE = (
-    "Rule: the recommended method is the most accurate method within 10 % of the minimum time. "
-    "Other methods are listed only if they meet the tolerance and take at least as long; the next "
-    "best method is the fastest of these. A method meets a tolerance with a time step only if its "
-    "smaller time steps also meet it."
+    "Of the methods that meet the tolerance in at most 1.1 times the shortest time, the most "
+    "accurate is recommended; next best is the fastest of the other methods that take at least as "
+    "long. A time step meets the tolerance if all smaller steps of its method meet it, too."
 )
 
 
@@ -603,7 +602,7 @@ def _cost_text(point: Point, target_error: str) -> str:
     """
     if not point.errors:
         return point.outcome
-    return f"{1e3 * point.fastest:.3g} ms, error {100.0 * point.error(target_error):.2g} %"
+    return f"{1e3 * point.fastest:.3g} ms, true error {100.0 * point.error(target_error):.2g} %"
 
 
 def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
@@ -618,7 +617,8 @@ def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
         )
     text = f"{goal}{best.line} with dt {best.dt:.6g} s, {_cost_text(best, target)}"
     if advice.estimated_error < math.inf:
-        text += f", estimated error {100.0 * advice.estimated_error:.2g} % of the peak drifts"
+        # `tdint run` does not know the true error and reports its estimate.
+        text += f" (`tdint run` will estimate {100.0 * advice.estimated_error:.2g} %)"
     alternatives = [("next best", next_best)]
     # The common choice is an alternative if it meets the tolerance and takes at least as long.
     is_alternative = usual.error(target) <= advice.limit and usual.fastest >= best.fastest
@@ -628,7 +628,7 @@ def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
         if point and point.errors and (point.line, point.dt) != (best.line, best.dt):
             text += (
                 f"; {label}: {point.line} with dt {point.dt:.6g} s, "
-                f"{point.fastest / best.fastest:.2g} times as long, error "
+                f"{point.fastest / best.fastest:.2g} times as long, true error "
                 f"{100.0 * point.error(target):.2g} %"
             )
     return f"{text}."

@@ -404,7 +404,9 @@ def _function_text(function: Fragility) -> str:
         text += " (no confidence interval: it requires at least three ground motions)"
     text += f", beta {function.beta:.3f}"
     if not math.isnan(function.beta_error):
-        text += f" +- {1.96 * function.beta_error:.3f}"
+        half_width = 1.96 * function.beta_error
+        low, high = max(function.beta - half_width, 0.0), function.beta + half_width
+        text += f" (95 %: {low:.3f} to {high:.3f})"
     if function.modeling_dispersion:
         text += f", total beta {function.beta_total:.3f}"
     if function.censored:

@@ -223,7 +223,7 @@ class Match(Tabular):
         ]
         text = (
             f"of {self.seed.source} {self.seed.component}: {'; '.join(misfits)}, change "
-            f"{self.change:.2g} of the motion"
+            f"{100.0 * self.change:.2g} % of the scaled seed (root mean square)"
         )
         if self.directions:
             (ratio, correlation), (ratio_before, correlation_before) = self.directions
