@@ -241,11 +241,13 @@ LINE_VALUE = 10  # value of the line at this time, N
 LINE_RATE = 11  # N/s
 NEXT_POINT = 12  # number of points until the start of the step
 DEVIATION = 13  # maximum absolute deviation of the table from the line within the step, N
-FORCE_COLUMNS = 14
+NEW_TIMES = 14  # 1 if the times of the table differ from those of the table in the row before
+STRIDE = 15  # distance of successive times and of successive values in the array of points
+FORCE_COLUMNS = 16
 # Further columns, only for methods that integrate tables exactly (`Family.moments`): Legendre
 # coefficients of the table over the step from degree 2 on, N. The line has the degrees 0 and 1.
 
-# points: times (s) and values of the tables of forces; several tables can share their times
+# points: tables of forces, row by row: time (s) and values; several forces can share their times
 
 # history: one row for each stored time: ground acceleration; displacement, velocity and absolute
 # acceleration of all floors; shear of all stories; in a building with braces their forces; energies

@@ -66,8 +66,8 @@ def force_rate(forces, j, t):
 def force_impulse(forces, j, t, h):
     """Return the exact impulse of floor force `j` over [t, t + h], N s.
 
-    A line (a table in the current step) has OMEGA 0, and its impulse is h times its value at the
-    middle. The force is otherwise COSINE cos(OMEGA t) + SINE sin(OMEGA t). The integral of the
+    The impulse of a line (a table in the current step) is h times its value at the middle. The
+    force is otherwise COSINE cos(OMEGA t) + SINE sin(OMEGA t). The integral of the
     cosine over the step is h sin(x) / x times its value at the middle of the step, with x = OMEGA h
     / 2; the same applies to the sine. This form has no cancellation.
 
@@ -83,6 +83,8 @@ def force_impulse(forces, j, t, h):
     h : float
         Time step, s.
     """
+    if forces[j, rows.POINTS] > 0.0:
+        return h * force_value(forces, j, t + 0.5 * h)
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
     # `sinc` is sin(x) / x with x = `half_angle`. For small |x|, where the quotient can be 0 / 0,
     # its Taylor series is used.
@@ -99,8 +101,8 @@ def force_moment(forces, j, t, h):
     """Return the first moment of floor force `j` over [t, t + h], N.
 
     The first moment is 12 int s p ds, with the force p and the time s from -1/2 at the start to 1/2
-    at the end of the step. A line (a table in the current step) has OMEGA 0, and its moment is its
-    change over the step. A harmonic force is the sum of an even and an odd function of s. The even
+    at the end of the step. The moment of a line (a table in the current step) is its change over the
+    step. A harmonic force is the sum of an even and an odd function of s. The even
     function has the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle of the
     step (N/s),
 
@@ -122,6 +124,8 @@ def force_moment(forces, j, t, h):
     h : float
         Time step, s.
     """
+    if forces[j, rows.POINTS] > 0.0:
+        return h * forces[j, rows.LINE_RATE]
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
     # `integral` is (sin x - x cos x) / x^3. For small |x|, where the terms would cancel, its Taylor
     # series is used. The omitted terms are less than 1e-14 of the result.

@@ -469,9 +469,9 @@ class LoadTable:
         File as the user named it; empty for points of the model file.
     columns : tuple of str
         Names of the columns of values, as in the file.
-    data : ndarray, shape (1 + columns, rows)
+    data : ndarray, shape (rows, 1 + columns)
         Times (s), then the values of each column (N). The rows of the array are contiguous, because
-        kernels read it without a copy.
+        kernels read it without a copy, and a time step reads the values of all floors at a time.
     sha256 : str
         SHA-256 of the file; empty for points.
     digest : str
@@ -503,7 +503,7 @@ class LoadTable:
     @property
     def times(self) -> NDArray[np.float64]:
         """Times of the rows, s."""
-        times: NDArray[np.float64] = self.data[0]
+        times: NDArray[np.float64] = self.data[:, 0]
         return times
 
 
@@ -539,7 +539,7 @@ class TableForce:
     @property
     def values(self) -> NDArray[np.float64]:
         """Force at the points, N."""
-        values: NDArray[np.float64] = self.factor * self.table.data[1 + self.column]
+        values: NDArray[np.float64] = self.factor * self.table.data[:, 1 + self.column]
         return values
 
 

@@ -26,11 +26,14 @@ def load_arrays(excitation: Excitation) -> tuple[Array, Array]:
     first_of = dict(zip(tables, firsts.tolist(), strict=False))
     forces = np.zeros((len(table_forces), rows.FORCE_COLUMNS))
     for row, force in zip(forces, table_forces, strict=True):
-        count, first = force.table.times.size, first_of[force.table]
+        (count, stride), first = force.table.data.shape, first_of[force.table]
         row[rows.FLOOR] = force.floor - 1
         row[rows.POINTS], row[rows.TIMES] = count, first
-        row[rows.VALUES] = first + (1 + force.column) * count
+        row[rows.VALUES], row[rows.STRIDE] = first + 1 + force.column, stride
         row[rows.FACTOR], row[rows.DELAY] = force.factor, force.start
+    shared = [rows.POINTS, rows.TIMES, rows.DELAY]
+    forces[1:, rows.NEW_TIMES] = (forces[1:, shared] != forces[:-1, shared]).any(axis=1)
+    forces[:1, rows.NEW_TIMES] = 1.0
     if len(tables) == 1:
         points = tables[0].data.ravel()
     else:
@@ -59,8 +62,9 @@ def add_force_history(forces: Array, points: Array, time: Array, total: Array) -
             angle = row[rows.OMEGA] * time
             total[:, floor] += row[rows.COSINE] * np.cos(angle) + row[rows.SINE] * np.sin(angle)
             continue
-        times = points[int(row[rows.TIMES]) :][:count] + row[rows.DELAY]
-        values = row[rows.FACTOR] * points[int(row[rows.VALUES]) :][:count]
+        stride = int(row[rows.STRIDE])
+        times = points[int(row[rows.TIMES]) :: stride][:count] + row[rows.DELAY]
+        values = row[rows.FACTOR] * points[int(row[rows.VALUES]) :: stride][:count]
         # Points within the rounding of a time are at this time, after it for t = 0.
         margin = np.where(time > 0.0, -_TIME_ROUNDING * time, _TIME_ROUNDING)
         k = np.searchsorted(times, time + margin, side="right")

@@ -36,13 +36,15 @@ _ROUNDING = 1e-11
 @inline
 def _time(forces, points, j, k):
     """Return the time of point `k` of table `j`, s."""
-    return points[int(forces[j, rows.TIMES]) + k] + forces[j, rows.DELAY]
+    index = int(forces[j, rows.TIMES]) + k * int(forces[j, rows.STRIDE])
+    return points[index] + forces[j, rows.DELAY]
 
 
 @inline
 def _value(forces, points, j, k):
     """Return the force at point `k` of table `j`, N."""
-    return forces[j, rows.FACTOR] * points[int(forces[j, rows.VALUES]) + k]
+    index = int(forces[j, rows.VALUES]) + k * int(forces[j, rows.STRIDE])
+    return forces[j, rows.FACTOR] * points[index]
 
 
 @inline
@@ -94,8 +96,8 @@ def initialize_lines(forces, points):
 @inline
 def _locate_step(forces, points, j, t, h):
     """Return the position of the step [t, t + h] in table `j`: the number of points until its
-    start, True if no point is inside, and start and end as fractions of the interval that contains
-    the start (0 outside the table).
+    start, True if no point is inside, its start as a fraction of the interval that contains the
+    start, and the inverse length of this interval, 1/s (0 outside the table).
     """
     tolerance = _tolerance(t + h, h)
     count = int(forces[j, rows.POINTS])
@@ -104,24 +106,27 @@ def _locate_step(forces, points, j, t, h):
     if k == 0 or k == count:
         return k, is_linear, 0.0, 0.0
     begin = _time(forces, points, j, k - 1)
-    length = _time(forces, points, j, k) - begin
-    return k, is_linear, (t - begin) / length, (t + h - begin) / length
+    by_length = 1.0 / (_time(forces, points, j, k) - begin)
+    return k, is_linear, (t - begin) * by_length, by_length
 
 
 @inline
-def _copy_line(forces, points, j, h, k, share_0, share_1):
-    """Set the line of table `j` to the table in a step of length `h` (s) without points inside;
-    `k`, `share_0` and `share_1` are the position of the step from `_locate_step`."""
+def _copy_line(forces, points, j, position):
+    """Set the line of table `j` to the table in a step without points inside; `position` is the
+    result of `_locate_step`. Return the value of the line at the start of the step, N.
+    """
+    k, _, share, by_length = position
     start = rate = 0.0
     if 0 < k < int(forces[j, rows.POINTS]):
         value = _value(forces, points, j, k - 1)
         rise = _value(forces, points, j, k) - value
-        start = value + rise * share_0
-        rate = rise * (share_1 - share_0) / h
+        start = value + rise * share
+        rate = rise * by_length
     forces[j, rows.LINE_VALUE] = start
     forces[j, rows.LINE_RATE] = rate
     for column in range(rows.FORCE_COLUMNS, forces.shape[1]):
         forces[j, column] = 0.0
+    return start
 
 
 @outlined
@@ -189,8 +194,9 @@ def _largest_deviation(forces, points, j, t, h):
         right = _value(forces, points, j, after - 1) if after < count else 0.0
         line = force_value(forces, j, time)
         largest = max(largest, abs(left - line), abs(right - line))
-        kink = 0.5 * h * (_slope(forces, points, j, after) - _slope(forces, points, j, k))
-        _add_moments(forces, j, 2.0 * (time - t) / h - 1.0, right - left, kink)
+        if forces.shape[1] > rows.FORCE_COLUMNS:
+            kink = 0.5 * h * (_slope(forces, points, j, after) - _slope(forces, points, j, k))
+            _add_moments(forces, j, 2.0 * (time - t) / h - 1.0, right - left, kink)
         k = after
     return max(largest, abs(_before(forces, points, j, k, t + h) - force_value(forces, j, t + h)))
 
@@ -227,16 +233,6 @@ def _add_moments(forces, j, x, jump, kink):
         p_4 = ((2.0 * k + 5.0) * x * p_3 - (k + 2.0) * p_2) / (k + 3.0)
 
 
-@inline
-def _has_equal_times(forces, j, other):
-    """Return True if tables `j` and `other` have the same times."""
-    return (
-        forces[j, rows.TIMES] == forces[other, rows.TIMES]
-        and forces[j, rows.POINTS] == forces[other, rows.POINTS]
-        and forces[j, rows.DELAY] == forces[other, rows.DELAY]
-    )
-
-
 @outlined
 def start_step(scene, points, h, load, shifts, memory, seen):
     """Fit the lines of all tables over a step and shift the state to their values at its start;
@@ -258,25 +254,25 @@ def start_step(scene, points, h, load, shifts, memory, seen):
         observer_state[rows.DEVIATION_BOUND, i] = 0.0
     is_kinked = has_jumps = False
     power = rate = 0.0
-    # Forces from the same file share their times, and therefore the position of the step.
-    shared = -1
-    k, is_linear, share_0, share_1 = 0, True, 0.0, 0.0
+    # Position of the step in the tables with the same times, which usually are those of a file
+    position = (0, True, 0.0, 0.0)
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] == 0.0:
             continue
         i = int(forces[j, rows.FLOOR])
-        old_value, old_rate = force_value(forces, j, t), forces[j, rows.LINE_RATE]
-        if shared < 0 or not _has_equal_times(forces, j, shared):
-            shared = j
-            k, is_linear, share_0, share_1 = _locate_step(forces, points, j, t, h)
+        old_rate = forces[j, rows.LINE_RATE]
+        old_value = forces[j, rows.LINE_VALUE] + old_rate * (t - forces[j, rows.LINE_TIME])
+        if forces[j, rows.NEW_TIMES] != 0.0:
+            position = _locate_step(forces, points, j, t, h)
+        k, is_linear, _, _ = position
         forces[j, rows.NEXT_POINT] = k
         forces[j, rows.LINE_TIME] = t
-        forces[j, rows.DEVIATION] = 0.0
         if is_linear:
-            _copy_line(forces, points, j, h, k, share_0, share_1)
+            forces[j, rows.DEVIATION] = 0.0
+            value = _copy_line(forces, points, j, position)
         else:
             _fit_line(forces, points, j, t, h)
-        value = forces[j, rows.LINE_VALUE]
+            value = forces[j, rows.LINE_VALUE]
         observer_state[rows.START_FORCE, i] += value
         jump = value - old_value
         if abs(jump) > _ROUNDING * (abs(value) + abs(old_value)):
@@ -284,10 +280,11 @@ def start_step(scene, points, h, load, shifts, memory, seen):
             observer_state[rows.ACCELERATION_JUMP, i] += (
                 scene.linear_terms[rows.INVERSE_MASS, i] * jump
             )
-        power += jump * state[rows.VELOCITY, i]
-        rate += (forces[j, rows.LINE_RATE] - old_rate) * state[rows.VELOCITY, i]
+        velocity = state[rows.VELOCITY, i]
+        power += jump * velocity
+        rate += (forces[j, rows.LINE_RATE] - old_rate) * velocity
         rate += jump * observer_state[rows.A_PREVIOUS, i]
-        if forces[j, rows.DEVIATION] > 0.0:
+        if not is_linear and forces[j, rows.DEVIATION] > 0.0:
             is_kinked = True
             inverse_mass = scene.linear_terms[rows.INVERSE_MASS, i]
             last = _points_until(forces, points, j, k, t + h - _tolerance(t + h, h))
@@ -337,13 +334,14 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
             * (jump - linear_terms[rows.LINK, i] * below)
         )
         below = jump
-    # START_FORCE contains the tables only.
+    # START_FORCE contains the tables only. The harmonic forces are first.
     for j in range(forces.shape[0]):
-        if forces[j, rows.POINTS] == 0.0:
-            totals[rows.RATE_INPUT] += (
-                force_value(forces, j, load[rows.TIME])
-                * observer_state[rows.ACCELERATION_JUMP, int(forces[j, rows.FLOOR])]
-            )
+        if forces[j, rows.POINTS] > 0.0:
+            break
+        totals[rows.RATE_INPUT] += (
+            force_value(forces, j, load[rows.TIME])
+            * observer_state[rows.ACCELERATION_JUMP, int(forces[j, rows.FLOOR])]
+        )
 
 
 @outlined

@@ -161,7 +161,7 @@ def _read_points(points: Value, unit: ModelUnits) -> LoadTable | None:
     for k in _invalid_times(times):
         items[k].fault(_TIME_ORDER.format(times[k]))
         return None
-    return LoadTable("", ("points",), np.array([times, values]))
+    return LoadTable("", ("points",), np.column_stack([times, values]))
 
 
 _TIME_ORDER = (
@@ -199,13 +199,13 @@ def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits) -> list[
             )
     units = {name: _unit_of(table.titles[table.header.index(name)], unit, table) for name in chosen}
     lines, data = _read_numbers(table, rows, names)
-    if data.shape[1] < 2:
-        raise ModelError(f"{path}: the table must have at least two rows, got {data.shape[1]}")
-    data[0] *= time_factor
-    for k in _invalid_times(data[0]):
-        raise ModelError(f"{path}:{lines[k]}: {time_column}: {_TIME_ORDER.format(data[0, k])}")
+    if len(data) < 2:
+        raise ModelError(f"{path}: the table must have at least two rows, got {len(data)}")
+    data[:, 0] *= time_factor
+    for k in _invalid_times(data[:, 0]):
+        raise ModelError(f"{path}:{lines[k]}: {time_column}: {_TIME_ORDER.format(data[k, 0])}")
     for name, index in chosen.items():
-        data[1 + index] *= units[name]
+        data[:, 1 + index] *= units[name]
     titles = tuple(table.titles[table.header.index(name)] for name in chosen)
     shared = LoadTable(path, titles, data, digest_of(Path(path)))
     return [
@@ -287,7 +287,7 @@ def _unit_of(title: str, unit: ModelUnits, table: CsvTable) -> float:
 def _read_numbers(
     table: CsvTable, rows: object, names: Sequence[str]
 ) -> tuple[list[int], np.ndarray]:
-    """Return the line number of each row and the numbers of some columns, shape (columns, rows)."""
+    """Return the line number of each row and the numbers of some columns, shape (rows, columns)."""
     indices = [table.header.index(name) for name in names]
     lines: list[int] = []
     parts: list[np.ndarray] = []
@@ -297,11 +297,11 @@ def _read_numbers(
             [cells[index].strip() if index < len(cells) else "" for _, cells in block]
             for index in indices
         ]
-        part = np.array([numbers_in(column) for column in texts])
+        part = np.column_stack([numbers_in(column) for column in texts])
         if np.isnan(part).any() or any(table.overfull(cells) for _, cells in block):
             # `numbers` reports the first invalid row.
             checked = replace(table, rows=block)
             for index in indices:
                 checked.numbers(table.titles[index])
         parts.append(part)
-    return lines, np.ascontiguousarray(np.hstack(parts)) if parts else np.empty((len(names), 0))
+    return lines, np.concatenate(parts) if parts else np.empty((0, len(names)))
