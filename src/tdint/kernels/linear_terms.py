@@ -101,10 +101,9 @@ def force_moment(forces, j, t, h):
     """Return the first moment of floor force `j` over [t, t + h], N.
 
     The first moment is 12 int s p ds, with the force p and the time s from -1/2 at the start to 1/2
-    at the end of the step. The moment of a line (a table in the current step) is its change over the
-    step. A harmonic force is the sum of an even and an odd function of s. The even
-    function has the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle of the
-    step (N/s),
+    at the end of the step. The moment of a line (a table in the current step) is its change over
+    the step. A harmonic force is the sum of an even and an odd function of s. The even function has
+    the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle of the step (N/s),
 
         odd function    R h sin(2 x s) / (2 x)
         its moment      3 R h (sin x - x cos x) / x^3
