@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from references import drifts, exact_linear
 from tdint import run, system
+from tdint.analysis.arguments import model_of
 from tdint.analysis.chart import problem as references
 from tdint.analysis.chart.problem import (
     Errors,
@@ -382,6 +383,19 @@ def test_default_time_steps_are_halvings_and_intermediate_steps():
 def test_long_runs_have_fewer_default_time_steps():
     problem = replace(pose(ten_linear(), noise()), samples=100_000_000)
     assert default_steps(problem, 9, 5) == pytest.approx([0.08, 0.06, 0.04, 0.03, 0.02, 0.01])
+
+
+def test_problem_with_tables_of_forces_has_default_step_of_run():
+    """It is a fiftieth of the first period, or the interval of the table if that is shorter."""
+    story = {"mass": 1.0, "stiffness": (2.0 * math.pi / 0.8) ** 2}
+    for interval, expected in ((0.5, 0.016), (0.002, 0.002)):
+        forces = [{"floor": 1, "points": [[0, 1.0], [interval, 0.0]]}]
+        loaded = {"stories": [story], "damping": "none", "excitation": {"forces": forces}}
+        definition = model_of(loaded)
+        problem = pose(definition, duration=1.6)
+        assert problem.interval == pytest.approx(expected, rel=1e-12)
+        assert problem.interval == run(loaded, duration=1.6, check=False).dt
+        assert pose(definition, duration=1.6, dts=(0.02,)).interval == 0.02
 
 
 def test_invalid_problems_are_refused():

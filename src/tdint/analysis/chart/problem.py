@@ -262,6 +262,7 @@ def pose(
         Duration, s; default is the duration of the model, otherwise of the record.
     dts : tuple of float
         Time steps of the runs, s; used only without a record and without a time step in the model.
+        Without these as well, tables of forces have the default time step of `run`.
 
     Raises
     ------
@@ -275,6 +276,11 @@ def pose(
     if duration is not None and not (math.isfinite(duration) and duration > 0.0):
         raise UsageError(f"duration must be a positive number of seconds, got {duration!r}")
     interval = record.dt if record else model.analysis.dt or max(dts, default=None)
+    if interval is None and (tables := model.excitation.tables):
+        # Imported here, because few models have tables of forces.
+        from tdint.analysis.run.load_notes import default_step
+
+        interval, _ = default_step(tables, PreparedBuilding.of(model).period)
     interval_steps = choose_steps(
         interval, duration, record.dt if record else None, record.duration if record else 0.0
     )
