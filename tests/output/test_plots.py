@@ -107,6 +107,40 @@ def profile_of_suite(building, stood, fell, height=3.0):
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
+def loaded(record=None):
+    """Run three stories under two equal forces and another force until 0.4 s, in kN."""
+    table = {"points": [[0.1, 0], [0.1, 3], [0.2, 0]]}
+    model = {
+        "units": {"length": "m", "force": "kN", "mass": "t"},
+        "stories": [{"repeat": 3, "mass": 1, "height": 3, "stiffness": 1000}],
+        "excitation": {
+            "forces": [
+                {"floor": 1, **table},
+                {"floor": 2, **table},
+                {"floor": 3, "points": [[0, -1], [1, -1]]},
+            ]
+        },
+    }
+    return run(model, record, dt=0.01, duration=0.4, history=True)
+
+
+@pytest.mark.parametrize("record", [None, motion()])
+def test_figure_of_run_shows_forces_on_floors(record):
+    """Forces are above the response, and below a ground motion; equal forces are one line."""
+    axes = run_picture(loaded(record)).axes
+    labels = [panel.get_ylabel().split(maxsplit=1)[0] for panel in axes[: 3 if record else 2]]
+    assert labels == [*(["ground"] if record else []), "force", "roof"]
+    panel = axes[1 if record else 0]
+    assert panel.get_ylabel() == "force (kN)" and panel.get_xlim() == (0.0, 0.4)
+    lines = {line.get_label(): line.get_xydata().tolist() for line in panel.get_lines()}
+    assert list(lines) == ["floor 3", "floors 1, 2"]
+    assert lines["floors 1, 2"] == [
+        [0.0, 0.0], [0.1, 0.0], [0.1, 0.0], [0.1, 3.0], [0.2, 0.0], [0.2, 0.0], [0.4, 0.0]
+    ]  # fmt: skip
+    # The force on floor 3 jumps at 0 s, and ends after the run.
+    assert lines["floor 3"] == [[0, 0], [0, 0], [0, -1], [1, -1], [1, 0], [1, 0]]
+
+
 def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     """Drifts of the other buildings remain in percent of the story height, or all drifts are
     lengths. The figure states the number of collapsed runs."""

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from tdint.output.figures.style import COLORS, DASHES, LIGHT, titled
+from tdint.output.figures.style import COLORS, DASHES, LIGHT, scaled_unit, titled
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.model.definition import Model
+    from tdint.model.definition import Excitation, Model, TableForce
 
 _MAX_LINES = 6
 """Maximum number of forces with a color and an entry in the legend. Further forces are gray."""
@@ -29,28 +29,60 @@ def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
     units : OutputUnits
         Units of the figure; SI by default.
     """
-    units = units.in_figures
     figure = Figure(figsize=(8.0, 3.0), layout="constrained")
     axes = figure.add_subplot()
-    tables = sorted(model.excitation.tables, key=lambda force: -force.floor)
+    draw_loads(axes, model.excitation, end, units.in_figures)
+    axes.set_xlabel("time (s)")
+    floors = sorted({force.floor for force in model.excitation.tables})
+    return titled(figure, f"{model.name}: forces on {_floors_text(floors)}")
+
+
+def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits) -> None:
+    """Plot the forces from tables up to the end of a run, s. Equal forces are a single line.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel with the time on the x axis, s.
+    excitation : Excitation
+        Forces, at least one of which is a table.
+    end : float
+        End of the run, s.
+    units : OutputUnits
+        Units of the figure.
+    """
+    # Equal forces, from the top of the building to its bottom.
+    groups: dict[tuple[object, ...], list[TableForce]] = {}
+    for force in sorted(excitation.tables, key=lambda force: -force.floor):
+        same = (force.table, force.column, force.factor, force.start)
+        groups.setdefault(same, []).append(force)
     # The largest forces are the most important ones for the legend.
-    by_size = sorted(tables, key=lambda force: -float(np.max(np.abs(force.values))))
-    named = [force for force in tables if force in by_size[:_MAX_LINES]][:_MAX_LINES]
-    for force in tables:
+    peaks = {same: float(np.max(np.abs(forces[0].values))) for same, forces in groups.items()}
+    largest = sorted(groups, key=lambda same: -peaks[same])[:_MAX_LINES]
+    named = [same for same in groups if same in largest]
+    factor, unit = scaled_unit(max(peaks.values()), "N", units)
+    for same, (force, *others) in groups.items():
         # The force is zero before the first and after the last point.
         times = np.concatenate([[min(0.0, force.times[0])], force.times[[0]], force.times])
         times = np.concatenate([times, force.times[[-1]], [max(end, force.times[-1])]])
-        values = units.of(np.concatenate([[0.0, 0.0], force.values, [0.0, 0.0]]), "N")
-        if force in named:
-            index = named.index(force)
+        values = factor * np.concatenate([[0.0, 0.0], force.values, [0.0, 0.0]])
+        if same in named:
+            index = named.index(same)
+            label = _floors_text(sorted({force.floor, *(other.floor for other in others)}))
             style = {"color": COLORS[index % len(COLORS)], "linestyle": DASHES[index % len(DASHES)]}
-            axes.plot(times, values, linewidth=1.0, label=f"floor {force.floor}", **style)
+            axes.plot(times, values, linewidth=1.0, label=label, **style)
         else:
             axes.plot(times, values, linewidth=0.6, color=LIGHT, zorder=0)
-    axes.set(xlim=(0.0, end), xlabel="time (s)", ylabel=f"force ({units.label('N')})")
-    if len(tables) > 1:
-        axes.legend(loc="upper right", fontsize=7.0, handlelength=2.4)
-    floors = sorted({force.floor for force in tables})
-    listed = ", ".join(map(str, floors)) if len(floors) <= _MAX_LINES else f"{len(floors)} floors"
-    noun = "floor" if len(floors) == 1 else "floors" if len(floors) <= _MAX_LINES else ""
-    return titled(figure, f"{model.name}: forces on {noun} {listed}".replace("  ", " "))
+    axes.set(xlim=(0.0, end), ylabel=f"force ({unit})")
+    axes.legend(loc="upper right", fontsize=7.0, handlelength=2.4, ncols=min(len(named), 3))
+
+
+def _floors_text(floors: list[int]) -> str:
+    """Return the names of floors in ascending order, such as `floors 1 to 6`."""
+    if len(floors) == 1:
+        return f"floor {floors[0]}"
+    if floors == list(range(floors[0], floors[-1] + 1)) and len(floors) > 2:
+        return f"floors {floors[0]} to {floors[-1]}"
+    if len(floors) > _MAX_LINES:
+        return f"{len(floors)} floors"
+    return f"floors {', '.join(map(str, floors))}"

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.number_parsing import table_number
+from tdint.output.figures.loads import draw_loads
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -63,8 +64,9 @@ bar of the other stories. Its drift is written as text, because it is not to the
 def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     """Plot the response of a building to a ground motion or to initial conditions.
 
-    The figure shows the ground motion, the roof displacement and energies over time; drifts, floor
-    accelerations and shears over the height; and the hysteresis loop of a story.
+    The figure shows the ground motion, the forces from tables, the roof displacement and energies
+    over time; drifts, floor accelerations and shears over the height; and the hysteresis loop of a
+    story.
 
     Parameters
     ----------
@@ -81,24 +83,35 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         draw_profiles(figure.subplots(1, 3), response, units)
         return titled(figure, title)
     narrow = is_narrow()
-    figure = Figure(figsize=(8.0, 12.4 if narrow else 9.4), layout="constrained")
-    grid = figure.add_gridspec(4, 1, height_ratios=(1.0, 1.6, 1.9, 6.4 if narrow else 3.4))
-    if response.record is None:
+    # The first row contains the ground motion or the forces; with both, there is another row.
+    has_loads = bool(response.model.excitation.tables)
+    more = int(response.record is not None and has_loads)
+    height = (12.4 if narrow else 9.4) + 1.3 * more
+    figure = Figure(figsize=(8.0, height), layout="constrained")
+    ratios = (*(1.0,) * (1 + more), 1.6, 1.9, 6.4 if narrow else 3.4)
+    grid = figure.add_gridspec(4 + more, 1, height_ratios=ratios)
+    upper: list[Any] = []
+    if response.record is not None:
+        upper.append(figure.add_subplot(grid[0]))
+        _draw_ground(upper[0], response.record, history.time[-1], units)
+    if has_loads:
+        upper.append(figure.add_subplot(grid[more], sharex=upper[0] if upper else None))
+        draw_loads(upper[-1], response.model.excitation, history.time[-1], units)
+        upper[-1].tick_params(labelbottom=False)
+    if upper:
+        roof = figure.add_subplot(grid[1 + more], sharex=upper[0])
+    else:
         roof = figure.add_subplot(grid[:2])
-    else:
-        ground = figure.add_subplot(grid[0])
-        _draw_ground(ground, response.record, history.time[-1], units)
-        roof = figure.add_subplot(grid[1], sharex=ground)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
-    _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
+    _draw_energies(figure.add_subplot(grid[-2], sharex=roof), response, history, units)
     if narrow:
-        lower_grid = grid[3].subgridspec(2, 2)
+        lower_grid = grid[-1].subgridspec(2, 2)
     else:
-        lower_grid = grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
+        lower_grid = grid[-1].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
     profiles = [figure.add_subplot(lower_grid[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
     _draw_hysteresis(figure.add_subplot(lower_grid[3]), response, history, units)
-    _mark_events(figure.axes[: 2 if response.record is not None else 1], response)
+    _mark_events([*upper, roof], response)
     return titled(figure, title + _run_subject(response))
 
 
