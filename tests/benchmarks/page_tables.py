@@ -542,6 +542,43 @@ def plain_loop_tables() -> str:
 # ---- Loops for all laws
 
 
+def loads_table() -> str:
+    """Return the table of loads.csv: cost of each method under forces on floors."""
+    measurements = raw_points.read(HERE / "loads.csv")
+    cases = list(dict.fromkeys((row["quantity"], row["tolerance"]) for row in measurements))
+    costs = {
+        (row["problem"], row["method"], row["quantity"], row["tolerance"]): float(row["time_s"])
+        for row in measurements
+        if row["time_s"]
+    }
+    problems = list(dict.fromkeys((row["problem"], row["method"]) for row in measurements))
+    heads = ["model", "method"]
+    heads += [f"{WORDS[quantity]}, {percent(float(tolerance))}" for quantity, tolerance in cases]
+
+    def cell(problem: str, method: str, case: tuple[str, str]) -> str:
+        """Return the cost divided by the minimum cost of all methods; `-` if none is sufficient."""
+        cost = costs.get((problem, method, *case))
+        if cost is None:
+            return "-"
+        least = min(costs[key] for key in costs if key[0] == problem and key[2:] == case)
+        return f"{cost / least:.2f}"
+
+    rows = [
+        [problem, f"`{method}`", *(cell(problem, method, case) for case in cases)]
+        for problem, method in problems
+    ]
+    return f"{LOADS}\n{table(heads, rows)}"
+
+
+LOADS = """\
+Two models without a ground motion: [a tower in wind](../../configs/wind-tower.yaml), which is linear and has 20 forces from
+a table, and [a frame under a blast](../../configs/blast-frame.yaml), whose stories yield and whose forces jump. They are not
+part of the profiles. The time steps are the same multiples as above, of a fiftieth of the first period, so that kinks and
+jumps are inside steps. The table contains the cost of a tolerance divided by the minimum cost of all methods (`-`: no time
+step meets the tolerance). Write it with `python tests/benchmarks/loads.py` and `python tests/benchmarks/run.py --page`.
+"""  # noqa: E501
+
+
 def loops_table() -> str:
     """Return the table of loops.csv."""
     measurements = raw_points.read(HERE / "loops.csv")

@@ -695,6 +695,7 @@ def page(
         "Which method is cheapest": page_tables.cheapest_methods(chart),
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
+        "Wind and blast": page_tables.loads_table(),
         "Other programs": other_programs(chart) + page_tables.errors_of_same_methods(chart, SAME),
         "Adaptive solvers": adaptive_table(),
         "A plain loop and the cost of a call": page_tables.plain_loop_tables(),

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tdint.analysis.chart.profiles import (
@@ -247,3 +248,16 @@ def test_stored_points_are_read_as_they_were(tmp_path):
     assert run.raw_points.problem_row(read) == run.raw_points.problem_row(entry)
     assert reason and (read.day, read.load, read.seconds) == ("2026-01-01", 0.5, 1.0)
     assert conditions.versions == run.conditions_of([entry]).versions
+
+
+def test_table_of_wind_is_that_of_its_program():
+    """Mean and standard deviation of the wind speed follow from the table of the model."""
+    import loads
+
+    stored = np.loadtxt(loads.CONFIGS / "wind-tower.csv", delimiter=",", skiprows=1)
+    assert np.abs(stored - loads.wind()).max() < 0.0051
+    within = (stored[:, 0] > loads.RAMP) & (stored[:, 0] < loads.DURATION - loads.RAMP)
+    for force, speed in zip(stored[within, 1:].T, loads.SPEEDS.values(), strict=True):
+        u = np.sqrt(force / loads.DRAG)
+        assert u.mean() == pytest.approx(speed, abs=0.3 * loads.TURBULENCE)
+        assert u.std() == pytest.approx(loads.TURBULENCE, rel=0.25)
