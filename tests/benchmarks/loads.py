@@ -1,8 +1,8 @@
 """Accuracy and cost of the methods under wind and a blast: python tests/benchmarks/loads.py
 
-The buildings are the example models wind-tower and blast-frame, which have no ground motion but forces on
-floors. The results are stored in loads.csv, from which `run.py --page` writes a section of the
-page. They are not part of the performance profiles. `--table` writes wind-tower.csv instead.
+The buildings are the example models wind-tower and blast-frame, which have forces on floors and no
+ground motion. The results are stored in loads.csv, from which `run.py --page` writes a section of
+the page. They are not part of the performance profiles. `--table` writes wind-tower.csv instead.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from tdint.output.figures.style import COLORS, DASHES, LIGHT, scaled_unit, title
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.model.definition import Excitation, Model, TableForce
+    from tdint.model.definition import Excitation, LoadTable, Model, TableForce
 
 _MAX_LINES = 6
 """Maximum number of forces with a color and an entry in the legend. Further forces are gray."""
@@ -52,7 +52,7 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
         Units of the figure.
     """
     # Equal forces, from the top of the building to its bottom.
-    groups: dict[tuple[object, ...], list[TableForce]] = {}
+    groups: dict[tuple[LoadTable, int, float, float], list[TableForce]] = {}
     for force in sorted(excitation.tables, key=lambda force: -force.floor):
         same = (force.table, force.column, force.factor, force.start)
         groups.setdefault(same, []).append(force)
