@@ -11,8 +11,9 @@ D1 = h U1. The equations are the impulse and the first moment of the equation of
 
 with the velocity v0 at the start, the means F0 = int f dt and first moments F1 = 12 int (t - 1/2) f
 dt of the story forces f (`tdint.kernels.stories.path`), the corresponding integrals P0 and P1 of
-the loads, the initial stiffness K, and the coefficient r of numerical dissipation. h^-2 times a0
-and a1 are the mean and the change of the acceleration over the step.
+the loads, the matrices M, C and K of mass, damping and initial stiffness, and the coefficient r of
+numerical dissipation. a0 and a1 (m) are h^2 times the mean and the change of the acceleration over
+the step. The drift of a story is d0 + rise t + bend (t^2 - t) / 2. Docstrings use these symbols.
 """
 
 from __future__ import annotations
@@ -143,35 +144,19 @@ def scratch_rows(modes: int) -> int:
 
 @inline
 def solve_step(coefficients, scene, h, memory):
-    """Solve the equations of a step for the rises D0 and bends D1 of all floors.
-
-    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
-    The equations are the impulse and the first moment of the equation of motion, multiplied by h^2:
-
-        M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
-    a0 and a1 are h^2 times the mean and the change of the acceleration, v0 is the velocity at the
-    start. M and C are mass and damping matrix. F0 is the mean and F1 the first moment 12 int (t -
-    1/2) f dt of the story forces f over the step. P0 and P1 are the mean and the first moment of
-    the load. The term with r and the initial stiffness K is the numerical dissipation; r is 0 for
-    the spectral radius rho_inf = 1.
+    """Solve the equations of a step for the rises D0 and bends D1 of all floors. Return the number
+    of linear solutions, or NOT_CONVERGED (negative) if the residuals are too large after
+    MAX_ITERATIONS solutions or not finite. The state is not changed.
 
     If all laws are piecewise linear, the first solution assumes that all stories remain on their
     branches. In a linear building it is exact. Otherwise Newton's method follows, with the
     derivatives of the means and moments along the current paths. A correction that does not reduce
     the residual is halved. The iteration ends if all residuals are within the tolerance, or if the
-    last correction was of the order of rounding errors. The state is not changed.
+    last correction was of the order of rounding errors.
 
     Until _DECIDING_ITERATIONS linear solutions, each evaluation also decides whether a story
     reverses within the step. Later, this decision is kept, because a change in each iteration would
     prevent convergence.
-
-    Returns
-    -------
-    int
-        Number of linear solutions, or NOT_CONVERGED (negative) if the residuals are too large after
-        MAX_ITERATIONS solutions or not finite.
     """
     linear_terms, modal, law_parameters, _, flags = scene
     state, _, scratch, step_status = memory
@@ -229,40 +214,18 @@ def solve_step(coefficients, scene, h, memory):
 @inline
 def _solve_on_branches(coefficients, scene, h, memory):
     """Solve the equations under the assumption that all stories remain on their linear branches.
+    Return the squared norm of the residuals for D0 = D1 = 0 (formula in `_residuals`); 0 if the
+    code is compiled for linear stories only, because the norm is then not needed.
 
-    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
-    The unknowns are the rise D0 and the bend D1 of each floor. Its equations are
+    For the drift d0 + D t + E (t^2 - t) / 2 of a story with the force f0 at the start (with
+    P-delta) and the sum k of the stiffness of its branch and the geometric stiffness, F0 = f0 + k
+    (D / 2 - E / 12) and F1 = k D. The equations are then linear, and a single Newton correction
+    from D0 = D1 = 0 is exact. `_factor` adds the geometric stiffness, the dampers and r K to the
+    matrix. The function is only called if the flag BRANCHES is ALL_BRANCHES, which excludes curved
+    laws and power-law dashpots.
 
-        M a0 + h C D0 + h^2 (F0 - P0) = 0                          impulse
-        M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
-    a0 and a1 (m) are h^2 times the mean of the acceleration and h^2 times its change over the step.
-    v0 is the velocity at the start. M, C and K are the matrices of mass, damping and initial
-    stiffness. r is the coefficient of numerical dissipation, 0 without dissipation. F0 and P0 are
-    the means of the story forces (below minus above the floor, with P-delta) and of the load; F1
-    and P1 are their first moments.
-
-    The drift of a story is d0 + D t + E (t^2 - t) / 2 with the rise D and the bend E. The story has
-    the force f0 at the start (with P-delta). With the sum k of the stiffness of its branch and the
-    geometric stiffness, F0 = f0 + k (D / 2 - E / 12) and F1 = k D. The equations are then linear,
-    and a single Newton correction from D0 = D1 = 0 is exact. `_factor` adds the geometric
-    stiffness, the dampers and r K to the matrix. The function is only called if the flag BRANCHES
-    is ALL_BRANCHES, which excludes curved laws and power-law dashpots.
-
-    Parameters
-    ----------
-    memory : Memory
-        State, law states and scratch array. Rows LOAD contain P0 and P1, N. Rows RISE, BEND and
-        CORRECTION receive D0 and D1, m. Row LEAVES_BRANCH is set to 0.
-        The stored factorization is replaced if it is for other tangents or another length of the
-        step.
-
-    Returns
-    -------
-    float
-        Squared norm of the residuals for D0 = D1 = 0 (formula in `_residuals`); 0 if the code is
-        compiled for linear stories only, because the norm is then not needed.
+    Rows RISE, BEND and CORRECTION receive D0 and D1. Row LEAVES_BRANCH is set to 0. The stored
+    factorization is replaced if it is for other tangents or another length of the step.
     """
     linear_terms, modal, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -327,10 +290,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
 
 @inline
 def _store_first_guess(h, state, scratch, n):
-    """Store the first guess of the rise D0 and bend D1 of each floor: constant acceleration a.
-
-    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
-    With the acceleration a at the end of the previous step, D1 = h^2 a and D0 = h v0 + D1 / 2.
+    """Store the first guess of the rise and bend of each floor: constant acceleration a, with D1 =
+    h^2 a and D0 = h v0 + D1 / 2.
     """
     for i in range(n):
         scratch[ROW.BEND, i] = h * h * state[rows.ACCELERATION, i]
@@ -339,37 +300,25 @@ def _store_first_guess(h, state, scratch, n):
 
 @inline
 def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
-    """Compute mean F0 and first moment F1 of the force of each story along its current path.
+    """Compute mean F0 and first moment F1 of the force of each story along its current path. Return
+    True if the existing factorization is for other tangents or another length of the step, and must
+    be computed again.
 
-    The drift is d(t) = d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step; rise and
-    bend are differences between the floors above and below. For the story force f,
-    F0 = int f dt and F1 = 12 int (t - 1/2) f dt. To the integrals of the restoring force are added
+    The rise and the bend of the drift are differences between the floors above and below. To the
+    integrals of the restoring force are added
 
-        P-delta, stiffness g        F0: g (d0 + rise / 2 - bend / 12)    F1: g rise
-        damper c                    F0: c rise / h                       F1: c bend / h
-        numerical dissipation                                            F1: r (k + g) bend
+        P-delta, stiffness g    F0: g (d0 + rise / 2 - bend / 12)   F1: g rise
+        damper c                F0: c rise / h                      F1: c bend / h
+        numerical dissipation                                       F1: r (k + g) bend
 
     with the initial stiffness k. The derivatives of the integrals of the restoring force and of the
     power-law dashpot with respect to rise and bend are computed as well.
 
-    `is_deciding` is True if the function decides again whether each story reverses within the step;
-    otherwise the decision of the last iteration is kept.
-
-    Parameters
-    ----------
-    memory : Memory
-        State, law states and scratch array: rows RISE and BEND of the floors (m) are used. Rows
-        PATH receive F0, F1 (N) and their four derivatives (N/m). Row ROUNDING_FORCE receives the
-        rounding errors of the displacements as a force (N), divided by the tolerance of the
-        residuals. Row LEAVES_BRANCH is set to 0 for a story that remains on its linear branch,
-        otherwise to 1; its column n is 1 if the row is 1 for any story, otherwise 0. Row
-        NO_REVERSAL is set as described in `_integrate_restoring_force`.
-
-    Returns
-    -------
-    bool
-        True if the existing factorization is for other tangents or another length of the step, and
-        must be computed again.
+    Rows PATH receive F0, F1 and their four derivatives. Row ROUNDING_FORCE receives the rounding
+    errors of the displacements as a force, divided by the tolerance of the residuals. Row
+    LEAVES_BRANCH is set to 0 for a story that remains on its linear branch, otherwise to 1; its
+    column n is 1 if the row is 1 for any story. `is_deciding` and row NO_REVERSAL are described in
+    `_integrate_restoring_force`.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -513,27 +462,14 @@ def _add_brace(linear_terms, i, h, rise, bend, state, scratch):
 
 @inline
 def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding):
-    """Compute mean and first moment of the restoring force of story `i`, and their derivatives.
+    """Compute mean and first moment of the restoring force of story `i`, and their derivatives. A
+    story that remains on its linear branch has closed formulas. Otherwise the law follows the path.
 
-    The drift is d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. For the force
-    f, the mean is int f dt and the first moment 12 int (t - 1/2) f dt. A story that remains on its
-    linear branch has closed formulas. Otherwise the law follows the path.
-
-    `rise` and `bend` are the coefficients of the drift, m.
-
-    Parameters
-    ----------
-    memory : Memory
-        State, law states and scratch array. Rows PATH receive the integrals (N) and their
-        derivatives (N/m). Row LEAVES_BRANCH is set to 0 if the story remains on its linear branch;
-        otherwise the row and its last column are set to 1. Row NO_REVERSAL is set; see
-        `is_deciding`.
-    is_deciding : bool
-        True if the function decides again whether the story reverses within the step (the first
-        iterations of Newton's method); False to keep the decision of the last iteration. The
-        decision is stored in row NO_REVERSAL: 1 if the story has no reversal although its parabola
-        of drift has an extremum, otherwise 0. For a story that remains on its branch, the row is
-        set to 0 in both cases.
+    With `is_deciding` (the first iterations of Newton's method), the function decides again whether
+    the story reverses within the step; otherwise the decision of the last iteration is kept. It is
+    stored in row NO_REVERSAL: 1 if the story has no reversal although its parabola of drift has an
+    extremum, otherwise 0. For a story that remains on its branch, the row is 0 in both cases, and
+    row LEAVES_BRANCH is 0; otherwise this row and its last column are 1.
     """
     _, law_state, scratch, _ = memory
     if remains_on_branch(law_state, i, rise, bend):
@@ -570,32 +506,20 @@ def _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is
 
 @outlined
 def _has_no_reversal(coefficients, scene, h, memory, i):
-    """Return True if story `i` has no reversal in the step although its parabola of drift has one.
+    """Return True if story `i` moves in the direction of `rise` during the complete step although
+    its parabola of drift has an extremum. The result is False if the drift rate at an endpoint is
+    opposite to `rise`.
 
-    The parabola d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step, can have an
-    extremum because it only approximates the drift. A more accurate drift rate (times h) is a cubic
-    w(t), which is determined by four values:
+    The parabola can have an extremum because it only approximates the drift. A more accurate drift
+    rate (times h) is a cubic w(t), which is determined by four values:
 
         w(0)               h times the drift rate at the start (state)
         w(1)               h times the drift rate at the end, from the velocities h v0 + a0
         mean of w          `rise`, the change of drift over the step
         derivative w'(0)   h^2 times the second derivative of the drift, from the equation of motion
 
-    For each floor, v0 is the velocity at the start, and a0 (m) is h times the change of velocity
-    over the step, which is h^2 times the mean acceleration. a0 follows from the rise D0 and the
-    bend D1 of the floor, the coefficient r of the method, and h^2 times the change of the
-    acceleration over the step, a1 (m):
-
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
     The derivative w'(0) is necessary for upper stories of a building at rest. Their rates increase
     with the third power of time, and without this value they would seem to move backwards at first.
-
-    Returns
-    -------
-    bool
-        True if the story moves in the direction of `rise` during the complete step according to
-        w(t). False if it reverses, or if w(0) or w(1) is opposite to `rise`.
     """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
@@ -632,15 +556,10 @@ def _acceleration(scene, memory, i):
     """Return the acceleration of floor `i` at the start of the step, relative to the ground, m/s^2.
 
     It follows from equilibrium of the floor, m a = p - c v - (modal damping force) - V_i + V_(i+1),
-    with the mass m, the load p, the floor damper c, the velocity v, and the forces V_i and V_(i+1)
-    of the stories below and above the floor. V is the sum of restoring force, P-delta and damper
-    forces. Without a story above, or if that story is on the ground, V_(i+1) is 0.
-
-    The scratch rows LOAD contain the mean P0 = int p dt and the first moment P1 =
-    12 int (t - 1/2) p dt of the load, N, with t from 0 to 1 over the step. For a load that is
-    linear in time, P1 is its change over the step, and the load at the start is p = P0 - P1 / 2.
-    `scene` contains the building, `memory` the state and the law states at the start of the step
-    and the scratch array.
+    with the floor damper c, and the forces V_i and V_(i+1) (restoring force, P-delta and dampers)
+    of the stories below and above the floor. Without a story above, or if that story is on the
+    ground, V_(i+1) is 0. For a load that is linear in time, P1 is its change over the step, and the
+    load at the start is p = P0 - P1 / 2.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -679,26 +598,10 @@ def _acceleration(scene, memory, i):
 @inline
 def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     """Compute the negative residuals X_0 of the impulse and X_1 of the first moment of all floors.
+    Return their squared norm: sum over the floors of (X_0^2 + X_1^2 / 12) / mass, kg m^2.
 
-    The displacement of a floor is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1 over the step.
-    The equations of motion, integrated with the weights 1 and 12 (t - 1/2) and multiplied by h^2,
-    are
-
-        X_0 = -(M a0 + h C D0 + h^2 (F0 - P0)) = 0         impulse
-        X_1 = -(M a1 + h C D1 + h^2 (F1 - P1)) = 0         first moment
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
-    a0 (m) is h^2 times the mean of the acceleration over the step, and a1 (m) is h^2 times its
-    change over the step. v0 is the velocity at the start, and r is the coefficient of numerical
-    dissipation. F0 and F1 are mean and first moment of the story forces (story below minus story
-    above the floor; F1 includes the numerical dissipation). P0 and P1 are mean and first moment of
-    the load. C contains the floor dampers and modal damping; the forces of story dampers are part
-    of F0 and F1.
-
-    Returns
-    -------
-    float
-        Squared norm of the residuals: sum over the floors of (X_0^2 + X_1^2 / 12) / mass, kg m^2.
+    C contains the floor dampers and modal damping; the forces of story dampers are part of F0 and
+    F1, and the numerical dissipation is part of F1.
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
@@ -742,23 +645,9 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
 
 @inline
 def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_status):
-    """Return True if the residuals of impulse and first moment of all floors are small enough.
-
-    A residual (rows X) is small enough if it is at most TOLERANCE times the sum of the absolute
-    values of the terms of its equation:
-
-        M a0 + h C D0 + h^2 (F0 - P0) = 0         impulse
-        M a1 + h C D1 + h^2 (F1 - P1) = 0         first moment
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
-    - D0 and D1 (rows RISE and BEND): coefficients of the displacement u0 + D0 t + D1 (t^2 - t) / 2
-      in the step, t from 0 to 1
-    - a0 and a1: h^2 times the mean of the acceleration, and h^2 times its change over the step
-    - M, v0: mass, and velocity at the start of the step
-    - F0, F1 and P0, P1: means and first moments of the story forces (F1 with the numerical
-      dissipation) and of the load
-    - C: floor dampers and modal damping; their terms are omitted from the sums
-    - r: coefficient of numerical dissipation
+    """Return True if the residuals of impulse and first moment of all floors are small enough: at
+    most TOLERANCE times the sum of the absolute values of the terms of the equation, without those
+    of C.
 
     Residuals up to the effect of the rounding errors of the displacements are always small enough.
     Row ROUNDING_FORCE contains this effect as a force, already divided by TOLERANCE. It is added to
@@ -767,14 +656,9 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     The sum of the first moment contains the large terms of a1, which nearly cancel if h is small.
     The test then restricts the error of D0 relative to h v0, and not the error of a1.
 
-    `is_last` is True if no further iteration is allowed. The test is the same, but the largest
-    relative residual above the tolerance is then stored in `step_status`.
-
-    Parameters
-    ----------
-    step_status : ndarray
-        Row RESIDUAL is set to 0, or to the largest relative residual if `is_last` is True and a
-        residual is too large; row WORST_STORY then receives its floor.
+    If `is_last`, no further iteration is allowed: the largest relative residual above the tolerance
+    is then stored in row RESIDUAL of `step_status`, and its floor in row WORST_STORY. Otherwise row
+    RESIDUAL is set to 0.
     """
     tolerance = coefficients[TOLERANCE]
     step_status[rows.RESIDUAL] = 0.0
@@ -825,19 +709,9 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
 
 @inline
 def _correct(state, scratch, n):
-    """Add the corrections of Newton's method to rises and bends.
-
-    The rise D0 and the bend D1 of a floor are the coefficients of its displacement in the step,
-    u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1.
-
-    `scratch` contains the rows X contain the corrections of D0 and D1, m. Rows RISE, BEND and
-    CORRECTION are updated.
-
-    Returns
-    -------
-    bool
-        True if all corrections are of the order of rounding errors, so that a further iteration
-        would not change the solution.
+    """Add the corrections of Newton's method (rows X) to rises and bends. Return True if all
+    corrections are of the order of rounding errors, so that a further iteration would not change
+    the solution.
     """
     is_small = True
     for i in range(n):
@@ -857,32 +731,11 @@ def _correct(state, scratch, n):
 def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     """Assemble and factorize the matrix of Newton's method for the current paths of the stories.
 
-    The unknowns of a floor are its rise D0 and bend D1, the coefficients of the displacement u0 +
-    D0 t + D1 (t^2 - t) / 2 in the step, with t from 0 to 1. The story forces f have the mean
-    F0 = int f dt and the first moment F1 = 12 int (t - 1/2) f dt. Their derivatives without P-delta
-    and linear dampers are in the rows PATH. The 2 x 2 block of a floor contains the derivatives of
-    the two equations
-
-        M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
-    a0 and a1 are h^2 times the mean and the change of the acceleration over the step. The velocity
-    v0 at the start and the mean P0 and first moment P1 of the load are constant. M, C and K are
-    mass, damping and stiffness matrix; K contains the initial stiffness of the laws and the
-    geometric stiffness of P-delta. r is the coefficient of numerical dissipation.
-
-    The drift of a story is d0 + rise t + bend (t^2 - t) / 2. Its geometric stiffness g adds to the
-    integrals of the story force
-
-        F0: g (d0 + rise / 2 - bend / 12)      F1: g rise
-
-    and its damper c adds c rise / h to F0 and c bend / h to F1.
-
-    Parameters
-    ----------
-    scratch : ndarray
-        Rows PATH contain the derivatives of F0 and F1 with respect to the rise and to the bend of
-        the drift, N/m. Rows FACTORED, BLOCKS and COUPLING and the rows from STORE on are set.
+    The 2 x 2 block of a floor contains the derivatives of its two equations with respect to D0 and
+    D1. Rows PATH contain the derivatives of F0 and F1 with respect to the rise and to the bend of
+    the drift, without P-delta and linear dampers; the geometric stiffness and the dampers are added
+    as in `_evaluate_stories`. The initial stiffness K contains the geometric stiffness. Rows
+    FACTORED, BLOCKS and COUPLING and the rows from STORE on are set.
     """
     n = linear_terms.shape[1] - 1
     h_squared = h * h
@@ -935,18 +788,12 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
 
 @inline
 def solve(modal, h, scratch, x, n):
-    """Solve the linear system of Newton's method for the rises D0 and bends D1 of all floors.
+    """Solve the linear system of Newton's method, factorized by `_factor`, for the rises and bends
+    of all floors.
 
-    The matrix has been factorized by `_factor`. It contains the derivatives of the equations of a
-    step with respect to D0 and D1, the coefficients of the displacement u0 + D0 t + D1 (t^2 - t) /
-    2 of a floor, with t from 0 to 1 over the step. Modal damping is included: it adds h C to the
-    derivative of the first equation (impulse) with respect to D0, and of the second equation (first
-    moment) with respect to D1.
-
-    Parameters
-    ----------
-    x : int
-        First of two rows with the right side (negative residuals, kg m); they receive D0 and D1, m.
+    Modal damping is included: it adds h C to the derivative of the first equation (impulse) with
+    respect to D0, and of the second equation (first moment) with respect to D1. The rows `x` and
+    `x` + 1 contain the right side (negative residuals, kg m) and receive D0 and D1.
     """
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     # The values in `ModalBlocks` are the factors of C for D0 and D1 in the first equation, and for
@@ -958,15 +805,7 @@ def solve(modal, h, scratch, x, n):
 def update_state(coefficients, scene, h, memory):
     """Move state and law states to the end of the step, and compute the work within the step.
 
-    The displacement of a floor in the step is u0 + D0 t + D1 (t^2 - t) / 2, with t from 0 to 1, D0
-    and D1 in rows RISE and BEND (m). At the end of the step
-
-        u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration = (a0 + a1 / 2) / h^2
-        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
-
-    where a0 and a1 are h^2 times the mean and the change of the acceleration over the step, m; u0
-    and v0 are displacement and velocity at the start, u1 and v1 at the end, and r is the
-    coefficient of numerical dissipation. `acceleration` is the acceleration at the end.
+        u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration at the end = (a0 + a1 / 2) / h^2
 
     The law of a story that remained on its linear branch (row LEAVES_BRANCH is 0) is moved along
     this branch. For other stories, the state at the end of the path of the last iteration is
@@ -1028,12 +867,8 @@ def update_state(coefficients, scene, h, memory):
 
 @outlined
 def _modal_work(modal, h, scratch, n):
-    """Return the work of modal damping in the step, J.
-
-    With the row w of a mode in the modal damping matrix C = sum of w w^T, the damping force of the
-    mode is w (w^T v), with the velocities v of the floors. Along the displacements u0 + D0 t + D1
-    (t^2 - t) / 2 of the floors, with t from 0 to 1 over the step, the mode does the work
-    ((w^T D0)^2 + (w^T D1)^2 / 12) / h.
+    """Return the work of modal damping in the step, J. With the row w of a mode, C = sum of w w^T,
+    and the mode does the work ((w^T D0)^2 + (w^T D1)^2 / 12) / h.
     """
     total = 0.0
     for j in range(modal.shape[0]):
@@ -1048,11 +883,8 @@ def _modal_work(modal, h, scratch, n):
 
 @outlined
 def _dashpot_work(linear_terms, scratch, n):
-    """Return the work of the power-law dashpots in the step, J.
-
-    Along the drift d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step, the work of
-    the dashpot force f is rise F0 + bend F1 / 12, with F0 = int f dt and F1 = 12 int (t - 1/2) f
-    dt.
+    """Return the work of the power-law dashpots in the step, J: rise F0 + bend F1 / 12 for the rise
+    and bend of the drift.
     """
     total = 0.0
     rise_below = 0.0

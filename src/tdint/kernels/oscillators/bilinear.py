@@ -73,7 +73,8 @@ class _Hysteretic(NamedTuple):
 
 @outlined
 def _taylor(series, u, v, load, slope, k, c, t):
-    """Compute the Taylor coefficients of the solution of u'' + c u' + k u = load + slope t.
+    """Compute the Taylor coefficients of the solution of u'' + c u' + k u = load + slope t, and
+    return how many are needed up to the time t (s).
 
     With u(t) = sum of s_j t^j, the coefficients are s_0 = u(0), s_1 = u'(0) and, by comparison of
     powers,
@@ -81,17 +82,9 @@ def _taylor(series, u, v, load, slope, k, c, t):
         s_2 = (load - c s_1 - k s_0) / 2,   s_3 = (slope - 2 c s_2 - k s_1) / 6
         s_j = -(c (j - 1) s_(j-1) + k s_(j-2)) / (j (j - 1))   for j >= 4
 
-    `u` and `v` are the displacement (m) and velocity (m/s) at t = 0. `load` and `slope` are the
-    load at t = 0 and its rate, over the mass: m/s^2 and m/s^3. `k` and `c` are the stiffness
-    (1/s^2) and damping coefficient (1/s) over the mass. `t` is the maximum time for which the
-    series is evaluated, s.
-
-    Returns
-    -------
-    int
-        Number of coefficients that are needed up to time t. The callers use sqrt(k) t <= 1 and
-        damping ratios below 1, so that c t <= 2. The series then ends with fewer than _MAX_TERMS
-        coefficients (at most about 30).
+    The load (m/s^2) and its rate are divided by the mass. The callers use sqrt(k) t <= 1 and
+    damping ratios below 1, so that c t <= 2. The series then ends with fewer than _MAX_TERMS
+    coefficients (at most about 30).
     """
     series[0], series[1] = u, v
     series[2] = 0.5 * (load - c * v - k * u)
@@ -150,13 +143,8 @@ def _acceleration(series, terms, t):
 
 @outlined
 def _derivative(series, terms, order, t):
-    """Return a derivative of the displacement s_0 + s_1 t + s_2 t^2 + ... at time `t`.
-
-    The result is the displacement (order 0, m), the velocity (1, m/s) or the acceleration (2,
-    m/s^2).
-
-    `order` is the order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
-    `t` is the time, s.
+    """Return the displacement s_0 + s_1 t + s_2 t^2 + ... (order 0, m), the velocity (1, m/s) or
+    the acceleration (2, m/s^2) at time `t`.
     """
     if order == 0:
         return _displacement(series, terms, t)
@@ -167,18 +155,14 @@ def _derivative(series, terms, order, t):
 
 @outlined
 def _root(series, terms, order, level, left, right):
-    """Return the time (s) when displacement, velocity or acceleration crosses a level.
+    """Return the time (s) between `left` and `right` when displacement, velocity or acceleration
+    (derivative of order 0, 1 or 2 of the series) crosses a level.
 
-    The quantity is the derivative of order `order` (0, 1 or 2) of the displacement s_0 + s_1 t +
-    s_2 t^2 + ... The method is regula falsi with halved weights (Illinois), with bisection in every
-    fourth iteration. If the values at both times are not on different sides of the level, the
-    result is `left`. The callers ensure that the value at `right` is different from the level and
-    on the other side. Only the value at `left` can be equal to the level, or on the same side by
-    rounding; the crossing is then at `left`.
-
-    `order` is the order of the derivative: 0 for displacement, 1 for velocity, 2 for acceleration.
-    `level` is the level, m, m/s or m/s^2. `left` and `right` are the times that bracket the
-    crossing, s.
+    The method is regula falsi with halved weights (Illinois), with bisection in every fourth
+    iteration. If the values at both times are not on different sides of the level, the result is
+    `left`. The callers ensure that the value at `right` is different from the level and on the
+    other side. Only the value at `left` can be equal to the level, or on the same side by rounding;
+    the crossing is then at `left`.
     """
     at_left = _derivative(series, terms, order, left) - level
     at_right = _derivative(series, terms, order, right) - level
@@ -205,14 +189,8 @@ def _root(series, terms, order, level, left, right):
 
 @outlined
 def _velocity_zero(series, terms, start, end):
-    """Return the time (s) when the velocity changes its sign between `start` and `end`.
-
-    If the velocity does not change its sign between both times, the result is `end`.
-
-    The displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... The velocity must be monotonic
-    between both times.
-
-    `start` is the start of the interval, s. `end` is the end of the interval, s.
+    """Return the time (s) when the velocity, which must be monotonic, changes its sign between
+    `start` and `end`; `end` if it does not.
     """
     if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
         # Locate the time when the velocity (derivative of order 1) crosses the level 0.
@@ -222,13 +200,11 @@ def _velocity_zero(series, terms, start, end):
 
 @outlined
 def _end_of_yielding(series, terms, side, middle, remaining):
-    """Return the time (s) when yielding ends within a step, or NEVER (-1).
+    """Return the time (s) when yielding ends within a step, or NEVER (-1): when the velocity
+    changes to the sign opposite to the direction of yielding.
 
-    Yielding ends when the velocity changes to the sign opposite to the direction of yielding. The
-    displacement is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the yielding branch.
-
-    `middle` and `remaining` are the ends of the two parts with a monotonic velocity, s: `middle` is
-    the zero of the acceleration (or `remaining`), and `remaining` is the end of the step.
+    The velocity is monotonic until `middle`, the zero of the acceleration (or `remaining`), and
+    from there to `remaining`, the end of the step.
     """
     start = 0.0
     for end in (middle, remaining):
@@ -244,15 +220,11 @@ def _end_of_yielding(series, terms, side, middle, remaining):
 @outlined
 def _end_of_elastic_branch(series, terms, state, middle, remaining):
     """Return the time (s) when the displacement reaches a limit of the elastic branch within a
-    step, or NEVER (-1), and update the peak displacement.
+    step, or NEVER (-1), and update the peak displacement. `middle` and `remaining` are those of
+    `_end_of_yielding`.
 
-    The displacement u is the Taylor series s_0 + s_1 t + s_2 t^2 + ... of the elastic branch. The
-    step is divided into parts in which u is monotonic. PEAK is updated with |u| at the end of each
-    part before the returned time. These times include all extrema of u.
-
-    `state` contains the limits UPPER and LOWER of the branch, m; PEAK, m, is updated. `middle` and
-    `remaining` are the ends of the two parts with a monotonic velocity, s: `middle` is the zero of
-    the acceleration (or `remaining`), and `remaining` is the end of the step.
+    The step is divided into parts in which u is monotonic. PEAK is updated with |u| at the end of
+    each part before the returned time. These times include all extrema of u.
     """
     start = 0.0
     # u is monotonic between these times. If the velocity has no zero between two times,
@@ -277,11 +249,10 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
 def _end_yielding(state, oscillator):
     """Set the elastic branch that follows yielding, at a reversal of the velocity.
 
-    `side` is 1 for yielding in the positive direction, otherwise -1. The force over the mass is
-    hardening k u + side strength during yielding, and k u + OFFSET on the elastic branch. Both are
-    equal at the reversal, which determines OFFSET. The oscillator yields again at the current
-    displacement, or on the other side after a change of displacement of twice the yield
-    displacement, 2 strength / ((1 - hardening) k).
+    The force over the mass is hardening k u + side strength during yielding, and k u + OFFSET on
+    the elastic branch. Both are equal at the reversal, which determines OFFSET. The oscillator
+    yields again at the current displacement, or on the other side after a change of displacement of
+    twice the yield displacement, 2 strength / ((1 - hardening) k).
     """
     k, _, hardening, strength = oscillator
     u, side = state[U], state[SIDE]
@@ -295,13 +266,9 @@ def _end_yielding(state, oscillator):
 
 @outlined
 def _start_yielding(state, strength):
-    """Set the yielding branch that follows the elastic branch at one of its limits.
-
-    The force over the mass is then hardening k u + OFFSET, with OFFSET = side strength.
-
-    `state` is the state near the limit. The displacement is set to the limit; SIDE (1 at the upper
-    limit, -1 at the lower limit), V and OFFSET are set. `strength` is the strength of the plastic
-    part over mass, m/s^2.
+    """Set the yielding branch that follows the elastic branch at one of its limits, and the
+    displacement to this limit. The force over the mass is then hardening k u + OFFSET, with OFFSET
+    = side strength.
     """
     # The limit that was reached is the nearer one. Rounding must not reverse the velocity.
     side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
@@ -313,25 +280,17 @@ def _start_yielding(state, strength):
 
 @outlined
 def _integrate_step(state, series, oscillator, g, slope, h):
-    """Integrate a bilinear oscillator over one step and through all branch changes within it.
+    """Integrate a bilinear oscillator over one step of length h (sqrt(k) h <= 1) and through all
+    branch changes within it. Return the number of branch changes, or TOO_MANY_EVENTS (-1).
 
     The equation of motion on a branch is u'' + c u' + k' u = -(g + slope t) - OFFSET, with the
     stiffness k' = k (elastic) or hardening k (yielding) over the mass. Its response is the Taylor
     series of the exact solution. If the oscillator yields or unloads within the step, the time of
     this event is computed, the branch is changed, and the integration continues from this time.
 
-    The peak displacement, PEAK, is updated at each event and at the end of the step. During
-    yielding, u is monotonic until the event, so that no extremum is missed. On the elastic branch,
-    `_end_of_elastic_branch` also updates PEAK at the extrema of u before the event.
-
-    `state`: state (U, V, SIDE, OFFSET, UPPER, LOWER, PEAK), which is updated. `g` and `slope` are
-    the ground acceleration at the start of the step, m/s^2, and its rate, m/s^3. `h` is the length
-    of the step, s; sqrt(k) h must not exceed 1.
-
-    Returns
-    -------
-    int
-        Number of changes of branch, or TOO_MANY_EVENTS (-1).
+    PEAK is updated at each event and at the end of the step. During yielding, u is monotonic until
+    the event, so that no extremum is missed. On the elastic branch, `_end_of_elastic_branch` also
+    updates PEAK at the extrema of u before the event.
     """
     k, c, hardening, strength = oscillator
     # `t` is the time of the last event, from the start of the step. The series and the times
@@ -381,19 +340,15 @@ def _integrate_step(state, series, oscillator, g, slope, h):
 
 @outlined
 def _coefficients(steps, first, series, k, c, h):
-    """Compute the coefficients of the exact step of an oscillator on a branch.
+    """Compute the coefficients of the exact step of an oscillator on a branch, and store s_0 to s_7
+    from element `first` of `steps` on: 0 for the elastic branch, 8 for the yielding branch.
 
     The equation of motion is u'' + c u' + k u = -p. The load is -p, and p is linear from p0 to p1
-    within a step of length h. From the displacement u0 and the velocity v0 at the start of the
-    step, the displacement and the velocity at its end are
+    within a step of length h:
 
         u1 = s_0 u0 + s_1 v0 + s_2 p0 + s_3 p1,   v1 = s_4 u0 + s_5 v0 + s_6 p0 + s_7 p1
 
-    The coefficients s are the responses to unit values of u0, v0, p0 and p1.
-
-    `steps`: elements `first` to `first` + 7 receive s_0 to s_7. `first` is the index of s_0 in
-    `steps`: 0 for the elastic branch, 8 for the yielding branch. `k` and `c` are the stiffness
-    (1/s^2) and damping coefficient (1/s) over the mass.
+    The coefficients are the responses to unit values of u0, v0, p0 and p1.
     """
     # Column 0: u0 = 1. Column 1: v0 = 1. Column 2: p0 = 1, so the load is -1 at the start and 0 at
     # the end. Column 3: p1 = 1, so the load is 0 at the start and -1 at the end.
@@ -410,39 +365,21 @@ def _coefficients(steps, first, series, k, c, h):
 
 @outlined
 def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
-    """Integrate a bilinear oscillator from rest over the complete ground motion.
+    """Integrate a bilinear oscillator from rest over the complete ground motion. Return the number
+    of branch changes, or TOO_MANY_EVENTS (-1).
 
-    On a branch, with the ground acceleration ag, the offset of the branch over the mass (m/s^2) and
-    p = ag + offset, the equation of motion divided by the mass is
-
-        u'' + c u' + k' u = -p,   k' = k (elastic branch) or hardening k (yielding branch)
-
-    The response at the end of a step is an exact linear function of the displacement u and the
-    velocity v at its start, and of p0 and p1 at both endpoints:
-
-        elastic     u1 = e00 u + e01 v + e02 p0 + e03 p1,   v1 = e10 u + e11 v + e12 p0 + e13 p1
-        yielding    u1 = y00 u + y01 v + y02 p0 + y03 p1,   v1 = y10 u + y11 v + y12 p0 + y13 p1
+    With the ground acceleration ag and p = ag + OFFSET, the equation of motion on a branch is u'' +
+    c u' + k' u = -p, k' = k or hardening k. The response at the end of a step is an exact linear
+    function of the displacement and the velocity at its start, and of p at both endpoints, with the
+    coefficients of `_coefficients` (`steps`).
 
     The step is accepted if the oscillator cannot change its branch in the step, and if the peak
     displacement cannot be exceeded between the endpoints. Otherwise the step is repeated with
     `_integrate_step`, which locates the changes of branch and updates the peak displacement, also
     at extrema between the endpoints.
 
-    `parts` contains the steps per sampling interval. `h` is the length of a step, s; omega h must
-    not exceed 1, with omega = sqrt(k). `oscillator` contains the properties of the oscillator,
-    divided by its mass: k, c, hardening and strength. `state`: state with the limits of the elastic
-    branch, UPPER and LOWER (m); receives the state at the end and the peak displacement, PEAK (m).
-
-    Parameters
-    ----------
-    steps : ndarray
-        Coefficients of the exact step in the order above: e00 to e03 and e10 to e13 of the elastic
-        branch (elements 0 to 7), then y00 to y03 and y10 to y13 of the yielding branch (8 to 15).
-
-    Returns
-    -------
-    int
-        Number of changes of branch, or TOO_MANY_EVENTS (-1).
+    `parts` is the number of steps per sampling interval; sqrt(k) h must not exceed 1. `state`
+    contains the limits of the elastic branch, and receives the state at the end and PEAK.
     """
     k, c, hardening, _ = oscillator
     e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
@@ -513,13 +450,11 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
 def _residual_displacement(state, series, oscillator):
     """Return the displacement after the decay of the free vibration, m.
 
-    The oscillator is integrated without ground motion until its vibration remains within the
-    elastic branch. The result is the center of this vibration, -OFFSET / k, also for an undamped
-    oscillator. It is NaN if a step has too many changes of branch. The integration ends after
-    _FREE_VIBRATION steps; if the oscillator yields at this time, the result is its displacement.
-
-    `state`: state at the end of the ground motion (U, V, SIDE, OFFSET, UPPER, LOWER), which is
-    changed.
+    The oscillator is integrated without ground motion, from the state at the end of the motion,
+    until its vibration remains within the elastic branch. The result is the center of this
+    vibration, -OFFSET / k, also for an undamped oscillator. It is NaN if a step has too many
+    changes of branch. The integration ends after _FREE_VIBRATION steps; if the oscillator yields at
+    this time, the result is its displacement.
     """
     # The length of a step is one radian of the elastic vibration.
     k = oscillator.k
@@ -542,26 +477,13 @@ def _residual_displacement(state, series, oscillator):
 
 @kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=(), vectorized=True)
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
-    """Compute the response of a bilinear oscillator from rest to a ground motion.
+    """Compute the response of a bilinear oscillator from rest to a ground motion. Return the number
+    of branch changes, or TOO_MANY_EVENTS (-1).
 
     The equation of motion is u'' + 2 xi omega u' + f = -ag, with the ground acceleration ag, linear
     between its samples, and the bilinear restoring force f over the mass with the initial stiffness
-    omega^2. The integration is exact up to rounding.
-
-    Parameters
-    ----------
-    dt : float
-        Sampling interval, s.
-    omega, xi, hardening : float
-        Circular frequency (rad/s) and damping ratio of the elastic branch, and hardening ratio in
-        [0, 1).
-    yield_displacement : float
-        Displacement at first yield, m, positive; infinite for an elastic oscillator.
-
-    Returns
-    -------
-    int
-        Number of changes of branch, or TOO_MANY_EVENTS (-1).
+    omega^2. The integration is exact up to rounding. The hardening ratio is in [0, 1); the yield
+    displacement is infinite for an elastic oscillator.
     """
     steps, series, state = local(16), local(_MAX_TERMS), local(STATE_ROWS)
     state[:] = 0.0
