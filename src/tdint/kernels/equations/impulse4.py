@@ -374,7 +374,9 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
 
 @outlined
 def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
-    """Compute the response over a step by Newton's method for all stories together.
+    """Compute the response over a step by Newton's method for all stories together. Return the
+    number of linear solutions (at least 1), or NOT_CONVERGED (negative) if the residuals are too
+    large after MAX_ITERATIONS solutions.
 
     The iteration ends if all residuals are within the tolerance, or if the last correction of the
     displacements was of the order of rounding errors. The first UNDAMPED_ITERATIONS corrections are
@@ -385,19 +387,9 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     the run (`tolerance_of_run`). Both are of order 4 in the time step. The order of the method
     therefore remains 4, and coarse steps need fewer iterations.
 
-    Parameters
-    ----------
-    keep_branches : bool
-        True if stories with a linear branch remain on this branch (see `_evaluate_law`).
-    has_guess : bool
-        True if the rows DU and DV contain the first estimate of u1 - u0 and v1 - v0; otherwise it
-        is the motion with constant acceleration.
-
-    Returns
-    -------
-    int
-        Number of linear solutions, but at least 1. NOT_CONVERGED (negative) if the residuals are
-        too large after MAX_ITERATIONS solutions.
+    With `keep_branches`, stories with a linear branch remain on this branch (`_evaluate_law`). With
+    `has_guess`, the rows DU and DV contain the first estimate; otherwise it is the motion with
+    constant acceleration.
     """
     linear_terms, modal, _, _, _ = scene
     state, _, scratch, step_status = memory
@@ -568,6 +560,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
 @inline
 def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     """Evaluate the law of story `i` at the inner point and at the end of the step (`drifts`, m).
+    Return tangent stiffness (N/m) and force (N) at the inner point and at the end.
 
     There are three cases:
 
@@ -578,20 +571,10 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     3. Otherwise the law moves from the start of the step to the inner point, and then to the end.
 
     In cases 2 and 3, FIRST_TRIAL receives the state at the inner point and SECOND_TRIAL the state
-    at the end.
-
-    Parameters
-    ----------
-    keep_branches : bool
-        True if the caller divides the step at branch changes and reversals. A reversal with a
-        negligible effect remains within the step (row KINK, which is set to 0 in cases 1 and 3).
-        False if the complete step is solved and no branch change or reversal is located; row KINK
-        is then not changed.
-
-    Returns
-    -------
-    tangent_c, force_c, tangent, force : float
-        Tangent stiffness (N/m) and force (N) at the inner point and at the end.
+    at the end. `keep_branches` means that the caller divides the step at branch changes and
+    reversals. A reversal with a negligible effect remains within the step (row KINK, which is set
+    to 0 in cases 1 and 3). Otherwise the complete step is solved, no branch change or reversal is
+    located, and row KINK is not changed.
     """
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
@@ -868,11 +851,11 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 
 @outlined
 def _add_tangent_damping(linear_terms, i, h, law, increment, memory):
-    """Add Rayleigh damping with the tangent stiffness to force and impulse of story `i`.
+    """Add Rayleigh damping with the tangent stiffness to force and impulse of story `i`. `law` are
+    the force f1, the mean force and the tangent stiffness k1.
 
-    The force of the damping is a1 f' with the rate f' of the force of the law. Its impulse is
-    a1 (f1 - f0) for every law and every path, and its force at the end a1 k1 d' with the tangent
-    stiffness k1. `law` are the force f1, the mean force and k1.
+    The force of the damping is a1 f' with the rate f' of the force of the law. Its impulse is a1
+    (f1 - f0) for every law and every path, and its force at the end a1 k1 d'.
     """
     state, law_state, scratch, _ = memory
     force_1, mean, tangent = law
