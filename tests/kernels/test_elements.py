@@ -12,8 +12,9 @@ import pytest
 
 from building_cases import noise
 from small_buildings import BUILDINGS, LAWS, MASS, MOTION, STIFFNESS, STRENGTH, YIELD_DRIFT
-from tdint import load_model, run
+from tdint import load_model, run, run_many
 from tdint.analysis.static import follow_path
+from tdint.errors import ModelError
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.model.building import assemble
 from tdint.model.definition import CODES, SUM_OF_ELEMENTS, Element, Story, simple_model
@@ -208,3 +209,87 @@ def test_parameters_reach_the_elements():
 
 def test_the_building_of_the_other_cases_has_no_elements():
     assert all(not assemble(load_model(case)).elements for case in BUILDINGS.values())
+
+
+COSINE = 0.8
+FRAME = {"name": "frame", "type": "linear", "stiffness": 0.2 * STIFFNESS}
+# Elements along their axes, and their equivalents in the direction of the drift: forces times the
+# cosine, lengths divided by it
+INCLINED = [
+    (
+        {"type": "bilinear", "stiffness": STIFFNESS, "yield_force": STRENGTH, "hardening": 0.05},
+        {
+            "type": "bilinear",
+            "stiffness": STIFFNESS * COSINE**2,
+            "yield_force": STRENGTH * COSINE,
+            "hardening": 0.05,
+        },
+    ),
+    (
+        {"type": "gap", "gap": YIELD_DRIFT, "stop_stiffness": STIFFNESS},
+        {"type": "gap", "gap": YIELD_DRIFT / COSINE, "stop_stiffness": STIFFNESS * COSINE**2},
+    ),
+    (
+        {"type": "polynomial", "coefficients": [STIFFNESS, 0.0, 1e9]},
+        {"type": "polynomial", "coefficients": [STIFFNESS * COSINE**2, 0.0, 1e9 * COSINE**4]},
+    ),
+    (
+        {"type": "multilinear", "rule": "elastic", "backbone": [[0.02, 1e5]], "last_slope": 1e6},
+        {
+            "type": "multilinear",
+            "rule": "elastic",
+            "backbone": [[0.02 / COSINE, 1e5 * COSINE]],
+            "last_slope": 1e6 * COSINE**2,
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize(("inclined", "horizontal"), INCLINED, ids=lambda item: item["type"])
+def test_inclined_element_equals_its_equivalent_in_the_direction_of_the_drift(inclined, horizontal):
+    angle = math.degrees(math.acos(COSINE))
+    responses = [
+        run(building(FRAME, {"name": "brace", **element}), MOTION, check=False)
+        for element in (
+            horizontal,
+            {**inclined, "factor": COSINE},
+            {**inclined, "angle": angle},
+        )
+    ]
+    expected = responses[0]
+    for response in responses[1:]:
+        assert response.stories.peak_drift == pytest.approx(expected.stories.peak_drift, rel=1e-9)
+        assert response.stories.peak_shear == pytest.approx(expected.stories.peak_shear, rel=1e-9)
+        elements, equivalent = response.elements, expected.elements
+        assert elements.dissipated_energy == pytest.approx(equivalent.dissipated_energy, rel=1e-9)
+        # Forces and yield drifts are those in the direction of the drift.
+        assert elements.peak_force == pytest.approx(equivalent.peak_force, rel=1e-9)
+        assert elements.yield_drift == pytest.approx(equivalent.yield_drift, rel=1e-12, nan_ok=True)
+
+
+def test_numbers_of_an_inclined_element_are_varied_along_its_axis():
+    inclined = {**INCLINED[0][0], "name": "brace", "factor": COSINE}
+    model = building(FRAME, inclined)
+    changes = {"stories[1].elements[brace].yield_force": 2.0 * STRENGTH}
+    changes["stories[1].elements[2].stiffness"] = 3.0 * STIFFNESS
+    twice = {**inclined, "yield_force": 2.0 * STRENGTH, "stiffness": 3.0 * STIFFNESS}
+    assert model.replace(**changes).stories == building(FRAME, twice).stories
+    runs = run_many([model], [MOTION], vary={name: [value] for name, value in changes.items()})
+    single = run(building(FRAME, twice), MOTION, check=False)
+    peaks = runs.stories.peak_drift.ravel()
+    assert peaks == pytest.approx(single.stories.peak_drift, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"factor": 0.8, "angle": 30.0}, "give either factor or angle, not both"),
+        ({"factor": 0.0}, r"elements\[2\].factor"),
+        ({"factor": 1.5}, r"elements\[2\].factor"),
+        ({"angle": 90.0}, r"elements\[2\].angle"),
+    ],
+)
+def test_invalid_inclinations(keys, message):
+    with pytest.raises(ModelError, match=message) as caught:
+        building(FRAME, {**INCLINED[0][0], **keys})
+    assert len(str(caught.value).splitlines()) == 1

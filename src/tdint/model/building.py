@@ -802,7 +802,9 @@ def _changed_numbers(
             value_index = change.story, change.column
             # Several parameters can change the same value; they are applied in order.
             current = changed.get(value_index, base_numbers[change.story][change.column])
-            changed_value = current * sampled_values if change.factor else sampled_values
+            changed_value = (
+                current * sampled_values if change.factor else sampled_values * change.scale
+            )
             changed[value_index] = np.where(np.isnan(sampled_values), current, changed_value)
             if change.sets_law_parameter:
                 stories_with_set_law.add(change.story)

@@ -200,11 +200,21 @@ class Element:
         Initial stiffness, N/m, zero or positive.
     law : Law
         Hysteretic law.
+    factor : float
+        Cosine of the inclination of the element, in (0, 1]. Stiffness, law and all results are
+        those in the direction of the drift. The force along the element is the force of the law
+        divided by this number, and its deformation is the drift times this number.
     """
 
     name: str
     stiffness: float
     law: Law
+    factor: float = 1.0
+
+    def scale(self, force: int, length: int) -> float:
+        """Return the factor from a number along the element to the number in the direction of the
+        drift, for the unit force^`force` length^`length`."""
+        return float(self.factor ** (force - length))
 
 
 def _restore_law(
@@ -742,7 +752,9 @@ class Model:
                     continue
                 change.check(name, value)
                 row = table[change.story]
-                row[change.column] = row[change.column] * value if change.factor else value
+                row[change.column] = (
+                    row[change.column] * value if change.factor else value * change.scale
+                )
                 earlier_law_change = changed_stories.get(change.story, False)
                 sets_law = earlier_law_change or change.sets_law_parameter
                 changed_stories[change.story] = sets_law
@@ -779,7 +791,7 @@ def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: 
         stiffness = numbers[columns.stiffness]
         if is_law_changed and compute_stiffness:
             stiffness = compute_stiffness(law.parameters)
-        springs.append(Element(spring.name, stiffness, law))
+        springs.append(replace(spring, stiffness=stiffness, law=law))
     return replace(
         story,
         mass=numbers[MASS],
@@ -901,6 +913,8 @@ class Change(NamedTuple):
     follows : bool
         The number is not named by the parameter, but follows it by default: the model does not
         state a value of its own (for the negative side of a law).
+    scale : float
+        Number in `story_numbers` divided by the value, which is a number along an inclined element.
     """
 
     story: int
@@ -908,6 +922,7 @@ class Change(NamedTuple):
     factor: bool
     bounds: LawParameter | None = None
     follows: bool = False
+    scale: float = 1.0
 
     def is_superseded(self, set_by_name: set[tuple[int, int]]) -> bool:
         """Return True if the number follows another one, but has been set by its own name before.
@@ -1029,7 +1044,9 @@ def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
     return numbers
 
 
-_ChangedNumber = tuple[int, bool, LawParameter | None] | tuple[int, bool, LawParameter | None, bool]
+_ChangedNumber = (
+    tuple[int, bool, LawParameter | None] | tuple[int, bool, LawParameter | None, bool, float]
+)
 
 
 def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
@@ -1046,8 +1063,8 @@ def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
 
 def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
     """Return the values of a story that each parameter changes, by the name of the parameter: the
-    fields `column`, `factor`, `bounds` and `follows` of a `Change` (the last two may be omitted).
-    The list is empty for a parameter that cannot be changed.
+    fields `column`, `factor`, `bounds`, `follows` and `scale` of a `Change` (the last two may be
+    omitted). The list is empty for a parameter that cannot be changed.
 
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
     """
@@ -1073,14 +1090,16 @@ def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
         for prefix in prefixes:
             if prefix != "law" and not has_stiffness:
                 bounds = LawParameter("stiffness", low=0.0)
-                set_law[f"{prefix}.stiffness"] = [(columns.stiffness, False, bounds)]
-            for i, name, _, _, declaration in described_numbers:
-                set_law[f"{prefix}.{name}"] = [(i, False, declaration)]
+                scale = spring.scale(1, -1)
+                set_law[f"{prefix}.stiffness"] = [(columns.stiffness, False, bounds, False, scale)]
+            for i, name, force, length, declaration in described_numbers:
+                scale = spring.scale(force, length)
+                set_law[f"{prefix}.{name}"] = [(i, False, declaration, False, scale)]
                 # The number of the other side with the same default changes as well, if it is
                 # equal.
                 source = _followed_name(spring.law, name, declaration)
                 if source in values and values[source] == values[name]:
-                    set_law[f"{prefix}.{source}"].append((i, False, declaration, True))
+                    set_law[f"{prefix}.{source}"].append((i, False, declaration, True, scale))
         # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
         for i, _, force, length, declaration in described_numbers:
             if force == 1 and (has_stiffness or length == -1):

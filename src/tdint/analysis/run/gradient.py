@@ -109,7 +109,9 @@ def number_at(model: Model, name: str) -> float:
             )
     else:
         numbers = {
-            1.0 if change.factor else story_numbers(model.stories[change.story])[change.column]
+            1.0
+            if change.factor
+            else story_numbers(model.stories[change.story])[change.column] / change.scale
             for change in changes_of(model, name)
         }
     if len(numbers) > 1:

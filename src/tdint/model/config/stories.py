@@ -117,6 +117,23 @@ class _LawType:
 
 LAW = _LawType()
 
+_COSINE = Bounds(0.0, 1.0, low_allowed=False)
+_ANGLE = Bounds(0.0, 90.0, high_allowed=False)  # degrees
+_INCLINATION = (
+    Key(
+        "factor",
+        _COSINE,
+        "cosine of the inclination: deformation over drift, and story force over force; the other "
+        "numbers are those along the device",
+    ),
+    Key(
+        "angle",
+        _ANGLE,
+        "inclination from the direction of the drift in degrees, instead of `factor`",
+    ),
+)
+"""Keys of an inclined dashpot or element."""
+
 
 @dataclass(frozen=True)
 class _ElementType:
@@ -130,6 +147,7 @@ class _ElementType:
                     Key("type", Choice((law.name,)), law.formula, True),
                     Key("name", TextLine(), "name in tables, unique within the story"),
                     Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
+                    *_INCLINATION,
                     *_law_keys(law),
                 )
             )
@@ -403,18 +421,7 @@ _DASHPOT = Keys(
             "stiffness of the brace in series with the damper; the drift rate is then that of the "
             "damper, and `linear_below` is not required",
         ),
-        Key(
-            "factor",
-            Bounds(0.0, 1.0, low_allowed=False),
-            "cosine of the inclination: damper deformation over drift, and story force over damper "
-            "force; the other numbers are those along the damper",
-        ),
-        Key(
-            "angle",
-            Bounds(0.0, 90.0, high_allowed=False),
-            "inclination of the damper from the direction of the drift in degrees, instead of "
-            "`factor`",
-        ),
+        *_INCLINATION,
     )
 )
 _STORY = Keys(
@@ -580,7 +587,9 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
         return unknown
     if nested := entry.peek("elements"):
         nested.fault("an element cannot contain elements; add them to the list of the story")
-    law, section = _read_law_type(entry, "name", "stiffness", "elements")
+    law, section = _read_law_type(
+        entry, "name", "stiffness", "elements", *(key.name for key in _INCLINATION)
+    )
     if law is None or section is None:
         return unknown
     name_entry = section.get("name")
@@ -589,6 +598,11 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
         name_entry.fault(
             f"must contain a letter and none of [ ] , = and quotation marks, got {name!r}"
         )
+    # The file contains the numbers along the element. In the direction of the drift, forces are
+    # multiplied by the cosine of its inclination and lengths divided by it, as by other units.
+    cosine = _read_inclination(section)
+    if not math.isnan(cosine):
+        unit = replace(unit, length=unit.length / cosine, force=unit.force * cosine)
     parameters = _read_parameters(section, law, unit) if law.parameters else ()
     has_unknown = any(map(math.isnan, parameters))
     stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None
@@ -604,7 +618,7 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
         return Element(name, math.nan, Law(law.name, parameters))
     if not math.isnan(stiffness) and (fault := law.fault(stiffness, parameters)):
         entry.fault(fault)
-    return Element(name, stiffness, Law(law.name, parameters))
+    return Element(name, stiffness, Law(law.name, parameters), cosine)
 
 
 def _read_stiffness(
@@ -667,7 +681,7 @@ def _read_dashpot(
     section = value.section(_DASHPOT)
     if section is None:
         return math.nan, None, 1.0
-    factor = _read_damper_factor(section)
+    factor = _read_inclination(section)
     exponent = section.number("exponent", default=1.0)
     has_brace = section.mentions("brace")
     brace = section.number("brace", scale=unit.factor(force=1, length=-1)) if has_brace else None
@@ -689,10 +703,12 @@ def _read_dashpot(
     return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace), factor
 
 
-def _read_damper_factor(section: Section) -> float:
-    """Return the cosine of the inclination of a dashpot, from the key `factor` or `angle`."""
+def _read_inclination(section: Section) -> float:
+    """Return the cosine of the inclination of a dashpot or an element, from the key `factor` or
+    `angle`.
+    """
     if not section.has("angle"):
-        return section.number("factor", default=1.0)
+        return section.number("factor", _COSINE, default=1.0)
     if section.has("factor"):
         section.value.fault("give either factor or angle, not both")
-    return math.cos(math.radians(section.number("angle")))
+    return math.cos(math.radians(section.number("angle", _ANGLE)))

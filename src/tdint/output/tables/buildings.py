@@ -516,6 +516,8 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
         if spring.name:
             stiffness = units.text(spring.stiffness, "N/m")
             text = f"{spring.name}: {text.replace(':', ',', 1)}, stiffness {stiffness}"
+        if spring.factor != 1.0:
+            text += f" (in the direction of the drift; factor {spring.factor:.4g})"
         texts.append(text)
     return "; ".join([*texts, "isolator"] if story.isolator else texts)
 
