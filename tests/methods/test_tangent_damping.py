@@ -11,22 +11,41 @@ from el_centro import el_centro
 from references import orders, smooth
 from tdint import load_model, run
 from tdint.errors import AnalysisError, ModelError
-from tdint.methods.catalogue import catalogue
+from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 
-METHODS = [name for name, method in catalogue().items() if method.tangent_damping]
+METHODS = [name for name in catalogue() if parse(name).tangent_damping]
+FOURTH = ["impulse4", "moment4"]
+SECOND = [name for name in METHODS if name not in FOURTH]
 STIFFNESS = 15791.367041742973e3
 SHORT = 43864.90844928604e3
+LONG = 3947.8417604357433e3
+COEFFICIENT = 0.0079577471545948  # s, 5 % at a period of 0.5 s
 
 # Maximum, minimum and last drift (m) of a story of 100 t under the first 15 s of El Centro, by
 # matrix exponentials with bisected branch changes: stiffness (N/m), yield forces (N), hardening,
 # coefficients of the mass (1/s) and of the stiffness (s)
 UNDER_EL_CENTRO = [
-    (STIFFNESS, (1e5, 0.02, 1e5), 0.0, 0.0079577471545948, (0.03234, -0.0559312, 0.0117472)),
-    (SHORT, (2e5, 0.03, 2e5), 0.0, 0.0047746482927569, (0.0236305, -0.011373, 0.00161219)),
-    (STIFFNESS, (1.2e5, 0.02, 8e4), 0.0, 0.0079577471545948, (0.0223388, -0.111755, -0.0488777)),
+    (STIFFNESS, (1e5, 0.02, 1e5), 0.0, COEFFICIENT, (0.03234, -0.0559312, 0.0117472)),
+    (STIFFNESS, (1e5, 0.0, 1e5), 0.0, COEFFICIENT, (0.0330273, -0.0696872, -0.0189755)),
+    (STIFFNESS, (1.5e5, 0.1, 1.5e5), 0.0, COEFFICIENT, (0.0272693, -0.0474441, 0.00367275)),
+    (LONG, (8e4, 0.05, 8e4), 0.0, 2.0 * COEFFICIENT, (0.038919, -0.103221, 0.00554577)),
+    (LONG, (8e4, 0.05, 8e4), 0.3, 0.008, (0.0370772, -0.102962, 0.00419553)),
+    (SHORT, (2e5, 0.03, 2e5), 0.0, 0.6 * COEFFICIENT, (0.0236305, -0.011373, 0.00161219)),
+    (STIFFNESS, (1.2e5, 0.02, 8e4), 0.0, COEFFICIENT, (0.0223388, -0.111755, -0.0488777)),
 ]
+CASES = [
+    "equal sides",
+    "ideally plastic",
+    "hardening",
+    "long period",
+    "mass part",
+    "short period",
+    "two sides",
+]
+# Maximum absolute drift (m) of the same stories with the damping of the initial stiffness
+WITH_INITIAL_STIFFNESS = [0.0464958, 0.0556369, 0.0417071, 0.102058, 0.102257, 0.0198912, 0.0951827]
 
 
 def tangent_damped(stories, mass, stiffness, **more):
@@ -37,8 +56,8 @@ def bilinear(mass, stiffness, parameters):
     return story(mass, stiffness, Law("bilinear", parameters))
 
 
-@pytest.mark.parametrize("case", UNDER_EL_CENTRO, ids=["equal sides", "short period", "two sides"])
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("case", UNDER_EL_CENTRO, ids=CASES)
+@pytest.mark.parametrize("name", FOURTH)
 def test_bilinear_stories_under_el_centro(case, name):
     stiffness, law, mass_part, stiffness_part, expected = case
     record = el_centro()
@@ -46,10 +65,113 @@ def test_bilinear_stories_under_el_centro(case, name):
     response = run(building, record, method=name, dt=record.dt / 8, check=False, history=True)
     drift = response.history.drift[:, 0]
     # The history has the drifts at the ends of the steps, the peak those between them.
-    assert response.stories.peak_drift[0] == pytest.approx(max(map(abs, expected[:2])), rel=3e-6)
+    assert response.stories.peak_drift[0] == pytest.approx(max(map(abs, expected[:2])), rel=6e-6)
     assert drift[-1] == pytest.approx(expected[2], rel=2e-5)
     assert (np.max(drift), np.min(drift)) == pytest.approx(expected[:2], rel=2e-4)
     assert abs(response.energy.error) < (1e-12 if name == "moment4" else 1e-5)
+
+
+@pytest.mark.parametrize("name", ["newmark-average", "generalized-alpha", "bathe"])
+@pytest.mark.parametrize("case", UNDER_EL_CENTRO, ids=CASES)
+def test_methods_of_order_2_under_el_centro(case, name):
+    """With the force a1 k v at the end of the steps, newmark-average errs by 1.5e-4 here."""
+    stiffness, law, mass_part, stiffness_part, expected = case
+    record = el_centro()
+    building = tangent_damped([bilinear(1e5, stiffness, law)], mass_part, stiffness_part)
+    response = run(building, record, method=name, dt=record.dt / 64, check=False, history=True)
+    peak = max(map(abs, expected[:2]))
+    assert response.stories.peak_drift[0] == pytest.approx(peak, rel=1e-5)
+    assert response.history.drift[-1, 0] == pytest.approx(expected[2], abs=1e-5 * peak)
+    assert abs(response.energy.error) < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"), list(zip(UNDER_EL_CENTRO, WITH_INITIAL_STIFFNESS, strict=True)), ids=CASES
+)
+def test_same_stories_with_the_damping_of_the_initial_stiffness(case, expected):
+    stiffness, law, mass_part, stiffness_part, _ = case
+    damping = RayleighCoefficients(mass_part, stiffness_part)
+    building = model([bilinear(1e5, stiffness, law)], damping=damping)
+    record = el_centro()
+    response = run(building, record, method="moment4", dt=record.dt / 16, check=False)
+    assert response.stories.peak_drift[0] == pytest.approx(expected, rel=6e-6)
+
+
+@pytest.mark.parametrize("name", SECOND)
+def test_order_at_branch_changes(name):
+    """The error of the history falls in proportion to h^2, although the damping force jumps at
+    every branch change (factor 64 here; 8 for a method of order 1)."""
+    record = el_centro()
+    errors = np.zeros(2)
+    for stiffness, law, mass_part, stiffness_part, _ in UNDER_EL_CENTRO[::3]:
+        building = tangent_damped([bilinear(1e5, stiffness, law)], mass_part, stiffness_part)
+        drifts = [
+            run(
+                building, record, method=method, dt=record.dt / part, check=False, history=True
+            ).history.drift[::part, 0]
+            for method, part in (("impulse4", 8), (name, 8), (name, 64))
+        ]
+        errors += [np.max(np.abs(drift - drifts[0])) for drift in drifts[1:]]
+    assert errors[1] < errors[0] / 25.0
+
+
+@pytest.mark.parametrize("name", SECOND)
+@pytest.mark.parametrize("steps_per_period", [1.0 / 3.0, 1.0, 5.0, 40.0])
+@pytest.mark.parametrize("ratio", [0.001, 0.05, 0.5, 3.0])
+def test_elastic_motion_does_not_grow(name, steps_per_period, ratio):
+    """A story that does not yield is damped by a1 k v. The spectral radius is at most 1 for every
+    step and every ratio; other members of the families are refused, because theirs is not."""
+    omega = 2.0 * math.pi
+    law = bilinear(1.0, omega**2, (1e6, 0.02, 1e6))
+    building = tangent_damped([law], 0.0, 2.0 * ratio / omega, displacement=[1.0])
+    dt = 1.0 / steps_per_period
+    history = run(
+        building, method=name, dt=dt, duration=400 * dt, check=False, history=True
+    ).history
+    energy = 0.5 * (history.velocity[:, 0] ** 2 + (omega * history.displacement[:, 0]) ** 2)
+    assert np.max(energy[40:]) <= 1.3 * np.max(energy[:40])
+    if ratio >= 0.05 and steps_per_period >= 5.0:
+        assert np.max(energy[-40:]) < 0.1 * energy[0]
+
+
+@pytest.mark.parametrize("name", ["newmark-average", "bathe", "houbolt", "park"])
+def test_elastic_stories_have_the_damping_of_the_initial_stiffness(name):
+    """In these methods, a1 (f1 - f0) follows the same formulas as the velocities."""
+    stories = [bilinear(2e5, 4e7, (1e9, 0.1, 1e9))] * 3
+    record = noise(samples=101)
+    tangent, initial = (
+        run(
+            model(stories, damping=RayleighRatio((0.05, 0.05), (1, 2), flag)),
+            record,
+            method=name,
+            check=False,
+        )
+        for flag in (True, False)
+    )
+    assert tangent.stories.peak_drift == pytest.approx(initial.stories.peak_drift, rel=1e-9)
+    assert tangent.energy.viscous == pytest.approx(initial.energy.viscous, rel=2e-2)
+
+
+@pytest.mark.parametrize("name", [name for name in SECOND if catalogue()[name].braces])
+def test_dampers_with_braces_beside_tangent_damping(name):
+    """The forces of both devices are separate rows of the state."""
+    stories = [
+        {
+            "mass": 1e5,
+            "stiffness": 4e7,
+            "law": {"type": "bilinear", "yield_force": 1.5e5, "hardening": 0.03},
+            "dashpot": {"coefficient": 4e5, "brace": 2e7},
+        }
+    ] * 2
+    damping = {"rayleigh": {"mass": 0.1, "stiffness": 0.005, "tangent": True}}
+    record = noise(samples=201, dt=0.02, peak=4.0)
+    drifts = [
+        run(
+            {"stories": stories, "damping": damping}, record, method=method, dt=dt, check=False
+        ).stories.peak_drift
+        for method, dt in (("impulse4", 0.0025), (name, 0.00125))
+    ]
+    assert drifts[1] == pytest.approx(drifts[0], rel=2e-3)
 
 
 def test_published_case_is_converged_at_the_sampling_interval():
@@ -86,8 +208,9 @@ def test_order_with_a_curved_law(name):
     for dt in (0.02, 0.01, 0.005):
         history = run(building, method=name, dt=dt, duration=2.0, check=False, history=True).history
         errors.append(np.max(np.abs(history.displacement[:: round(times[1] / dt), 0] - reference)))
-    assert errors[-1] < 3e-6
-    assert orders(errors)[-1] > 3.6
+    order = parse(name).order
+    assert errors[-1] < (3e-6 if order == 4 else 1e-2)
+    assert orders(errors)[-1] > order - 0.4
 
 
 @pytest.mark.parametrize(
@@ -107,12 +230,15 @@ def test_yielding_buildings_agree_between_families(law):
     peaks = []
     for name in METHODS:
         response = run(building, record, method=name, dt=record.dt / 16, check=False)
-        assert abs(response.energy.error) < 1e-5
+        assert abs(response.energy.error) < (1e-5 if name in FOURTH else 2e-3)
         stories = response.stories
         peaks.append([stories.peak_drift, stories.peak_absolute_acceleration])
     drifts, accelerations = zip(*peaks, strict=True)
     assert drifts[0] == pytest.approx(drifts[1], rel=2e-5)
     assert accelerations[0] == pytest.approx(accelerations[1], rel=5e-3)
+    for drift, acceleration in zip(drifts[2:], accelerations[2:], strict=True):
+        assert drift == pytest.approx(drifts[0], rel=1e-2)
+        assert acceleration == pytest.approx(accelerations[0], rel=3e-2)
 
 
 def test_elements_share_the_damping_of_their_story():
@@ -164,10 +290,14 @@ def test_first_mode_has_the_damping_of_the_initial_stiffness():
     assert ratios[0] == pytest.approx(ratios[1], rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [name for name in catalogue() if name not in METHODS])
+@pytest.mark.parametrize(
+    "name", [*(name for name in catalogue() if name not in METHODS), "newmark:beta=0.2"]
+)
 def test_other_methods_refuse_tangent_damping(name):
     building = tangent_damped([bilinear(1.0, 100.0, (1.0, 0.1, 1.0))], 0.0, 0.01, velocity=[1.0])
-    with pytest.raises(AnalysisError, match="use one of impulse4, moment4"):
+    with pytest.raises(
+        AnalysisError, match="use one of impulse4, moment4, newmark, newmark-average"
+    ):
         run(building, method=name, dt=0.01, duration=0.1)
 
 

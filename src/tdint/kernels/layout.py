@@ -165,6 +165,13 @@ ACCELERATION = 2  # m/s^2
 FIRST_OLDER = 3  # first row of values of previous steps (multi-step methods)
 # The last rows of the state of a building with braces or tangent damping, counted from the end of
 # the table
+# Mean rate of the force of the law over the step before the last step, and over the last step, N/s
+# (multi-step methods)
+OLDER_FORCE_RATE = -9
+FORCE_RATE = -8
+# Force of tangent damping in the equations of the methods of order 2, N. Its impulse is exact, but
+# it oscillates after a change of the stiffness
+DAMPING_STATE = -7
 DAMPING_FORCE = -6  # force of tangent damping at the end of the step, N
 DAMPING_WORK = -5  # work of tangent damping since the start, J
 BRACE_FORCE = -4  # force of brace and damper in the equations of the method, N
@@ -173,7 +180,7 @@ BRACE_FORCE = -4  # force of brace and damper in the equations of the method, N
 BRACE_REPORTED = -3
 BRACE_PEAK = -2  # maximum absolute force since the last observed time, N
 BRACE_DISSIPATED = -1  # energy that the damper has dissipated since the start, J
-ADDED_STATE_ROWS = 6
+ADDED_STATE_ROWS = 9
 
 # load: load of a step. The ground acceleration is linear within the step.
 TIME = 0  # start of the step, s

@@ -17,17 +17,23 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
+    DamperStep,
+    commit_tangent_damping,
     factor_rows,
     invalidate,
-    solve_equilibrium,
+    solve_equilibrium_with_dampers,
 )
-from tdint.kernels.linear_terms import finite, floor_load
+from tdint.kernels.linear_terms import TANGENT_DAMPING, finite, floor_load
 from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
-from tdint.kernels.stories.law_state import accumulate_dissipation, commit
+from tdint.kernels.stories.law_state import (
+    accumulate_dissipation,
+    commit,
+    restoring_force_outlined,
+)
 from tdint.methods.method import Family, Method, Parameter
 
 # Indices of the coefficients of the step, the results of `coefficients`
@@ -93,8 +99,17 @@ def step(
             _guess_end(coefficients, h, state, scratch, n)
         ground = load[rows.GROUND_0] + fraction * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + fraction * h, ground, scratch, ROW.LOAD)
-        code = solve_equilibrium(
-            EffectiveCoefficients(by_v * by_v, by_v, 1.0), factors, previous, trial, scene, memory
+        damper_step = DamperStep(h, 1.0, 0.0, 1.0 / by_v)
+        if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+            _predict_tangent_damping(coefficients, substep, h, linear_terms, memory)
+        code = solve_equilibrium_with_dampers(
+            damper_step,
+            EffectiveCoefficients(by_v * by_v, by_v, 1.0),
+            factors,
+            previous,
+            trial,
+            scene,
+            memory,
         )
         if code < 0:
             return code  # NOT_CONVERGED
@@ -105,7 +120,10 @@ def step(
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
         state[rows.ACCELERATION, i] = scratch[ROW.A, i]
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
-        commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            _commit_with_tangent_damping(coefficients, damper_step, i, scene, memory)
+        else:
+            commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
     return iterations if finite(state, n) else rows.NOT_FINITE
 
 
@@ -137,6 +155,51 @@ def _guess_end(coefficients, h, state, scratch, n):
             q0 * state[rows.VELOCITY, i] + q1 * scratch[ROW.V, i] + q2 * v
         )
         scratch[ROW.V, i] = v
+
+
+@outlined
+def _predict_tangent_damping(coefficients, substep, h, linear_terms, memory):
+    """Store the part of the forces of tangent damping at the end of a substep that is known (row
+    DAMPING_BASE, N).
+
+    The forces D of the damping satisfy the formulas of the velocities, with the forces f of the
+    law: a1 fg = a1 f0 + gamma h (D0 + Dg) / 2 and a1 f1 = a1 f0 + h (q0 D0 + q1 Dg + q2 D1). The
+    impulse a1 (f1 - f0) of the step is therefore exact. With D = a1 k v, the order would be 1 if a
+    law changes its stiffness.
+    """
+    scratch = memory.scratch
+    q0, q1, q2 = coefficients[Q0], coefficients[Q1], coefficients[Q2]
+    half_length = 0.5 * coefficients[GAMMA] * h
+    for i in range(linear_terms.shape[1] - 1):
+        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+        force_0 = memory.state[rows.DAMPING_STATE, i]
+        impulse_0 = coefficient * memory.law_state[rows.FORCE, i]
+        if substep == 0:
+            scratch[ROW.DAMPING_BASE, i] = -force_0 - impulse_0 / half_length
+        else:
+            inner_impulse = coefficient * memory.law_state[rows.FIRST_TRIAL + rows.FORCE, i]
+            inner_force = scratch[ROW.DAMPING_BASE, i] + inner_impulse / half_length
+            known = q0 * force_0 + q1 * inner_force + impulse_0 / h
+            scratch[ROW.DAMPING_BASE, i] = -known / q2
+
+
+@outlined
+def _commit_with_tangent_damping(coefficients, damper_step, i, scene, memory):
+    """Commit the law of story `i`, and its tangent damping with the work of both substeps."""
+    law_parameters, law_state = scene.law_parameters, memory.law_state
+    first, second = rows.FIRST_TRIAL, rows.SECOND_TRIAL
+    # The law is evaluated again, because its tangent has not been stored.
+    slope = restoring_force_outlined(
+        law_parameters, law_state, i, first, second, law_state[second + rows.DRIFT, i]
+    )
+    length = coefficients[GAMMA] * damper_step.h
+    inner_force, inner_drift = law_state[first + rows.FORCE, i], law_state[first + rows.DRIFT, i]
+    work = (inner_force - law_state[rows.FORCE, i]) * (inner_drift - law_state[rows.DRIFT, i])
+    work /= length
+    commit(law_parameters, law_state, i, first, second)
+    change = (law_state[rows.FORCE, i] - inner_force) * (law_state[rows.DRIFT, i] - inner_drift)
+    work += change / (damper_step.h - length)
+    commit_tangent_damping(damper_step, 1.0, work, slope, i, scene.linear_terms, memory)
 
 
 def gamma_with_equal_matrices(rho_inf: float) -> float:
@@ -177,5 +240,6 @@ METHODS = (
         coefficients=coefficients,
         rho_inf=lambda rho_inf, gamma: rho_inf,
         source="Bathe and Baig (2005), Bathe (2007); rho_inf: Noh and Bathe (2019)",
+        tangent_damping=lambda rho_inf, gamma: True,
     ),
 )

@@ -883,7 +883,7 @@ METHODS = (
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
         braces=True,
-        tangent_damping=True,
+        tangent_damping=lambda *values: True,
         source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is "
         "Radau IIA (Ehle 1969)",
     ),

@@ -153,8 +153,9 @@ class Method:
         stable. If the method is unstable in a band of omega dt, the lower end of the band.
     braces : bool
         True if the step integrates dampers with braces; default False.
-    tangent_damping : bool
-        True if the step integrates Rayleigh damping with the tangent stiffness; default False.
+    tangent_damping : callable
+        Parameter values -> True if the step integrates Rayleigh damping with the tangent stiffness;
+        default False.
     estimating_coefficients : callable, optional
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
@@ -172,7 +173,7 @@ class Method:
     stability_limit: Callable[..., float] = lambda *values: math.inf
     estimating_coefficients: Callable[..., tuple[float, ...]] | None = None
     braces: bool = False
-    tangent_damping: bool = False
+    tangent_damping: Callable[..., bool] = lambda *values: False
 
 
 @dataclass(frozen=True)
@@ -225,6 +226,11 @@ class Integrator:
     def implicit(self) -> bool:
         """True if the step solves for the restoring force at its end."""
         return self.method.implicit(*self.values)
+
+    @property
+    def tangent_damping(self) -> bool:
+        """True if the step integrates Rayleigh damping with the tangent stiffness."""
+        return self.method.tangent_damping(*self.values)
 
     @property
     def stability_limit(self) -> float:

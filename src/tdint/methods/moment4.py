@@ -145,7 +145,7 @@ METHODS = (
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
         braces=True,
-        tangent_damping=True,
+        tangent_damping=lambda *values: True,
         source="tdint: impulse and first moment; rho_inf = 1 is Hairer's energy-preserving "
         "collocation (2010), s = 2",
     ),

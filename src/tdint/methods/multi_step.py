@@ -26,17 +26,19 @@ average acceleration as well.
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
+    DamperStep,
+    commit_tangent_damping,
     factor_rows,
     invalidate,
-    solve_equilibrium,
+    solve_equilibrium_with_dampers,
 )
-from tdint.kernels.linear_terms import finite, floor_load
+from tdint.kernels.linear_terms import TANGENT_DAMPING, finite, floor_load
 from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
-from tdint.kernels.stories.law_state import commit
+from tdint.kernels.stories.law_state import commit, restoring_force_outlined
 from tdint.methods.method import Family, Method
 
 # Index of the first of the three coefficients of V, W and B: the weights of the mean velocities in
@@ -91,6 +93,7 @@ def step(
         by_w = 0.25 * h  # u1 changes by h^2 x / 4
         by_v = 0.5 * h
         by_a = 1.0
+        by_force = 2.0 / h
         _guess_average_acceleration(h, state, scratch, n)
     else:
         # With the first weights V_1, W_1, B_1 of V, W and B, x changes w1 by h x, v1 by V_1 h x, b1
@@ -98,15 +101,25 @@ def step(
         by_w = h
         by_v = weights[V_BY_W] * h
         by_a = weights[A_BY_W] + weights[A_BY_B] * weights[V_BY_W]
+        by_force = weights[V_BY_W] / h
         _guess_multi_step(weights, h, state, scratch, n)
+    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
+        _predict_tangent_damping(weights, by_force, linear_terms, memory)
     if step_status[rows.FACTORED_STEP] != by_v:
         # by_v identifies the matrix: its value changes with h, and between average acceleration and
         # the multi-step formulas.
         invalidate(scratch, _FACTORS, n)
         step_status[rows.FACTORED_STEP] = by_v
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD)
-    code = solve_equilibrium(
-        EffectiveCoefficients(h * by_w, by_v, by_a), _FACTORS, 0, rows.FIRST_TRIAL, scene, memory
+    damper_step = DamperStep(h, 1.0, 0.0, by_force)
+    code = solve_equilibrium_with_dampers(
+        damper_step,
+        EffectiveCoefficients(h * by_w, by_v, by_a),
+        _FACTORS,
+        0,
+        rows.FIRST_TRIAL,
+        scene,
+        memory,
     )
     if code < 0:
         return code
@@ -118,7 +131,10 @@ def step(
         state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
         state[rows.ACCELERATION, i] = scratch[ROW.A, i]
-        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
+        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            _commit_with_tangent_damping(damper_step, i, scene, memory)
+        else:
+            commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
     return code if finite(state, n) else rows.NOT_FINITE
 
 
@@ -163,6 +179,48 @@ def _guess_multi_step(coefficients, h, state, scratch, n):
             + coefficients[A_BY_B + 1] * state[MEAN_ACCELERATION, i]
             + coefficients[A_BY_B + 2] * state[OLDER_MEAN_ACCELERATION, i]
         )
+
+
+@outlined
+def _predict_tangent_damping(weights, by_force, linear_terms, memory):
+    """Store the part of the forces of tangent damping at the end of the step that is known (row
+    DAMPING_BASE, N).
+
+    With average acceleration, the forces D of the damping and f of the law satisfy
+    a1 (f1 - f0) = h (D0 + D1) / 2. With the multi-step formulas, D1 = a1 V . (g1, g0, g_) with the
+    mean rates g of f over the last three steps, as the velocity follows from the mean velocities.
+    In both cases, the impulses of the damping are exact. With D = a1 k v, the order would be 1 if a
+    law changes its stiffness.
+    """
+    state = memory.state
+    for i in range(linear_terms.shape[1] - 1):
+        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+        if memory.step_status[rows.STEPS_DONE] < START:
+            known = -state[rows.DAMPING_STATE, i]
+        else:
+            known = weights[V_BY_W + 1] * state[rows.FORCE_RATE, i]
+            known += weights[V_BY_W + 2] * state[rows.OLDER_FORCE_RATE, i]
+            known *= coefficient
+        memory.scratch[ROW.DAMPING_BASE, i] = (
+            known - by_force * coefficient * memory.law_state[rows.FORCE, i]
+        )
+
+
+@outlined
+def _commit_with_tangent_damping(damper_step, i, scene, memory):
+    """Commit the law of story `i` with its tangent damping, and shift the rates of its force."""
+    law_parameters, law_state, state = scene.law_parameters, memory.law_state, memory.state
+    trial = rows.FIRST_TRIAL
+    # The law is evaluated again, because its tangent has not been stored.
+    slope = restoring_force_outlined(
+        law_parameters, law_state, i, 0, trial, law_state[trial + rows.DRIFT, i]
+    )
+    rate = (law_state[trial + rows.FORCE, i] - law_state[rows.FORCE, i]) / damper_step.h
+    work = rate * (law_state[trial + rows.DRIFT, i] - law_state[rows.DRIFT, i])
+    commit(law_parameters, law_state, i, 0, trial)
+    state[rows.OLDER_FORCE_RATE, i] = state[rows.FORCE_RATE, i]
+    state[rows.FORCE_RATE, i] = rate
+    commit_tangent_damping(damper_step, 1.0, work, slope, i, scene.linear_terms, memory)
 
 
 def _family(*memory: int) -> Family:
@@ -212,6 +270,7 @@ METHODS = (
         coefficients=lambda: (*_BACKWARD, *_SECOND_BACKWARD, *_NO_COEFFICIENTS),
         rho_inf=lambda: 0.0,
         source="Houbolt (1950), started by two steps of average acceleration",
+        tangent_damping=lambda: True,
     ),
     Method(
         name="park",
@@ -219,5 +278,6 @@ METHODS = (
         coefficients=lambda: (*_PARK, *_NO_COEFFICIENTS, *_PARK),
         rho_inf=lambda: 0.0,
         source="Park (1975), started by two steps of average acceleration",
+        tangent_damping=lambda: True,
     ),
 )

@@ -23,7 +23,7 @@ from tdint.kernels.laws import LAWS
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
-from tdint.methods.catalogue import catalogue
+from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import workspace
 from tdint.model.building import Building, oscillators
@@ -139,8 +139,8 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 
     Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
     """
-    if building.tangent_damped and not integrator.method.tangent_damping:
-        names = ", ".join(name for name, method in catalogue().items() if method.tangent_damping)
+    if building.tangent_damped and not integrator.tangent_damping:
+        names = ", ".join(name for name in catalogue() if parse(name).tangent_damping)
         return (
             f"{integrator.label} does not support Rayleigh damping with the tangent stiffness; use "
             f"one of {names}, or omit `tangent` from the damping"

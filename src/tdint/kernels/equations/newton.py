@@ -30,11 +30,11 @@ from tdint.kernels.equations.iteration import (
     squared_norm,
 )
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
-from tdint.kernels.linear_terms import BRACES, add_modal_force, power_damper
+from tdint.kernels.linear_terms import BRACES, TANGENT_DAMPING, add_modal_force, power_damper
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, follow_brace_at_midpoint
-from tdint.kernels.stories.law_state import restoring_force
+from tdint.kernels.stories.law_state import restoring_force, restoring_force_outlined
 
 
 class _Rows(NamedTuple):
@@ -55,14 +55,20 @@ class _Rows(NamedTuple):
     # errors of the displacements) / RESIDUAL_TOLERANCE
     SIZE: int = 1
     CORRECTION: int = 1  # last correction of x, which the line search may halve, m/s^2
-    # Change of the displacement over the complete step for x = 0, m; used with braces only
+    # Change of the displacement over the complete step for x = 0, m; used with braces and tangent
+    # damping only
     RISE: int = 1
     BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace_at_midpoint`
+    DAMPING_BASE: int = 1  # part of the force of tangent damping that does not depend on x, N
 
 
-class BraceStep(NamedTuple):
-    """Step of the dampers with braces. Equilibrium contains F0 + weight (F1 - F0) with their forces
-    at the start (0) and at the end (1) of the step.
+class DamperStep(NamedTuple):
+    """Step of the dampers whose forces depend on the response over the complete step.
+
+    For dampers with braces, equilibrium contains F0 + weight (F1 - F0) with their forces at the
+    start (0) and at the end (1) of the step. For Rayleigh damping with the tangent stiffness, it
+    contains B + by_force a1 f1 with the force f1 of the law at the end of the step, the coefficient
+    a1 (s) of the story and a part B that does not depend on x (row DAMPING_BASE).
 
     Attributes
     ----------
@@ -72,14 +78,17 @@ class BraceStep(NamedTuple):
         Position of equilibrium within the step, from 0 to 1.
     by_rise : float
         Change of the displacement over the step for a unit change of x, s^2.
+    by_force : float
+        Factor of a1 f1, 1/s.
     """
 
     h: float
     weight: float
     by_rise: float
+    by_force: float
 
 
-_NO_BRACES = BraceStep(0.0, 0.0, 0.0)
+_NO_DAMPERS = DamperStep(0.0, 0.0, 0.0, 0.0)
 
 
 class _Factors(NamedTuple):
@@ -175,17 +184,18 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         equilibrium and no system is solved. NOT_CONVERGED (negative) if the residuals are too large
         after MAX_ITERATIONS solutions.
     """
-    return solve_equilibrium_with_braces(
-        _NO_BRACES, effective, factors, previous, trial, scene, memory
+    return solve_equilibrium_with_dampers(
+        _NO_DAMPERS, effective, factors, previous, trial, scene, memory
     )
 
 
 @inline
-def solve_equilibrium_with_braces(brace_step, effective, factors, previous, trial, scene, memory):
-    """Solve the equilibrium of `solve_equilibrium` with the forces of dampers with braces.
+def solve_equilibrium_with_dampers(damper_step, effective, factors, previous, trial, scene, memory):
+    """Solve the equilibrium of `solve_equilibrium` with the forces of dampers with braces and of
+    tangent damping.
 
-    Row RISE contains the changes of the displacements over the step for x = 0, and rows BRACE
-    receive the forces.
+    Row RISE contains the changes of the displacements over the step for x = 0, row DAMPING_BASE a
+    part of the force of tangent damping. Rows BRACE receive the forces of the braces.
     """
     by_u, by_v, by_a = effective
     linear_terms, modal, _, _, flags = scene
@@ -211,7 +221,7 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
     while True:
         # If no further solution is allowed, the largest relative residual is stored for the error
         # message.
-        is_stale = _story_forces(brace_step, effective, factors, previous, trial, scene, memory)
+        is_stale = _story_forces(damper_step, effective, factors, previous, trial, scene, memory)
         if _update_residuals(
             iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status
         ):
@@ -249,7 +259,7 @@ def solve_equilibrium_with_braces(brace_step, effective, factors, previous, tria
 
 
 @inline
-def _story_forces(brace_step, effective, factors, previous, trial, scene, memory):
+def _story_forces(damper_step, effective, factors, previous, trial, scene, memory):
     """Compute story forces and tangents for the current displacements and velocities; return True
     if the factorization must be computed again.
 
@@ -279,6 +289,7 @@ def _story_forces(brace_step, effective, factors, previous, trial, scene, memory
         v_below = scratch[ROW.V, i]
         # without P-delta
         tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
+        law_tangent = tangent
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         # The comparison is False for nan: the force is then also invalid, and the residual test
         # reports the failure.
@@ -292,8 +303,15 @@ def _story_forces(brace_step, effective, factors, previous, trial, scene, memory
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
             # The dashpot force of a story with a brace is 0. The derivative with respect to x has
             # the unit of a mass.
-            dashpot_force, by_x = _brace_force(brace_step, linear_terms, i, memory)
+            dashpot_force, by_x = _brace_force(damper_step, linear_terms, i, memory)
             tangent += by_x if by_u == 0.0 else by_x / by_u
+        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            # Methods with by_u = 0 refuse tangent damping.
+            damping_force, by_x = _tangent_damping_force(
+                damper_step, by_u * law_tangent, trial, scene, i, memory
+            )
+            dashpot_force += damping_force
+            tangent += by_x / by_u
         scratch[ROW.TANGENT, i] = tangent
         is_stale = (
             is_stale
@@ -315,18 +333,70 @@ def _story_forces(brace_step, effective, factors, previous, trial, scene, memory
         )
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
             # The force of the brace depends on the change of drift in the step only.
-            rise = abs(scratch[ROW.RISE, i]) + abs(brace_step.by_rise * scratch[ROW.X, i])
+            rise = abs(scratch[ROW.RISE, i]) + abs(damper_step.by_rise * scratch[ROW.X, i])
             scratch[ROW.SIZE, i] += (
                 2.0 * ROUNDING / RESIDUAL_TOLERANCE * linear_terms[rows.BRACE, i] * rise
+            )
+        if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+            by_law = damper_step.by_force * linear_terms[rows.TANGENT_DAMPING, i]
+            scratch[ROW.SIZE, i] += (
+                by_law * rounding * (abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift))
             )
     return is_stale
 
 
 @outlined
-def _brace_force(brace_step, linear_terms, i, memory):
+def _tangent_damping_force(damper_step, by_x, trial, scene, i, memory):
+    """Return the force of tangent damping of story `i` at the time of equilibrium, N, and its
+    derivative with respect to x, kg.
+
+    `by_x` is the derivative of the force of the law in block `trial` with respect to x, kg. If
+    equilibrium is not at the end of the step, the law moves to the end in block SECOND_TRIAL.
+    """
+    linear_terms, law_state, scratch = scene.linear_terms, memory.law_state, memory.scratch
+    factor = damper_step.by_force * linear_terms[rows.TANGENT_DAMPING, i]
+    if damper_step.weight != 1.0:
+        trial, link, below = rows.SECOND_TRIAL, linear_terms[rows.LINK, i], max(i - 1, 0)
+        drift = memory.state[rows.DISPLACEMENT, i] + scratch[ROW.RISE, i]
+        drift += damper_step.by_rise * scratch[ROW.X, i]
+        drift -= link * (
+            memory.state[rows.DISPLACEMENT, below]
+            + scratch[ROW.RISE, below]
+            + damper_step.by_rise * scratch[ROW.X, below]
+        )
+        by_x = damper_step.by_rise * restoring_force_outlined(
+            scene.law_parameters, law_state, i, rows.COMMITTED, trial, drift
+        )
+    force = scratch[ROW.DAMPING_BASE, i] + factor * law_state[trial + rows.FORCE, i]
+    return force, factor * by_x
+
+
+@outlined
+def commit_tangent_damping(damper_step, inertia_weight, work, slope, i, linear_terms, memory):
+    """Store force and work of tangent damping of story `i` at the end of a step.
+
+    The law is committed and the velocities of the floor and of the floor below are updated.
+    Equilibrium contains D0 + inertia_weight (D1 - D0), with the forces D of the equations of the
+    method at the start (0) and at the end (1) of the step. `slope` is the stiffness of the law at
+    the end, N/m. `work` is the change of the force times the change of the drift, divided by the
+    length (W), summed over the substeps.
+    """
+    state, law_state, scratch, _ = memory
+    coefficient = linear_terms[rows.TANGENT_DAMPING, i]
+    force = scratch[ROW.DAMPING_BASE, i]
+    force += damper_step.by_force * coefficient * law_state[rows.FORCE, i]
+    state[rows.DAMPING_STATE, i] += (force - state[rows.DAMPING_STATE, i]) / inertia_weight
+    rate = state[rows.VELOCITY, i]
+    rate -= linear_terms[rows.LINK, i] * state[rows.VELOCITY, max(i - 1, 0)]
+    state[rows.DAMPING_FORCE, i] = coefficient * slope * rate
+    state[rows.DAMPING_WORK, i] += coefficient * work
+
+
+@outlined
+def _brace_force(damper_step, linear_terms, i, memory):
     """Return the force of the brace of story `i` at the time of equilibrium, N, and its derivative
     with respect to x, kg."""
-    h, weight, by_rise = brace_step
+    h, weight, by_rise = damper_step
     scratch = memory.scratch
     link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
     rise = scratch[ROW.RISE, i] + by_rise * scratch[ROW.X, i]

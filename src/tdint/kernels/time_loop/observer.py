@@ -904,6 +904,7 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
             stiffness = min(law_state[rows.SLOPE, i], law_parameters[rows.STIFFNESS, i])
             rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
             state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * stiffness * rate
+            state[rows.DAMPING_STATE, i] = state[rows.DAMPING_FORCE, i]
     return 0
 
 
