@@ -9,9 +9,9 @@ import pytest
 from building_cases import Force, Law, model, noise, story
 from el_centro import el_centro
 from references import orders, smooth
-from tdint import load_model, run
-from tdint.errors import AnalysisError, ModelError
-from tdint.methods.catalogue import catalogue, parse
+from tdint import load_model, run, run_many
+from tdint.errors import AnalysisError, ModelError, UsageError
+from tdint.methods.catalogue import catalogue, load_plugin, parse
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 
@@ -323,3 +323,63 @@ def test_laws_with_a_negative_stiffness_are_refused(tmp_path, law):
         load_model(path)
     path.write_text(TEXT.format(law=law).replace("true", "false"), encoding="utf-8")
     assert load_model(path).damping == RayleighCoefficients(0.1, 0.01)
+
+
+FALLING_PLUGIN = '''
+"""Elastic law whose force falls beyond its strength, and does not declare it."""
+
+from tdint.plugin import DriftLaw, LawParameter, rows
+
+
+def _functions():
+    import math
+
+    from tdint.plugin import LawFunctions, inline
+
+    @inline
+    def force(law_parameters, law_state, i, previous, trial, drift):
+        x = drift / law_parameters[rows.FIRST_PARAMETER, i]
+        k = law_parameters[rows.STIFFNESS, i]
+        law_state[trial + rows.FORCE, i] = k * drift * math.exp({sign} 0.5 * x * x)
+        return k * (1.0 {sign} x * x) * math.exp({sign} 0.5 * x * x)
+
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        return 0.0
+
+    return LawFunctions(force=force, strain_energy=strain_energy)
+
+
+LAWS = (
+    DriftLaw(
+        name="{name}",
+        formula="f = k d exp(d^2 / 2 d0^2)",
+        functions=_functions,
+        parameters=(LawParameter("d0", length=1, low=0.0, low_allowed=False),),
+        curved=True,
+    ),
+)
+'''
+
+
+@pytest.mark.parametrize(("name", "sign"), [("undeclared-fall", "-"), ("rise", "+")])
+def test_plugin_law_that_falls_is_found_without_its_declaration(tmp_path, name, sign):
+    plugin = tmp_path / f"{name.replace('-', '_')}.py"
+    plugin.write_text(FALLING_PLUGIN.format(name=name, sign=sign), encoding="utf-8")
+    load_plugin(plugin)
+    path = tmp_path / "model.yaml"
+    path.write_text(TEXT.format(law=f"{{type: {name}, d0: 0.02}}"), encoding="utf-8")
+    if sign == "-":
+        with pytest.raises(ModelError, match=f"{name} law of story 1 can be negative"):
+            load_model(path)
+    else:
+        assert load_model(path).damping.tangent
+
+
+def test_variation_to_a_falling_line_is_refused():
+    building = tangent_damped([bilinear(1.0, 100.0, (1.0, 0.1, 1.0))], 0.0, 0.01)
+    name = "stories[1].law.hardening"
+    with pytest.raises(ModelError, match="story 1 can be negative"):
+        run(building.replace(**{name: -0.05}), noise(samples=21))
+    with pytest.raises(UsageError, match=r"story 1 can be negative.*sample 2"):
+        run_many(building, noise(samples=21), vary={name: [0.05, -0.05]})

@@ -11,12 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.errors import UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.kernels.laws import OURS
-from tdint.model.damping import add_damping
+from tdint.kernels.laws.law import can_fall
+from tdint.model.damping import (
+    add_damping,
+    falling_message,
+    falling_spring,
+    has_tangent_damping,
+)
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import (
     CODES,
@@ -422,10 +428,15 @@ def assemble(model: Model) -> Building:
     Raises
     ------
     ModelError
-        P-delta exceeds the stiffness of a story.
+        P-delta exceeds the stiffness of a story, or a law that can fall has damping with the
+        tangent stiffness.
     """
     stories = model.stories
     n = len(stories)
+    if has_tangent_damping(model.damping):
+        for i, story in enumerate(stories):
+            if spring := falling_spring(story):
+                raise ModelError(f"{model.name}: {falling_message(spring.law.name, i + 1)}")
     # The last column is a fictitious story above the roof and remains zero.
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :n] = [story.mass for story in stories]
@@ -774,6 +785,11 @@ def _yield_drifts(
                     raise UsageError(
                         f"{model.name}: invalid variation of {spring_label(i, spring)}: {fault} "
                         f"(sample {draw + 1})"
+                    )
+                if has_tangent_damping(model.damping) and can_fall(law, stiffness, parameters):
+                    raise UsageError(
+                        f"{model.name}: invalid variation of {spring_label(i, spring)}: "
+                        f"{falling_message(law.name, i + 1)} (sample {draw + 1})"
                     )
             drifts.append(
                 [law.yield_drift(stiffness, parameters) for stiffness, *parameters in numbers]

@@ -9,12 +9,59 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
-from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.kernels.laws import OURS
+from tdint.kernels.laws.law import can_fall
+from tdint.model.definition import (
+    CODES,
+    LAWS,
+    Damping,
+    Element,
+    ModalDamping,
+    Model,
+    RayleighCoefficients,
+    RayleighRatio,
+    Story,
+)
 from tdint.model.modes import FreeVibration
 from tdint.system import memory
 
 _MATRICES_OF_ALL_MODES = 4
 """Number of matrices of shape (stories, stories) in memory while all modes are computed."""
+
+
+def has_tangent_damping(damping: Damping) -> bool:
+    """Return True for Rayleigh damping with the tangent stiffness."""
+    return isinstance(damping, RayleighRatio | RayleighCoefficients) and damping.tangent
+
+
+def falling_spring(story: Story) -> Element | None:
+    """Return the first spring of a story whose tangent stiffness can be negative, if any.
+
+    The tangent stiffness of such a story cannot be used for damping. A plug-in law may not declare
+    that it falls; its force is then followed on a path of drifts.
+    """
+    for spring in story.springs:
+        law = LAWS.get(spring.law.name)
+        if law is None or math.isnan(spring.stiffness):  # reported as an error of the model file
+            continue
+        if can_fall(law, spring.stiffness, spring.law.parameters):
+            return spring
+        if CODES[law.name] >= OURS:
+            # Imported here, because only laws of plug-ins are measured.
+            from tdint.model.law_checks import falls_on_path
+
+            column = np.array([CODES[law.name], spring.stiffness, *spring.law.parameters])
+            if falls_on_path(law, column):
+                return spring
+    return None
+
+
+def falling_message(law_name: str, number: int) -> str:
+    """Return the message for a law that falls in story `number` with tangent damping."""
+    return (
+        f"tangent: the stiffness of the {law_name} law of story {number} can be negative, which "
+        "would be negative damping; omit `tangent`"
+    )
 
 
 def add_damping(

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -327,6 +328,27 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 
 
 # ---- Execution of a law in plain Python
+
+
+def falls_on_path(law: DriftLaw, column: Array) -> bool:
+    """Return True if the force of a law falls in the direction of the drift on a path that the
+    checks follow.
+
+    `column` contains number, initial stiffness and parameters, as in `law_parameters`.
+    """
+    story = _LawStory(law, law.functions(), column, lambda array, name: array)
+    yield_drift = _yield_drift(law, column)
+    sizes: tuple[float, ...] = _DECADES
+    if 0.0 < yield_drift < math.inf:
+        sizes = tuple(yield_drift * multiple for multiple in _YIELD_MULTIPLES)
+    limit = -_TANGENT_TOLERANCE * column[rows.STIFFNESS]
+    for size in sizes:
+        points = _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size)
+        # A law may be undefined at large drifts (overflow).
+        with suppress(ArithmeticError, ValueError):
+            if any(min(point.tangent, *point.slopes) < limit for point in points):
+                return True
+    return False
 
 
 def tangent_at(law: DriftLaw, column: Array, drift: float) -> float:

@@ -396,7 +396,7 @@ def commit_tangent_damping(damper_step, inertia_weight, work, slope, i, linear_t
 def _brace_force(damper_step, linear_terms, i, memory):
     """Return the force of the brace of story `i` at the time of equilibrium, N, and its derivative
     with respect to x, kg."""
-    h, weight, by_rise = damper_step
+    h, weight, by_rise, _ = damper_step
     scratch = memory.scratch
     link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
     rise = scratch[ROW.RISE, i] + by_rise * scratch[ROW.X, i]

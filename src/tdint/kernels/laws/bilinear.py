@@ -46,18 +46,14 @@ def _functions() -> LawFunctions:
         """Compute force and z; return the tangent stiffness: k, or a k if the story yields."""
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
-        strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
-        negative_strength = (1.0 - hardening) * law_parameters[_NEGATIVE_YIELD_FORCE, i]
-        # Predict z elastically, then limit it to the strength.
+        # Predict z elastically, then limit it to the strength of its side.
         z = law_state[previous + rows.INTERNAL, i] + (1.0 - hardening) * k * (
             drift - law_state[previous + rows.DRIFT, i]
         )
         tangent = k
-        if z > strength:
-            z = strength
-            tangent = hardening * k
-        elif z < -negative_strength:
-            z = -negative_strength
+        strength = (1.0 - hardening) * side_yield_force(law_parameters, i, z)
+        if abs(z) > strength:
+            z = math.copysign(strength, z)
             tangent = hardening * k
         law_state[trial + rows.INTERNAL, i] = z
         law_state[trial + rows.FORCE, i] = hardening * k * drift + z

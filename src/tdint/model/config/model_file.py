@@ -30,7 +30,6 @@ from tdint.ground_motion.choice import (
     parse_pad,
     parse_trim,
 )
-from tdint.kernels.laws.law import can_fall
 from tdint.model.config.sections import (
     DAMPING,
     UNITS,
@@ -41,8 +40,8 @@ from tdint.model.config.sections import (
     read_units,
 )
 from tdint.model.config.stories import STORIES, read_stories
+from tdint.model.damping import falling_message, falling_spring, has_tangent_damping
 from tdint.model.definition import (
-    LAWS,
     MAX_STORIES,
     Analysis,
     Damping,
@@ -619,16 +618,11 @@ def _weight_factor(section: Section, unit: ModelUnits) -> float:
 def _damping_of(value: Value | None, stories: Sequence[Story], count: int | None) -> Damping:
     """Return the damping of a building; report a tangent stiffness that can be negative."""
     damping = read_damping(value, count)
-    if value and isinstance(damping, RayleighRatio | RayleighCoefficients) and damping.tangent:
+    if value and has_tangent_damping(damping):
         for number, story in enumerate(stories, start=1):
-            for spring in story.springs:
-                law = LAWS.get(spring.law.name)
-                if law and can_fall(law, spring.stiffness, spring.law.parameters):
-                    value.fault(
-                        f"tangent: the stiffness of the {spring.law.name} law of story {number} "
-                        "can be negative, which would be negative damping; omit `tangent`"
-                    )
-                    return damping
+            if spring := falling_spring(story):
+                value.fault(falling_message(spring.law.name, number))
+                break
     return damping
 
 
