@@ -46,14 +46,18 @@ def _functions() -> LawFunctions:
         """Compute force and z; return the tangent stiffness: k, or a k if the story yields."""
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
-        # Predict z elastically, then limit it to the strength of its side.
+        strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
+        negative_strength = (1.0 - hardening) * law_parameters[_NEGATIVE_YIELD_FORCE, i]
+        # Predict z elastically, then limit it to the strength.
         z = law_state[previous + rows.INTERNAL, i] + (1.0 - hardening) * k * (
             drift - law_state[previous + rows.DRIFT, i]
         )
         tangent = k
-        strength = (1.0 - hardening) * side_yield_force(law_parameters, i, z)
-        if abs(z) > strength:
-            z = math.copysign(strength, z)
+        if z > strength:
+            z = strength
+            tangent = hardening * k
+        elif z < -negative_strength:
+            z = -negative_strength
             tangent = hardening * k
         law_state[trial + rows.INTERNAL, i] = z
         law_state[trial + rows.FORCE, i] = hardening * k * drift + z
@@ -83,7 +87,9 @@ def _functions() -> LawFunctions:
         hardening = law_parameters[_HARDENING, i]
         plastic_share = 1.0 - hardening
         # `force` limits z to exactly this strength; otherwise the path was elastic.
-        if abs(z) == plastic_share * side_yield_force(law_parameters, i, z):
+        if z == plastic_share * law_parameters[_YIELD_FORCE, i] or (
+            z == -plastic_share * law_parameters[_NEGATIVE_YIELD_FORCE, i]
+        ):
             k = law_parameters[rows.STIFFNESS, i]
             drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
             yielding = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
