@@ -40,7 +40,6 @@ from tdint.model.config.sections import (
     read_units,
 )
 from tdint.model.config.stories import STORIES, read_stories
-from tdint.model.damping import falling_message, falling_spring, has_tangent_damping
 from tdint.model.definition import (
     MAX_STORIES,
     Analysis,
@@ -618,7 +617,10 @@ def _weight_factor(section: Section, unit: ModelUnits) -> float:
 def _damping_of(value: Value | None, stories: Sequence[Story], count: int | None) -> Damping:
     """Return the damping of a building; report a tangent stiffness that can be negative."""
     damping = read_damping(value, count)
-    if value and has_tangent_damping(damping):
+    if value and isinstance(damping, RayleighRatio | RayleighCoefficients) and damping.tangent:
+        # Imported here, because other models are read without modes and arrays.
+        from tdint.model.damping import falling_message, falling_spring
+
         for number, story in enumerate(stories, start=1):
             if spring := falling_spring(story):
                 value.fault(falling_message(spring.law.name, number))
