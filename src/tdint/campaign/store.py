@@ -915,12 +915,8 @@ def open_written(file: Path) -> Store:
 
 
 def _has_contents(store: Store) -> bool:
-    """Verify a store, and return True if it has contents.
-
-    Raises
-    ------
-    OutputError
-        The contents are invalid; the store is closed.
+    """Verify a store, and return True if it has contents. If they are invalid, the store is closed
+    and OutputError is raised.
     """
     with schema.closed_on_failure(store.connection), sqlite_errors_reported(store.name):
         has_contents = not is_empty(store)

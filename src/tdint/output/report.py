@@ -355,24 +355,11 @@ def suite_page(
     floors: Sequence[FloorSuite] = (),
     units: OutputUnits = SI,
 ) -> bytes:
-    """Return the report of a campaign.
+    """Return the report of a campaign whose store contains all runs of the plan.
 
-    Parameters
-    ----------
-    plan : Plan
-        Buildings, ground motions and settings of the campaign.
-    store : Store
-        Store of the campaign, in which all runs of the plan are completed.
-    profiles : sequence of Profile
-        Statistics over the ground motions, for each building and intensity level.
-    limit : float, optional
-        Limit of the drift ratio, which the figure shows.
-    ratios : Table, optional
-        Responses of the buildings divided by the responses of a baseline building.
-    floors : sequence of FloorSuite
-        Requested floor spectra over the ground motions; none by default.
-    units : OutputUnits
-        Units of the report; SI by default.
+    `profiles` are the statistics over the ground motions, for each building and intensity level.
+    `limit` is the limit of the drift ratio, which the figure shows. `ratios` are the responses of
+    the buildings divided by those of a baseline building.
     """
     content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
@@ -473,15 +460,9 @@ def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | N
 
 
 def _steps_and_errors(store: Store) -> tuple[str, str]:
-    """Return two clauses for the assumptions in the report of a campaign.
-
-    Returns
-    -------
-    str
-        Time steps of the runs.
-    str
-        Maximum energy imbalance of a run, and maximum estimated error of the drifts if errors were
-        estimated.
+    """Return two clauses for the assumptions in the report of a campaign: the time steps of the
+    runs; the maximum energy imbalance of a run, and the maximum estimated error of the drifts if
+    errors were estimated.
     """
     query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
     low, high, energy = store.connection.execute(query).fetchone()
@@ -517,11 +498,10 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
 def _statistics_chapter(
     profile: Profile, units: OutputUnits, subjects: Mapping[str, Subject]
 ) -> Chapter:
-    """Return the chapter of means and maxima of a building at a single intensity level.
+    """Return the chapter of means and maxima of a building over the ground motions at a single
+    intensity level; estimated errors are added if the runs have error estimates.
 
-    `profile`: statistics of the building over the ground motions; estimated errors are added if the
-    runs have error estimates. `subjects` contains the buildings by name. Total
-    shears are omitted if the model has neither P-delta nor dashpots.
+    Total shears are omitted if the model (`subjects`, by name) has neither P-delta nor dashpots.
     """
     subject = subjects.get(profile.building)
     suite_columns: tuple[str, ...] = _SUITE_COLUMNS
@@ -627,14 +607,8 @@ def _damage(store: Store) -> tuple[Part, ...]:
 
 
 def _with_state_columns(table: Table) -> Table:
-    """Return the probabilities of damage states with a column per state.
-
-    `table` is the table with a row per type, level, event and state, as in damage-types.csv.
-
-    Returns
-    -------
-    Table
-        Table with a row per type, level and event.
+    """Return the probabilities of damage states with a column per state, from the rows of
+    damage-types.csv (one per type, level, event and state).
     """
     keys: list[str] = [name for name in ("type", "level", "event") if name in table.columns]
     indices = [table.columns.index(name) for name in (*keys, "state", "probability")]
@@ -655,14 +629,8 @@ def _with_state_columns(table: Table) -> Table:
 
 
 def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
-    """Return the ground motions of each intensity level with their scale factors, smallest factors
-    first.
-
-    Returns
-    -------
-    list of list of (Record, float)
-        For each level, the unscaled records and their scale factors. Levels that are equal for
-        several buildings are returned once.
+    """Return for each intensity level its unscaled records with their scale factors, smallest
+    factors first. Levels that are equal for several buildings are returned once.
     """
     # The factors are collected by building, ground motion and sample of the varied parameters.
     factors: dict[tuple[int, int, int], list[float]] = {}
@@ -693,20 +661,11 @@ _RULES = {
 def _scaling(
     plan: Plan, units: OutputUnits, periods: FirstPeriods
 ) -> tuple[tuple[Part, ...], list[str]]:
-    """Return the description of the scaling of ground motions in a campaign, and its warnings.
+    """Return the description of the scaling of ground motions in a campaign (sentence and figure;
+    none without scale factors), and the warnings of `tdint scale`.
 
-    The data are from the JSON file that `tdint scale` writes next to the scale factors.
-
-    `plan` is the campaign with scale factors; without them, the description is empty. `units`:
-    units of the figure of the scaled spectra, which is added for a target spectrum. `periods`
-    contains the names and first periods of the buildings, s, which the figure marks.
-
-    Returns
-    -------
-    parts : tuple of Part
-        Sentence and figure for the report.
-    warnings : list of str
-        Warnings of `tdint scale`.
+    The data are from the JSON file that `tdint scale` writes next to the scale factors. The figure
+    of the scaled spectra, for a target spectrum, marks the first periods of the buildings.
     """
     if not plan.factors:
         return (), []
@@ -782,21 +741,12 @@ def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]
 def _scaled_motions(
     plan: Plan, levels: MotionFactors, *, paired: bool
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
-    """Return the ground motions of a scaled suite with their scale factors.
+    """Return the ground motions of a scaled suite, single components or pairs, with their scale
+    factors.
 
-    `paired` is True to join the two components of a recording to a pair if they were read as single
-    records.
-
-    Parameters
-    ----------
-    plan : Plan
-        Campaign. Each item of `plan.motions` is a component; its attribute `ground_motion` is the
-        object that was read: a single record, or the pair that contains the component.
-
-    Returns
-    -------
-    list of (Record or Horizontals, tuple of float)
-        Single components or pairs, each with its scale factors.
+    With `paired`, the two components of a recording that were read as single records are joined to
+    a pair. Each item of `plan.motions` is a component; its attribute `ground_motion` is the object
+    that was read: a single record, or the pair that contains the component.
     """
     # `partners` contains the index of the first component by the index of the second component.
     # None is the default rule for the demands of pairs, which has no effect on the partners.

@@ -167,20 +167,10 @@ def openseespy_points(
     maximum inertia force; the system of equations is BandSPD. Only `analyze` is timed. Peaks are
     maxima over the steps. Accelerations satisfy equilibrium, as those of tdint do.
 
-    Parameters
-    ----------
-    dts : sequence of float
-        Time steps, s.
-    reference : Reference
-        Reference solution of the errors.
-    share : float
-        Fraction of `opensees_worker.SECONDS` that all runs of a single integrator together may use.
-        Runs with large steps are executed first; runs that are not executed have the outcome
-        `not-run`.
-    judge : callable, optional
-        Function that receives an object with the attributes `peak_drift`,
-        `peak_absolute_acceleration` and `peak_total_shear` (arrays over the stories), and returns
-        errors. By default, the errors of the motion are used.
+    `share` is the fraction of `opensees_worker.SECONDS` that all runs of a single integrator
+    together may use. Runs with large steps are executed first; runs that are not executed have the
+    outcome `not-run`. `judge` returns the errors of an object with the attributes `peak_drift`,
+    `peak_absolute_acceleration` and `peak_total_shear`, by default the errors of the motion.
     """
     if reason := _unsupported(problem):
         return [], [f"openseespy is omitted: {reason}"]
@@ -484,20 +474,14 @@ class _TimeExceeded(Exception):
 def solve_ivp_points(
     problem: Problem, reference: Reference, *, seconds: float = SECONDS
 ) -> tuple[list[Point], list[str]]:
-    """Return the points of solve_ivp: one line per method, one point per relative tolerance.
+    """Return the points of solve_ivp: one line per method, one point (run of at most `seconds`) per
+    relative tolerance.
 
-    Each point is one run. Only linear and bilinear stories are supported. The hysteretic force z of
-    a bilinear story is a state variable. Its rate is (1 - a) k times the drift rate (stiffness k,
-    stiffness ratio after yield a), and zero during yielding; the events of solve_ivp are not used.
-    The absolute tolerance is the relative tolerance times the maximum value of the reference. The
-    motion is computed at the samples, and its peaks are the maxima over the samples.
-
-    Parameters
-    ----------
-    reference : Reference
-        Reference solution of the errors.
-    seconds : float
-        Time limit of a run, s.
+    Only linear and bilinear stories are supported. The hysteretic force z of a bilinear story is a
+    state variable. Its rate is (1 - a) k times the drift rate (stiffness k, stiffness ratio after
+    yield a), and zero during yielding; the events of solve_ivp are not used. The absolute tolerance
+    is the relative tolerance times the maximum value of the reference. The motion is computed at
+    the samples, and its peaks are the maxima over the samples.
     """
     if problem.model.excitation.tables:
         return [], ["scipy's solve_ivp is omitted: forces on floors are from tables"]
@@ -671,26 +655,14 @@ def _solve(
 def with_plugins(
     problem: Problem, chart: Chart, *, repeats: int, progress: Progress = silent
 ) -> tuple[Chart, list[str]]:
-    """Return the chart with an additional point for each peer of the plug-ins.
+    """Return the chart with an additional point for each peer of the plug-ins, and notes on omitted
+    points.
 
     A peer is a function of the problem that returns times and displacements. The times (s) are
     equally spaced and start at 0. They end at or after the last sample, and their spacing is the
     interval divided or multiplied by a whole number. The displacements (m) of the floors at these
     times are relative to the ground, with shape (times, stories). The complete call is timed.
     Errors of velocities and accelerations are not available.
-
-    Parameters
-    ----------
-    progress : callable
-        Function that receives, before each peer is run, the name of its plug-in and the fraction of
-        the peers that are completed.
-
-    Returns
-    -------
-    chart : Chart
-        Chart with the additional points and programs.
-    notes : list of str
-        Notes on omitted points.
     """
     points: list[Point] = []
     notes: list[str] = []
@@ -726,12 +698,8 @@ def _plugin_point(
     problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int
 ) -> Point:
     """Time a function of a plug-in and return its point; the caller adds the name of the point.
-
-    Raises
-    ------
-    ValueError
-        The arrays have wrong shapes, the times are not equally spaced from 0, or they end before
-        the last sample.
+    ValueError is raised if the arrays have wrong shapes, the times are not equally spaced from 0,
+    or they end before the last sample.
     """
     call_times = []
     for _ in range(repeats):

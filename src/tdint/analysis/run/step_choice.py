@@ -191,12 +191,8 @@ class _Search:
 
     @classmethod
     def of(cls, case: Case, tolerance: float, dt: float | None, duration: float | None) -> _Search:
-        """Return a search without runs, and compile the time loops that it needs.
-
-        Raises
-        ------
-        UsageError
-            The tolerance is not between 0 and 1, or the time step is invalid.
+        """Return a search without runs, and compile the time loops that it needs. UsageError is
+        raised if the tolerance is not between 0 and 1, or the time step is invalid.
         """
         if not 0.0 < tolerance < 1.0:
             raise UsageError(f"the tolerance must be between 0 and 1 (100 %), got {tolerance:g}")

@@ -85,12 +85,7 @@ def _functions() -> LawFunctions:
     @inline
     def enter(law_parameters, law_state, i):
         """Set the branch of the committed state: within the gap (|d| < gap), or in contact with a
-        stop.
-
-        At |d| = gap, both branches have the same force; the branch in contact is set.
-
-        Column `i` of `law_parameters` contains the parameters of the story. The committed state, in
-        the first rows of column `i` of `law_state`, is changed.
+        stop. At |d| = gap, both branches have the same force; the branch in contact is set.
         """
         drift = law_state[rows.DRIFT, i]
         is_within_gap = abs(drift) < law_parameters[_GAP, i]
@@ -101,15 +96,9 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows the current branch at the drift of a stop.
 
-        From the gap, it is the contact with the stop on the side of the event; from a contact, it
-        is the gap. The event REVERSED cannot occur, because all branches are valid for both signs
-        of the drift rate.
-
-        Parameters
-        ----------
-        event : float
-            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
-            falls below the lower limit) or REVERSED (the drift rate changes its sign).
+        From the gap, it is the contact with the stop on the side of the event (ABOVE or BELOW);
+        from a contact, it is the gap. The event REVERSED cannot occur, because all branches are
+        valid for both signs of the drift rate.
         """
         # The limits of the branch within the gap are -gap and gap, with the sum 0; a branch in
         # contact has an infinite limit. The events ABOVE and BELOW are 1 and -1, the sides of the
