@@ -657,8 +657,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     The test then restricts the error of D0 relative to h v0, and not the error of a1.
 
     If `is_last`, no further iteration is allowed: the largest relative residual above the tolerance
-    is then stored in row RESIDUAL of `step_status`, and its floor in row WORST_STORY. Otherwise row
-    RESIDUAL is set to 0.
+    is then stored in row RESIDUAL of `step_status`, and its floor in row WORST_STORY. Row RESIDUAL
+    is 0 otherwise.
     """
     tolerance = coefficients[TOLERANCE]
     step_status[rows.RESIDUAL] = 0.0
