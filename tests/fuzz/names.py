@@ -6,7 +6,7 @@ import tracemalloc
 from pathlib import Path
 
 from fuzz.oracle import Failure
-from fuzz.sandbox import OUTPUT, invoked, run
+from fuzz.sandbox import OUTPUT, STRANGE_NAMES, invoked, run
 
 _PARTS = (
     *(
@@ -47,7 +47,7 @@ _PARTS = (
     "x" * 300,
 )
 _ENDS = (".yaml", ".yml", ".csv", ".csv.gz", ".txt", "")
-CALLS = ("init", "modes", "check", "run")
+CALLS = ("init", "modes", "check", "run", "runs", "campaign")
 
 MOST_MEMORY = 8e7
 """Bytes that a run may take beside what is there before."""
@@ -67,6 +67,11 @@ def outcome(name: str, seed: int) -> str:
     file = f"{OUTPUT}/{_file(source)}"
     if name == "modes":
         return run(["modes", "linear.yaml", "-o", file])
+    if name == "runs":  # a missing or an existing record, whose name is stored
+        record = file if source.random() < 0.5 else source.choice(STRANGE_NAMES)
+        return run(["run", "linear.yaml", "a.txt", record, "-o", f"{OUTPUT}/runs"])
+    if name == "campaign":
+        return _campaign(source)
     if name == "run":
         return run(["run", "linear.yaml", f"--history={file}"])
     found = run([name, file])
@@ -75,6 +80,36 @@ def outcome(name: str, seed: int) -> str:
         if code:
             raise Failure(f"a model that was begun as {file!r} is none: {messages[:200]!r}")
     return found
+
+
+_STUDY = """\
+buildings: {models: [linear.yaml]}
+records: {files: [a.txt]}
+intensity: {scales: [1]}
+analysis: {method: newmark-average}
+"""
+
+
+def _campaign(source: random.Random) -> str:
+    """Run a campaign with an unusual name, directory and figure; the second call is `status`,
+    `export` or the same call, and must end in the same way."""
+    study = Path(_file(source).partition("\n")[0][:100] + ".yaml")
+    folder = f"{OUTPUT}/{_file(source)[:100]}"
+    if study.exists() or not study.name:
+        return run(["campaign", str(study), "-o", folder])
+    study.write_text(_STUDY)
+    plot = source.choice(([], [f"--plot={OUTPUT}/{_file(source)[:100]}.svg"]))
+    line = ["campaign", f"./{study}", "-o", folder]
+    try:
+        found = run([*line, *plot])
+        if found == "done":
+            for second in (["campaign", "status", folder], ["campaign", "export", folder], line):
+                code, messages = invoked(second)
+                if code:
+                    raise Failure(f"{second!r}: {code}: {messages[:300]!r}")
+        return found
+    finally:
+        study.unlink()
 
 
 def _file(source: random.Random) -> str:

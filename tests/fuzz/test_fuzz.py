@@ -25,7 +25,7 @@ TRIED: dict[str, tuple[int, set[str]]] = {
     # Recovery is too rare for so few cases; tests/cli/test_campaign_store.py tests it for each type
     # of damage.
     "stores": (8, {stores.REFUSED}),
-    "names": (10, set()),
+    "names": (12, set()),
     "api": (16, set(api.OUTCOMES)),
 }
 """How many seeds of a kind are tried, and what some of them end with."""

@@ -169,12 +169,12 @@ class Identity:
     def compared_values(self) -> ComparedValues:
         """Settings, and SHA-256 of buildings, records and plug-in files, by name.
         `all_differences` compares these values with the values of a store."""
-        buildings = {building.name: building.digest for building in self.buildings}
+        buildings = {_text(building.name): building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
         # distinguished by their numbers, which are added to all names except the first.
         for number, motion in enumerate(self.motions, start=1):
-            name = f"{motion.name} {motion.component}"
+            name = _text(f"{motion.name} {motion.component}")
             records[name if name not in records else f"{name} ({number})"] = motion.record.digest
         return self.settings, buildings, records, self.code
 
@@ -495,7 +495,7 @@ class Store:
     def is_ours(self, file: Path) -> bool:
         """Return True if a file exists, was written from this store, and was not changed
         afterwards."""
-        return is_file(file) and (file.name, digest_of(file)) in self.written()
+        return is_file(file) and (_text(file.name), digest_of(file)) in self.written()
 
     def refuse_foreign(self, files: Iterable[Path]) -> None:
         """Raise OutputError if one of the files exists and was not written from this store."""
@@ -519,7 +519,8 @@ class Store:
         files : mapping of Path to str
             SHA-256 of each file.
         """
-        new_entries = {(file.name, digest) for file, digest in files.items()} - self.written()
+        entries = {(_text(file.name), digest) for file, digest in files.items()}
+        new_entries = entries - self.written()
         if new_entries:
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new_entries))
@@ -563,7 +564,8 @@ class Store:
         new_numbers = sorted(set(required_numbers) - stored_numbers)
         # Usually the metadata are unchanged. Skip the transaction in this case, because it would
         # block other processes that read the store.
-        is_unused_same = sorted(stored_unused) == sorted(dict.fromkeys(identity.unused))
+        unused = {(category, _text(reason)) for category, reason in identity.unused}
+        is_unused_same = sorted(stored_unused) == sorted(unused)
         if is_unchanged and not new_numbers and is_unused_same:
             return
         # The checksum is updated in the same transaction, so that readers see a consistent state.
@@ -597,7 +599,13 @@ class Store:
             if number not in stored_numbers:
                 insert(
                     "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
-                    (number, building.name, building.method, building.stories, building.digest),
+                    (
+                        number,
+                        _text(building.name),
+                        building.method,
+                        building.stories,
+                        building.digest,
+                    ),
                 )
             if has_columns:
                 insert("INSERT INTO inventory VALUES(?, ?)", (number, building.cells))
@@ -751,7 +759,8 @@ class Store:
     def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
         """Store inputs that could not be used. Each item is the category of the input (`record` or
         `building`) and the reason. The caller must call `seal` afterwards."""
-        self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", reasons)
+        rows = ((category, _text(reason)) for category, reason in reasons)
+        self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", rows)
 
     def seal(self) -> None:
         """Store the checksum of the campaign definition. Call this method in each transaction that
@@ -1025,7 +1034,7 @@ def _create(store: Store, identity: Identity) -> None:
     metadata = {
         "schema": schema.VERSION,
         "version": __version__,
-        "name": identity.name,
+        "name": _text(identity.name),
         "fingerprint": identity.fingerprint,
         "runs": str(identity.runs),
         "chunks": str(identity.chunks),
