@@ -144,7 +144,9 @@ def execute_plan(
     if missing:
         compile_for(plan)
         store.record_time_loops(time_loops())
-        store.start_log()
+        # Other processes can read the store while chunks are written to a log.
+        with schema.sqlite_errors_reported(store.name):
+            schema.start_log(store.connection, store.name)
     start_time = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
     for result in engine(plan, missing):

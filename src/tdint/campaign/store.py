@@ -414,12 +414,6 @@ class Store:
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
 
-    def start_log(self) -> None:
-        """Write the following chunks to a write-ahead log, so that other processes can read the
-        store while it is written."""
-        with sqlite_errors_reported(self.name):
-            schema.start_log(self.connection, self.name)
-
     def add(self, result: ChunkResult) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
 
