@@ -2,17 +2,22 @@
 
 The buildings are the example models wind-tower and blast-frame, which have forces on floors and no
 ground motion. The results are stored in loads.csv, from which `run.py --page` writes a section of
-the page. They are not part of the performance profiles. `--table` writes wind-tower.csv instead.
+the page. They are not part of the performance profiles. `--table` writes wind-tower.csv instead,
+and `--cost` prints the time of fifty loaded floors, divided by that under a ground motion.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from tdint.analysis.arguments import model_of
+from tdint.analysis.chart.problem import pose
 from tdint.analysis.chart.profiles import (
     METHODS,
     PEAKS,
@@ -20,7 +25,8 @@ from tdint.analysis.chart.profiles import (
     crossed,
     measure_problem,
 )
-from tdint.methods.catalogue import chosen
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import chosen, parse
 
 HERE = Path(__file__).parent
 CONFIGS = HERE.parents[1] / "configs"
@@ -115,14 +121,61 @@ def cheapest(name: str, measured: Measured) -> list[list[str]]:
     return rows
 
 
+def cost(
+    methods: Sequence[str], duration: float = 600.0, dt: float = 0.01, repeats: int = 9
+) -> None:
+    """Print the time of fifty linear floors under different forces, divided by the time of the same
+    building under a ground motion; both have points at the time steps and are run alternately.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of the methods.
+    duration, dt : float
+        Duration of the runs and interval of the points, s.
+    repeats : int
+        Number of pairs of runs; the minimum times are compared.
+    """
+    random = np.random.default_rng(1)
+    times = np.arange(0.0, duration + 0.5 * dt, dt)
+    story = {"repeat": 50, "mass": 2e5, "height": 3.5, "stiffness": 3.5e8}
+    rayleigh = {"rayleigh": {"ratio": 0.05, "modes": [1, 3]}}
+    model = {"stories": [story], "damping": rayleigh, "analysis": {"dt": dt}}
+    with TemporaryDirectory() as directory:
+        file = Path(directory) / "wind.csv"
+        forces = 1e4 + 30.0 * np.cumsum(random.normal(size=(len(times), 50)), axis=0)
+        header = ",".join(["time_s", *(f"floor_{floor}_N" for floor in range(1, 51))])
+        data = np.column_stack([times, forces])
+        np.savetxt(file, data, fmt="%.7g", delimiter=",", header=header, comments="")
+        floors = {floor: f"floor_{floor}_N" for floor in range(1, 51)}
+        loaded = {**model, "excitation": {"forces": [{"file": str(file), "floors": floors}]}}
+        motion = Record(0.5 * random.normal(size=len(times)), dt, "", "", "", "noise")
+        problems = (
+            pose(model_of(loaded), duration=duration),
+            pose(model_of(model), motion, duration=duration),
+        )
+    for method in methods:
+        cases = [(problem.case(parse(method)), problem.steps(dt)) for problem in problems]
+        pairs = [
+            [case.integrate(steps).solver_time for case, steps in cases] for _ in range(repeats)
+        ]
+        wind_time, ground_time = np.min(pairs, axis=0)
+        print(f"{method}: {wind_time / ground_time:.2f}", flush=True)
+
+
 def main() -> None:
     """Measure both problems, or write the table of the wind."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--table", action="store_true", help="write wind-tower.csv")
-    if parser.parse_args().table:
+    parser.add_argument("--cost", action="store_true", help="print the cost of fifty forces")
+    arguments = parser.parse_args()
+    if arguments.table:
         write_wind(CONFIGS / "wind-tower.csv")
+        return
+    if arguments.cost:
+        cost(("impulse4", "newmark-average", "moment4", "gauss4"))
         return
     rows = []
     for name in MODELS:
