@@ -130,21 +130,8 @@ class ListOf(ValueType):
     def joined(
         self, _: click.Context, __: click.Parameter, tuples: tuple[tuple[Any, ...], ...]
     ) -> tuple[Any, ...] | None:
-        """Join the values of a repeated option (callback of an option of the type).
-
-        Parameters
-        ----------
-        _ : click.Context
-            Context of the command; not used.
-        __ : click.Parameter
-            Option; not used.
-        tuples : tuple of tuple
-            Values of the option, one tuple for each use of the option.
-
-        Returns
-        -------
-        tuple | None
-            All values, without duplicates if the type requests this; None for no value.
+        """Join the values of a repeated option (callback of an option of the type), without
+        duplicates if the type requests this; None for no value.
         """
         values = list(chain.from_iterable(tuples))
         return tuple(dict.fromkeys(values) if self.once else values) or None
@@ -693,18 +680,13 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMED_FILES)
 ) -> list[str]:
-    """Return a command line where --plot and --history always have a value.
+    """Return a command line (words after the name of the command) where --plot and --history always
+    have a value.
 
     Users may omit the value of these two options, which click does not support: `--plot` becomes
     `--plot=VALUE`. The value is the next word if it is empty or a file name with a suffix that fits
-    the option. Otherwise it is the constant `BESIDE`, which requests the default file name.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Words of the command line after the name of the command.
-    options : collection of str
-        Names of the options of the command; other words are not changed. By default both options.
+    the option. Otherwise it is the constant `BESIDE`, which requests the default file name. Words
+    that are none of `options` are not changed.
     """
     result: list[str] = []
     remaining = iter(enumerate(arguments))
@@ -897,20 +879,11 @@ class Command(HelpAsData):
         return lines
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the command line with click, and refuse options without an effect.
+        """Parse the command line (words after the name of the command) with click, and refuse
+        options without an effect. Return the words that belong to no parameter.
 
         The value of `--plot` and `--history` is optional, which click does not support. Before
         click parses the command line, `with_named_files` therefore adds the missing values.
-
-        Parameters
-        ----------
-        args : list of str
-            Words of the command line after the name of the command.
-
-        Returns
-        -------
-        list of str
-            Remaining arguments, which belong to no parameter of the command.
 
         Raises
         ------

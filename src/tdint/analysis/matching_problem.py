@@ -357,23 +357,13 @@ class MatchingProblem:
         )
 
     def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
-        """Return the extremes of the responses above a level, and the maximum of each oscillator.
+        """Return the extremes of the responses above a level (m/s^2, one per oscillator), and the
+        maximum of each oscillator.
 
-        Parameters
-        ----------
-        samples : ndarray, shape (components, n)
-            Motion, m/s^2.
-        level : ndarray, shape (oscillators,)
-            m/s^2.
-
-        Returns
-        -------
-        extremes : ndarray, shape (VALUE + components, extremes)
-            One column for each extreme: index of the oscillator (row OSCILLATOR), time in s (TIME)
-            and, from row VALUE on, the response to each component in m/s^2.
-        maxima : ndarray, shape (2, oscillators)
-            Maximum of each oscillator in m/s^2, and its column in `extremes`, or a negative number
-            if the maximum is not an extreme above the level.
+        The first array has one column for each extreme: index of the oscillator (row OSCILLATOR),
+        time in s (TIME) and, from row VALUE on, the response to each component in m/s^2. The second
+        array contains the maximum of each oscillator in m/s^2, and its column in the first array,
+        or a negative number if the maximum is not an extreme above the level.
         """
         # 400 extremes per oscillator
         found_extremes, maxima = (
@@ -511,28 +501,15 @@ class MatchingProblem:
     def equations(
         self, found_extremes: Array, maxima: Array
     ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
-        """Return the equations that the next correction of the motion must satisfy.
+        """Return the equations that the next correction of the motion must satisfy, for the result
+        of `extremes` with at least one extreme (ensured by `check_peaks`): time (s), unit vector
+        over the components, shortfall, and True for an equality, False for an upper limit.
 
         The maximum of each oscillator must equal the target (an equality). Other large extremes
-        must not exceed the target (an upper limit); their number is limited, to save memory.
-
-        Parameters
-        ----------
-        found_extremes : ndarray, shape (VALUE + components, extremes)
-            Result of `extremes`, with at least one extreme; `check_peaks` ensures this.
-
-        Returns
-        -------
-        when : ndarray, shape (equations,)
-            Time of the extremum, s.
-        directions : ndarray, shape (components, equations)
-            Unit vector of the extremum over the components.
-        shortfall : ndarray, shape (equations,)
-            1 minus the ratio of the extremum to the target; positive if it is below the target.
-            Its absolute value is limited to `_MAX_RELATIVE_CHANGE`, except for extremes below
-            their upper limit.
-        is_equality : ndarray of bool, shape (equations,)
-            True for equality with the target, False for an upper limit.
+        must not exceed the target (an upper limit); their number is limited, to save memory. The
+        shortfall is 1 minus the ratio of the extremum to the target; positive if it is below the
+        target. Its absolute value is limited to `_MAX_RELATIVE_CHANGE`, except for extremes below
+        their upper limit.
         """
         oscillator, values = found_extremes[OSCILLATOR].astype(int), found_extremes[VALUE:]
         magnitude = np.linalg.norm(values, axis=0)
