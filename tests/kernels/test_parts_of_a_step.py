@@ -332,16 +332,19 @@ def test_corners_are_sorted_and_those_at_the_ends_are_ignored():
     space = SingleSteps("moment4").space
     scratch, near = space.scratch, 0.5 * corners._MIN_DISTANCE
     scratch[ROW.CORNERS, 0], scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] = 0.0, 3.0
+    scratch[ROW.PEAKS + rows.PEAK_DRIFT, 1] = 0.0
     results = Integrals(scratch, ROW.CORNERS)
     times = [0.7, 0.2, near, 1.0 - near, 1.0 + near, 0.9, 0.5, 0.0, 1.0, 0.1, 0.3, 0.6, 0.05]
     for t in times:
-        corners._store_corner(results, 1, t, -2.0 * t)
+        corners._store_branch_end(results, 1, t, 0.5 * t, -2.0 * t)
     stored = scratch[ROW.CORNERS + 1 : ROW.CORNERS + 1 + MAX_CORNERS, 0]
     assert scratch[ROW.CORNERS, 0] == MAX_CORNERS == 6
     assert stored.tolist() == [0.1, 0.2, 0.3, 0.5, 0.7, 0.9]
     assert scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] == 3.0
-    corners._store_corner(results, 1, 0.4, -3.5)
+    assert scratch[ROW.PEAKS + rows.PEAK_DRIFT, 1] == 0.5 * (1.0 + near)
+    corners._store_branch_end(results, 1, 0.4, -0.6, -3.5)
     assert scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] == 3.5
+    assert scratch[ROW.PEAKS + rows.PEAK_DRIFT, 1] == 0.6
 
 
 @pytest.mark.parametrize("link", [1.0, 0.0])

@@ -280,6 +280,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         _accept_substep(
             located_changes > 0,
             story,
+            column,
             event if ends_at_event else rows.REVERSED,
             scene,
             span,
@@ -323,13 +324,13 @@ def _solve_substep(has_guess, coefficients, scene, h, memory, factors):
 
 
 @inline
-def _accept_substep(is_divided, story, event, scene, span, memory):
+def _accept_substep(is_divided, story, column, event, scene, span, memory):
     """Move state and law states to the end of a substep, and update the peaks of a divided step.
 
-    `event` is ABOVE or BELOW if the drift of `story` reaches a limit of its branch at the end of
-    the substep, otherwise REVERSED. The observer processes only the end of the time step; the peaks
-    in the substeps of a divided step are therefore updated in rows PEAKS of the scratch array. Two
-    elements of the status receive the number of the first row:
+    `event` is ABOVE or BELOW if the drift of `story` reaches a limit of the branch of the law in
+    `column` at the end of the substep, otherwise REVERSED. The observer processes only the end of
+    the time step; the peaks in the substeps of a divided step are therefore updated in rows PEAKS
+    of the scratch array. Two elements of the status receive the number of the first row:
 
         STEP_PEAKS      flag for this step. The observer merges rows PEAKS into the peaks of the
                         run, and then resets the element to 0.
@@ -355,7 +356,7 @@ def _accept_substep(is_divided, story, event, scene, span, memory):
             _commit_tangent_damping(linear_terms, state, scratch)
         _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
     if HAS_NONLINEAR_FORCE and is_divided:
-        _store_end_forces(story, event, scene.linear_terms, memory)
+        _store_end_forces(story, column, event, linear_terms, law_parameters, memory)
         _update_substep_peaks(scene, span, memory)
         step_status[rows.STEP_PEAKS] = ROW.PEAKS
         step_status[rows.RUN_PEAKS] = ROW.PEAKS
@@ -629,37 +630,51 @@ def _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift
 
 
 @outlined
-def _store_end_forces(story, event, linear_terms, memory):
+def _store_end_forces(story, column, event, linear_terms, law_parameters, memory):
     """Store the story forces and accelerations at the end of a substep for the peaks.
 
     The drift at the end can be beyond the limit of a branch, or differ from the limit of the branch
     change at which the substep ends. The force of the committed state is on the old branch, and can
     exceed the strength of the story. The peaks use the force at the limit instead. The floor
-    accelerations change by the difference of the forces divided by the mass.
+    accelerations change by the difference of the forces divided by the mass. A curved branch, with
+    the slope inf, is evaluated at the drift itself: its limit has already changed with its state.
     """
     state, law_state, scratch, _ = memory
     for i in range(linear_terms.shape[1] - 1):
-        drift = law_state[rows.DRIFT, i]
-        limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
-        if i == story and event == rows.ABOVE:
-            limited = law_state[rows.UPPER, i]
-        elif i == story and event == rows.BELOW:
-            limited = law_state[rows.LOWER, i]
-        if not abs(limited) < math.inf:
-            # A curved law has changed its branch at the end of the substep, and with it the limit.
-            limited = drift
+        drift = limited = law_state[rows.DRIFT, i]
+        slope = law_state[rows.SLOPE, i]
+        if HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
+            slope = _slope_of_linear_elements(law_parameters, law_state, i)
+        if slope < math.inf:
+            limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
+            if i == story and event != rows.REVERSED and law_state[rows.SLOPE, column] < math.inf:
+                limited = law_state[rows.UPPER if event == rows.ABOVE else rows.LOWER, column]
         scratch[ROW.END_EXCESS, i] = drift - limited
         scratch[ROW.END_FORCE, i] = law_state[rows.FORCE, i]
         scratch[ROW.END_ACCELERATION, i] = state[rows.ACCELERATION, i]
-        # A curved branch, with the slope inf, is evaluated at the drift itself.
-        if limited != drift and law_state[rows.SLOPE, i] < math.inf:
-            excess = law_state[rows.SLOPE, i] * (drift - limited)
+        if limited != drift:
+            excess = slope * (drift - limited)
             scratch[ROW.END_FORCE, i] -= excess
             scratch[ROW.END_ACCELERATION, i] += linear_terms[rows.INVERSE_MASS, i] * excess
             if i > 0:
                 scratch[ROW.END_ACCELERATION, i - 1] -= (
                     linear_terms[rows.LINK, i] * linear_terms[rows.INVERSE_MASS, i - 1] * excess
                 )
+
+
+@outlined
+def _slope_of_linear_elements(law_parameters, law_state, i):
+    """Return the sum of the slopes of the elements of story `i` that are on linear branches, N/m.
+
+    The limit of a story with curved elements is the limit of one of its linear branches.
+    """
+    slope = 0.0
+    for element in range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    ):
+        if law_state[rows.SLOPE, element] < math.inf:
+            slope += law_state[rows.SLOPE, element]
+    return slope
 
 
 @outlined
@@ -723,6 +738,8 @@ def _update_substep_peaks(scene, span, memory):
                     total_shear -= force_value(scene.forces, j, span.t)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
+        # The law is moved to the limit at which the substep ends, also if the drift is before it.
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift - scratch[ROW.END_EXCESS, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])

@@ -43,6 +43,8 @@ _PASSES = 2
 # Fraction of the step. Corners with a smaller distance from each other or from an endpoint are
 # regarded as a single corner.
 _MIN_DISTANCE = 1e-6
+# Relative to the terms of the parabola of drift: rounding of a drift at a given time.
+_DRIFT_ROUNDING = 1e-13
 
 
 @inline
@@ -75,20 +77,18 @@ def _skip_branch(law_state, i, block, segment, results):
 
 
 @inline
-def _ignore_branch_end(results, i, t, force):
+def _ignore_branch_end(results, i, t, drift, force):
     """Ignore the end of a branch: only the state at the end of the path is needed."""
     pass
 
 
 @inline
-def _store_corner(results, i, t, force):
-    """Insert the time of a corner into the sorted list of corners, and update the peak shear.
+def _store_corner(corners, t):
+    """Insert the time of a corner into the sorted list of corners.
 
-    A corner is not inserted close to an endpoint of the step or into a full list. The peak shear of
-    the story is raised in any case.
+    A corner is not inserted close to an endpoint of the step or into a full list.
     """
-    scratch, first = results
-    raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+    scratch, first = corners
     count = int(scratch[first, 0])
     if _MIN_DISTANCE < t < 1.0 - _MIN_DISTANCE and count < MAX_CORNERS:
         # The new corner is number `position` + 1.
@@ -100,7 +100,20 @@ def _store_corner(results, i, t, force):
         scratch[first, 0] = count + 1.0
 
 
-_follow_path_storing_corners = path.along_branches(_skip_branch, _store_corner)
+@inline
+def _store_branch_end(results, i, t, drift, force):
+    """Store the corner at the end of a branch; raise the peaks of the drift and of the force.
+
+    The law has been at the limit `drift` (m) with the force `force` (N). The interpolant of the
+    observer can reverse slightly before this limit. Without the limit, the peak force would belong
+    to a drift that is larger than the peak drift.
+    """
+    raise_peak(results.table, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+    raise_peak(results.table, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
+    _store_corner(results, t)
+
+
+_follow_path_storing_corners = path.along_branches(_skip_branch, _store_branch_end)
 _follow_path = path.along_branches(_skip_branch, _ignore_branch_end)
 
 
@@ -117,11 +130,13 @@ def _direction(segment, no_reversal):
 
 @outlined
 def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
-    """Find the corners of story `i` in the step: store their times, and raise the peak of the story
-    force.
+    """Find the corners of story `i` in the step: store their times, and raise the peaks of drift
+    and story force at the ends of branches.
 
     The law follows the parabola in the trial state SECOND_TRIAL. If `no_reversal`, an extremum of
-    the parabola is ignored, because the parabola only approximates the drift.
+    the parabola is ignored, because the parabola only approximates the drift. The peaks are not
+    raised at a reversal: the observer evaluates the law at the reversal of its interpolant, which
+    is more accurate than the extremum of the parabola.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
@@ -138,7 +153,7 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
         corners,
     )
     if reversal_time < 1.0:
-        _store_corner(corners, i, reversal_time, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
+        _store_corner(corners, reversal_time)
         part_after = path.path_segment(complete, reversal_time, 1.0)
         end_drift = path.drift_at(complete, 1.0)
         _follow_path_storing_corners(
@@ -155,7 +170,8 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
 
 @outlined
 def _find_corners_of_elements(scene, memory, i):
-    """Find the corners of the piecewise-linear elements of story `i`; raise their peak forces."""
+    """Find the corners of the piecewise-linear elements of story `i`; raise their peak forces and
+    the peak drift of the story at the ends of their branches."""
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
     complete = _story_path(scene.linear_terms, law_state, scratch, i)
@@ -170,6 +186,8 @@ def _find_corners_of_elements(scene, memory, i):
                 law_state[rows.PEAK_FORCE, element],
                 scratch[ROW.PEAKS + rows.PEAK_SHEAR, element],
             )
+            peak_drift = scratch[ROW.PEAKS + rows.PEAK_DRIFT, element]
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, peak_drift)
 
 
 @outlined
@@ -235,7 +253,8 @@ def _store_forces(coefficients, scene, h, memory, i, count):
 @outlined
 def _store_law_forces(coefficients, scene, h, memory, i, column, count):
     """Compute the force of the law in `column`, story `i` or one of its elements, at all nodes
-    (`_store_forces`). The force of an element excludes P-delta.
+    (`_store_forces`). The force of an element excludes P-delta. Rows NODE_DISPLACEMENT receive the
+    force of a piecewise-linear element on the parabola, N.
     """
     _, law_state, scratch, _ = memory
     linear_terms = scene.linear_terms
@@ -302,7 +321,10 @@ def _store_law_forces(coefficients, scene, h, memory, i, column, count):
                     scratch[ROW.NODE_FORCE + k - 1, column] += (
                         slope - slope_before
                     ) * previous_distance
-            force = law_state[rows.SECOND_TRIAL + rows.FORCE, column] + slope * distance
+            force = law_state[rows.SECOND_TRIAL + rows.FORCE, column]
+            if is_element:
+                scratch[ROW.NODE_DISPLACEMENT + k, column] = force
+            force += slope * distance
             previous_distance = distance
             previous_direction = direction
             previous_t = t
@@ -330,24 +352,34 @@ def _store_sums(scene, memory, i, count):
 def _raise_peaks_of_sums(scene, memory, count):
     """Raise the peak shears of stories with piecewise-linear elements by their forces at the nodes.
 
-    The peak force of an element is raised at its own corners. The sum can have its peak at a corner
-    of another element.
+    The peak force of an element is raised at the ends of its own branches. The sum can have its
+    peak at the end of a branch of another element. It is evaluated on the parabola of the step,
+    because the corrected forces of `_store_forces` can exceed the strengths of the elements.
+    Beyond the peak drift, near the extremum of the parabola, the sum is not used
+    (`_find_corners`).
     """
     law_parameters, scratch = scene.law_parameters, memory.scratch
-    for i in range(scene.linear_terms.shape[1] - 1):
+    n = scene.linear_terms.shape[1] - 1
+    for i in range(n):
         if (
             law_parameters[rows.CODE, i] <= rows.ELEMENTS
             and scratch[ROW.LEAVES_BRANCH, i] != 0.0
             and path.is_piecewise_linear(law_parameters, i)
         ):
+            story_path = _story_path(scene.linear_terms, memory.law_state, scratch, i)
+            start, rise = story_path.start, story_path.rise
+            largest = max(abs(start), abs(start + rise), scratch[ROW.PEAKS + rows.PEAK_DRIFT, i])
+            largest += _DRIFT_ROUNDING * (abs(start) + abs(rise) + abs(story_path.bend))
             for k in range(1, count):
-                drift = memory.law_state[rows.DRIFT, i] + _story_value(
-                    scene.linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i
-                )
-                force = (
-                    scratch[ROW.NODE_FORCE + k, i] - scene.linear_terms[rows.GEOMETRIC, i] * drift
-                )
-                raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+                drift = path.drift_at(story_path, scratch[ROW.NODE_FORCE + k, n])
+                force = 0.0
+                for element in range(
+                    int(law_parameters[rows.FIRST_ELEMENT, i]),
+                    int(law_parameters[rows.END_ELEMENT, i]),
+                ):
+                    force += scratch[ROW.NODE_DISPLACEMENT + k, element]
+                if abs(drift) <= largest:
+                    raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
 
 
 @outlined
@@ -632,16 +664,16 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
 
     The peaks are raised in the rows of the scratch array from ROW.PEAKS on. After a step that sets
     STEP_PEAKS, the observer merges these rows into the peaks of the run, computes no other peaks of
-    these quantities within the step, copies the merged peaks back, and sets STEP_PEAKS to 0. Before
-    this function raises them, the rows therefore contain the peaks of the run at the last such
-    step, or zeros. These values may be lower than the present peaks; the test `_may_exceed_peaks`
-    is then True in more steps than necessary. RUN_PEAKS remains set, so that the time loop resets
-    the rows if it resets the peaks of the run.
+    accelerations and total shears within the step, copies the merged peaks back, and sets
+    STEP_PEAKS to 0. Before this function raises them, the rows therefore contain the peaks of the
+    run at the last such step, or zeros. These values may be lower than the present peaks; the test
+    `_may_exceed_peaks` is then True in more steps than necessary. RUN_PEAKS remains set, so that
+    the time loop resets the rows if it resets the peaks of the run.
 
     The status is unchanged if no peak can be exceeded, or if the list of corners remains empty. In
-    the second case, `_store_corner` can still have raised a peak of a story force at a corner close
-    to an endpoint of the step. This force is practically the force at the endpoint, which the
-    observer records. The raised value is merged after the next step that sets STEP_PEAKS.
+    the second case, `_store_branch_end` can still have raised the peaks of a story at a corner
+    close to an endpoint of the step. These values are practically those at the endpoint, which the
+    observer records. The raised values are merged after the next step that sets STEP_PEAKS.
     """
     _, law_state, scratch, step_status = memory
     n = scene.linear_terms.shape[1] - 1

@@ -110,7 +110,8 @@ class _Rows(NamedTuple):
     # times of the nodes.
     NODE_FORCE: int = _MAX_NODES
     NODE_ACCELERATION: int = _MAX_NODES  # absolute accelerations of the floors at the nodes, m/s^2
-    # Displacements of the floors at the nodes, relative to the start of the step, m
+    # Displacements of the floors at the nodes, relative to the start of the step, m; in the columns
+    # of elements, their forces on the parabola of the step, N
     NODE_DISPLACEMENT: int = _MAX_NODES
     NODE_VELOCITY: int = _MAX_NODES  # h times the velocities of the floors, m
     MODAL_FORCE: int = 1  # modal damping forces, N

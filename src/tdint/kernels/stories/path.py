@@ -633,10 +633,10 @@ def along_branches(add_part, process_end):
         (law_state, i, block, segment, results). Called once for each branch on the path. `segment`
         is the part of the path on this branch. The state in `block` is on this branch.
     process_end : function
-        (results, i, t, force). Called each time the drift passes the limit of a branch, with the
-        time t (fraction of the step) and the force (N) at the limit. It is not called at the end of
-        the path. It is also not called for the replacement of the first branch, if this branch is
-        valid only for the opposite direction.
+        (results, i, t, drift, force). Called each time the drift passes the limit of a branch, with
+        the time t (fraction of the step), the limit (m) and the force (N) at the limit. It is not
+        called at the end of the path. It is also not called for the replacement of the first
+        branch, if this branch is valid only for the opposite direction.
 
     Returns
     -------
@@ -674,7 +674,7 @@ def along_branches(add_part, process_end):
             advance_law(law_parameters, law_state, i, block, limit if leaves_branch else target)
             if not leaves_branch:
                 break
-            process_end(results, i, t_end, law_state[block + rows.FORCE, i])
+            process_end(results, i, t_end, limit, law_state[block + rows.FORCE, i])
             switch(law_parameters, law_state, i, block, rows.ABOVE if side > 0.0 else rows.BELOW)
             t_now = t_end
 
@@ -699,7 +699,7 @@ def _add_on_branch(law_state, i, block, segment, results):
 
 
 @inline
-def _ignore_branch_end(results, i, t, force):
+def _ignore_branch_end(results, i, t, drift, force):
     """Do nothing at a limit of a branch: `_add_on_branch` already adds the complete part."""
     pass
 
