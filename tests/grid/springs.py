@@ -489,8 +489,9 @@ class Imk(Spring):
             if x < drift:
                 points.append(self.pinch)
         x, f = points[-1]
-        # The last peak is on the way if it is lower, and the line to it is steeper.
-        is_before = x < last[0] and f < last[1] < far[1]
+        # The last peak is on the way if it is lower, and the line to it is steeper. Both points
+        # often have the residual force, up to rounding.
+        is_before = x < last[0] and f < last[1] < (1.0 - 1e-9) * far[1]
         if is_before and (last[1] - f) / (last[0] - x) > (far[1] - f) / (far[0] - x):
             points.append(last)
         return [*_along([*points, far]), *self.backbone(side)]

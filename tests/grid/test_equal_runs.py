@@ -101,10 +101,10 @@ def test_events_of_a_sequence(number):
         assert np.all(getattr(both.stories, name) >= getattr(first.stories, name))
 
 
-_DECIDED_BY_ROUNDING = {37: 1e-2, 78: 1e-2, 91: 1e-2}
-"""Largest relative differences of compiled and interpreted loops in cases in which rounding decides
-the order of branch changes: a pinching law with a spring, a stop on isolators, Ramberg-Osgood with
-friction and tangent damping. These differences are an open fault."""
+_AMPLIFIED = {78: 1e-2}
+"""Largest relative differences of compiled and interpreted loops in cases that amplify rounding:
+stiff stops on isolators with steps of five samples. A difference of 1e-15 increases tenfold in
+about seven steps."""
 
 
 @pytest.mark.slow
@@ -115,5 +115,5 @@ def test_interpreted_loops(number, request):
         return
     model, record, options, expected = completed
     request.getfixturevalue("interpreted")
-    tolerance = _DECIDED_BY_ROUNDING.get(number, _TOLERANCE)
+    tolerance = _AMPLIFIED.get(number, _TOLERANCE)
     assert_close(tdint.run(model, record, **options), expected, tolerance)

@@ -77,6 +77,9 @@ _REACHED_TOLERANCE = 1e-12
 # Relative to the maximum drift. A reversal within this distance of the last reversal is regarded as
 # the same reversal, which a time step did not locate exactly.
 _SAME_REVERSAL_TOLERANCE = 1e-6
+# Relative difference of two forces that is regarded as rounding. The last peak and the point of
+# maximum drift often both have the residual force.
+_EQUAL_FORCES = 1e-9
 
 
 def _functions() -> LawFunctions:
@@ -310,7 +313,7 @@ def _functions() -> LawFunctions:
         if (
             drift < peak_drift - _REACHED_TOLERANCE * max_drift
             and force < peak_force
-            and peak_force < max_force
+            and peak_force < max_force * (1.0 - _EQUAL_FORCES)
         ):
             slope = (peak_force - force) / (peak_drift - drift)
             # The line to the peak is steeper if it passes above the point of maximum drift.

@@ -75,6 +75,9 @@ _REACHED_TOLERANCE = 1e-12
 # OpenSees. Forces of this size are negligible in any response.
 _MIN_REVERSAL = 1e-5
 _EQUAL = 1e-12  # relative difference of stiffnesses that is regarded as rounding error
+# Relative difference of the slope of the pinched part and the stiffness, regarded as rounding.
+# Before the first yielding, all parts of a path are on one line.
+_STEEP = 1e-9
 # Difference of the force fractions at the end of the pinched part and at the end of unloading, at
 # or below which the reloading is not pinched
 _NO_PINCHING = 1e-8
@@ -408,10 +411,11 @@ def _functions() -> LawFunctions:
         elif (
             pinched_drift != unloading_drift
             and (pinched_force - unloading_force) / (pinched_drift - unloading_drift)
-            > max(k, unloading_stiffness)
+            > max(k, unloading_stiffness) * (1.0 - _STEEP)
         ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
             # The slope of the pinched part exceeds both stiffnesses, or the part is vertical and
-            # rises. The first condition includes parts that lead backwards and fall steeply.
+            # rises. The first condition includes parts that lead backwards and fall steeply, and
+            # the paths of an elastic story.
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
             # The pinched part leads backwards or falls.
