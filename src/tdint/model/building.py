@@ -254,12 +254,17 @@ class Building:
 
     @cached_property
     def _first_bound(self) -> float:
-        """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s.
+        """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s."""
+        return self.frequency_bound(self.initial_stiffness)
+
+    def frequency_bound(self, stiffness: Array) -> float:
+        """Return an upper bound of the circular frequencies with these stiffnesses of the stories
+        (N/m), rad/s.
 
         It is the square root of the maximum row sum of |M^-1 K| with the mass matrix M and the
         stiffness matrix K.
         """
-        stiffness, link = np.abs(self.initial_stiffness), self.linear_terms[rows.LINK, :-1]
+        stiffness, link = np.abs(stiffness), self.linear_terms[rows.LINK, :-1]
         # With the stiffnesses k and the links c, row i of the stiffness matrix has the diagonal
         # entry k[i] + c[i + 1] k[i + 1] and the off-diagonal entries c[i] k[i] and
         # c[i + 1] k[i + 1], without signs.

@@ -59,7 +59,7 @@ from tdint.model.force_arrays import load_arrays
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.
-_MAX_RESOLVED_OMEGA_DT = 2.5
+MAX_RESOLVED_OMEGA_DT = 2.5
 _CALL_SECONDS = 0.1  # s; approximate duration of a single call of the time loop
 # Work of the first call of the time loop: number of steps times number of stories times (1 + number
 # of modally damped modes). The following calls are adapted to `_CALL_SECONDS`
@@ -557,7 +557,7 @@ class PreparedBuilding:
         specs = [spec for _, spec in runs]
         varied_arrays = ("linear_terms", "law_parameters", "modal")
         _verify_laws(drawn.law_parameters)
-        is_unresolved = drawn.fastest * h > _MAX_RESOLVED_OMEGA_DT
+        is_unresolved = drawn.fastest * h > MAX_RESOLVED_OMEGA_DT
         has_dashpots = drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for i, (sample, spec) in enumerate(runs):
@@ -760,7 +760,7 @@ class PreparedBuilding:
         space = workspace(self.building, integrator, row_count, self.collapse_drift, forces)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
-        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(_MAX_RESOLVED_OMEGA_DT, h)
+        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(MAX_RESOLVED_OMEGA_DT, h)
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
