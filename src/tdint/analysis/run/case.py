@@ -34,7 +34,6 @@ from tdint.analysis.run.outcome import (
     story_values,
 )
 from tdint.analysis.run.prepared import (
-    MAX_RESOLVED_OMEGA_DT,
     BatchResult,
     IntegrationResult,
     PreparedBuilding,
@@ -52,7 +51,7 @@ from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
 from tdint.model.building import Building
-from tdint.model.definition import CODES, LAWS, Model
+from tdint.model.definition import LAWS, Model
 from tdint.model.force_arrays import add_force_history
 from tdint.model.plausibility import (
     DUCTILITY,
@@ -838,7 +837,16 @@ class Case:
                 "time steps that did not converge were halved "
                 f"({pluralize(response.substeps, 'time')} in total)"
             )
-        notes += _interstep_notes(response) or self._stiff_peak_note(response)
+        notes += _interstep_notes(response)
+        if any(
+            LAWS[spring.law.name].stiffens(spring.law.parameters)
+            for story in self.model.stories
+            for spring in story.springs
+        ):
+            # Imported here, because few models have such laws.
+            from tdint.analysis.run.stiff_peaks import stiff_peak_notes
+
+            notes += stiff_peak_notes(self.model, self.building, response)
         if response.elements is not None and np.isfinite(response.elements.ductility).any():
             notes.append(
                 "the ductility of a story with several elements refers to the element that yields "
@@ -880,35 +888,6 @@ class Case:
             f"the building still vibrates at the end (drift of story {i + 1} by about "
             f"+-{drift}): "
             f"residual drifts are instantaneous values; {advice}"
-        ]
-
-    def _stiff_peak_note(self, response: Response) -> list[str]:
-        """Return a note if stories that stiffen smoothly are so stiff at their peak drifts that the
-        time step does not resolve the motion; the initial stiffness determines all other tests.
-        """
-        stiffness, stiffest = self.building.initial_stiffness.copy(), (1.0, 0)
-        for i, story in enumerate(self.model.stories):
-            for spring in story.springs:
-                law = LAWS[spring.law.name]
-                if law.kinked or not law.stiffens(spring.law.parameters):
-                    continue
-                # Imported here, because few models have such laws.
-                from tdint.model.law_checks import tangent_at
-
-                column = np.array([CODES[law.name], spring.stiffness, *spring.law.parameters])
-                peak = float(response.stories.peak_drift[i])
-                tangent = max(tangent_at(law, column, side * peak) for side in (1.0, -1.0))
-                if tangent > spring.stiffness:
-                    stiffness[i] += tangent - spring.stiffness
-                    stiffest = max(stiffest, (stiffness[i] / self.building.initial_stiffness[i], i))
-        ratio, i = stiffest
-        if ratio == 1.0 or self.building.frequency_bound(stiffness) * response.dt <= (
-            MAX_RESOLVED_OMEGA_DT
-        ):
-            return []
-        return [
-            f"the time step does not resolve the motion near the peak drift of story {i + 1}, "
-            f"where the story is {ratio:.2g} times as stiff as initially: use a smaller step"
         ]
 
     def _stiffening_note(self) -> tuple[str, ...]:
