@@ -5,6 +5,7 @@ import io
 import itertools
 import math
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
@@ -15,6 +16,7 @@ from tdint.analysis.chart.work_precision import Chart, Point, Timing
 from tdint.errors import UsageError
 from tdint.methods import catalogue
 from tdint.output.figures.assessment import chart_picture
+from tdint.output.figures.chart_notes import short_footnote
 from tdint.output.figures.comparison import profile_picture
 from tdint.output.figures.failure_matrix import failure_picture
 from tdint.output.figures.style import picture
@@ -154,6 +156,10 @@ def test_a_chart_in_one_column_has_a_short_explanation_and_a_high_panel():
     assert len(text.splitlines()) <= 3
     assert "band: no other point is cheaper and more accurate" in " ".join(text.split())
     assert "circle: sampling interval" in " ".join(text.split())
+    # The circle is explained only if a point has this time step.
+    longer = replace(chart, interval=0.9 * chart.interval)
+    assert "circle" not in short_footnote(longer, "drift", False, False)
+    assert "circle" not in chart_picture(longer, name="x", target="drift").axes[0].get_xlabel()
     (axes,) = figure.axes
     height = axes.get_window_extent().height / figure.dpi * 25.4
     assert height >= 55.0

@@ -553,9 +553,17 @@ class _Drawing:
         """True if any line has a point with an error below the uncertainty of the reference."""
         return any(map(self.below, self.lines.values()))
 
-    def footnote(self) -> str:
-        """Return the explanation below a figure that is wider than a column of a page."""
-        return footnote(self.chart, self.target, self.points, self.has_triangles)
+    @property
+    def at_interval(self) -> list[Point]:
+        """Points with the sampling interval of the record as time step."""
+        # The tolerance allows for the rounding of time steps that are computed from the interval.
+        interval = self.chart.interval
+        return [point for point in self.points if abs(point.dt - interval) <= 1e-9 * interval]
+
+    def footnote(self, mark: str) -> str:
+        """Return the explanation below a figure that is wider than a column of a page; `mark` is
+        the symbol of the sampling interval."""
+        return footnote(self.chart, self.target, self.points, mark, self.has_triangles)
 
     def below(self, points: Sequence[Point]) -> list[Point]:
         """Return a list with the cheapest of the points with an error of at most the uncertainty of
@@ -605,7 +613,10 @@ def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     subject = f"{drawing.versus} against accuracy, "
     if narrow:
         legend = figure.legends[-1]
-        legend.set_title(short_footnote(drawing.chart, drawing.target, drawing.has_triangles))
+        has_circles = bool(drawing.at_interval)
+        legend.set_title(
+            short_footnote(drawing.chart, drawing.target, has_circles, drawing.has_triangles)
+        )
         legend.get_title().set(fontsize=6.0, multialignment="center")
         subject = ""
     titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
@@ -648,9 +659,7 @@ def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list
         "markerfacecolor": "none",
         "markeredgecolor": "0.25",
     }
-    # The tolerance allows for the rounding of time steps that are computed from the interval.
-    interval = drawing.chart.interval
-    at_interval = [point for point in shown_points if abs(point.dt - interval) <= 1e-9 * interval]
+    at_interval = [point for point in shown_points if point in drawing.at_interval]
     axes.plot(*_columns(drawing, at_interval), linestyle="none", **rings, markeredgewidth=0.8)
     return handles, shown_points
 
@@ -660,14 +669,16 @@ def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
     in one column of a page, has no footnote below the axis.
     """
     _chart_frame(axes)
-    # Numbers of steps and of solutions often differ by less than a decade, so that ticks at powers
-    # of ten are not sufficient.
-    if drawing.versus != "time":
+    # Numbers of steps and of solutions, and the times of a few time steps, often differ by less
+    # than a decade, so that ticks at powers of ten are not sufficient.
+    low, high = np.log10(axes.get_ylim())
+    if drawing.versus != "time" or math.floor(high) - math.ceil(low) < 1:
         plain_numbers(axes.yaxis)
         plain_minor_numbers(axes.yaxis)
     axes.set_xlim(right=min(axes.get_xlim()[1], _MAX_ERROR))
     quantity = QUANTITIES[drawing.target]
-    axes.set_xlabel(quantity if narrow else f"{quantity}\n{drawing.footnote()}")
+    text = drawing.footnote("circle" if drawing.at_interval else "")
+    axes.set_xlabel(quantity if narrow else f"{quantity}\n{text}")
     # The label of a time states which part of each program is timed.
     chart = drawing.chart
     label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
@@ -716,7 +727,7 @@ def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
     _chart_frame(axes)
     axes.set_ylim(top=min(axes.get_ylim()[1], _MAX_ERROR))
-    axes.set_xlabel(f"time step (s)\n{drawing.footnote().replace('circle', 'vertical line')}")
+    axes.set_xlabel(f"time step (s)\n{drawing.footnote('vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
     add_legend(figure, axes, handles, labels, NARROW)
     return titled(figure, _title(drawing, name, "error over the time step"))

@@ -18,7 +18,7 @@ NARROW_FOOT = 62  # number of 6 pt characters in the width of a column
 _FOOT = 100  # characters per line of the footnote
 
 
-def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
+def short_footnote(chart: Chart, target: str, has_circles: bool, has_triangles: bool) -> str:
     """Return the short explanation of a work-precision diagram for one column of a page.
 
     It states the meaning of band, circle and triangle in at most three lines. In contrast to
@@ -29,18 +29,22 @@ def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
     ----------
     target : str
         Quantity whose error is shown, such as `peak-drift`.
-    has_triangles : bool
-        True if the diagram contains triangles.
+    has_circles, has_triangles : bool
+        True if the diagram contains circles (triangles).
     """
     interval = "sampling interval" if chart.recorded else "time step of the model"
-    text = f"band: {BAND_RULE}; circle: {interval}, {chart.interval:.4g} s"
+    text = f"band: {BAND_RULE}"
+    if has_circles:
+        text += f"; circle: {interval}, {chart.interval:.4g} s"
     if has_triangles:
         gap = f"{chart.reference.gap.of(target):.1e}"
         text += f"; triangle: error below {gap}, the uncertainty of the reference"
     return "\n".join(wrap(text, NARROW_FOOT))
 
 
-def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: bool) -> str:
+def footnote(
+    chart: Chart, target: str, points: Sequence[Point], mark: str, has_triangles: bool
+) -> str:
     """Return the explanation below a work-precision diagram: meaning of circle and triangle,
     reference of the errors, and conditions of the times.
 
@@ -48,6 +52,8 @@ def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: 
     ----------
     target : str
         Quantity whose error is shown, such as `peak-drift`.
+    mark : str
+        Symbol of the sampling interval in the diagram; empty if no point has this time step.
     has_triangles : bool
         True if the diagram contains triangles.
     """
@@ -65,10 +71,10 @@ def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: 
         *(f"{peer.name} {peer.version}" for peer in chart.peers),
     ]
     triangle = "; triangle: smaller error" if has_triangles else ""
+    mark_text = f"{mark}: {interval}, {chart.interval:.4g} s; " if mark else ""
     return "\n".join(
         wrap(
-            f"circle: {interval}, {chart.interval:.4g} s; reference: "
-            f"{reference.method}, dt {reference.dt:.3g} s; difference from "
+            f"{mark_text}reference: {reference.method}, dt {reference.dt:.3g} s; difference from "
             f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: "
             f"{CLOCKS[chart.timing.clock]}, {chart.timing.description}, "
             f"{chart.timing.processor}{tolerance_note}; {', '.join(programs)}",

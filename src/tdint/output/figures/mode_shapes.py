@@ -17,6 +17,7 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MARKERS,
+    is_narrow,
     line_style,
     mark_first_periods,
     over_stories,
@@ -75,7 +76,11 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
     axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
-    axes.legend(loc="best")
+    if is_narrow():
+        # In one column of a page, no place inside the panel is free of lines.
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    else:
+        axes.legend(loc="best")
 
 
 class SpectrumAtModes(NamedTuple):

@@ -28,6 +28,7 @@ from tdint.output.figures.style import (
     INK,
     MARK,
     FirstPeriods,
+    is_narrow,
     line_style,
     mark_first_periods,
     plain_logarithmic,
@@ -73,7 +74,9 @@ def profile_picture(
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
     shown = list(rows.values())[:_MAX_ROWS]
-    figure = Figure(figsize=(8.0, 0.9 + 3.6 * len(shown)), layout="constrained")
+    # In one column of a page, the height is reduced with the width: the rows are higher.
+    row_height = 5.4 if is_narrow() else 3.6
+    figure = Figure(figsize=(8.0, 0.9 + row_height * len(shown)), layout="constrained")
     panels = figure.subplots(len(shown), 3, squeeze=False)
     plot_styles = building_styles(profile.building for profile in profiles)
     for axes, row in zip(panels, shown, strict=True):
@@ -268,7 +271,9 @@ def _finish_row(
     for panel in axes:
         panel.set_ylim(0.5, max_stories + 0.5)
         panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
-        panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        # In one column of a page, more numbers would touch each other.
+        most = 2 if is_narrow() else 5
+        panel.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
         panel.tick_params(labelleft=panel is drifts)
         # Panels without lines, because no run has a result, have no scale.
