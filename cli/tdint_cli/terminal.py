@@ -517,11 +517,23 @@ def _warnings_as_lines() -> Iterator[None]:
 
 
 class _Notes(logging.Handler):
-    """Log handler that prints the messages of the library as notes and warnings."""
+    """Log handler that prints the messages of the library as notes and warnings.
+
+    An equal note is printed once: several loops of a plug-in can have the same description.
+    """
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self._printed: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a log message: as a warning from the level WARNING, otherwise as a note."""
-        (warn if record.levelno >= logging.WARNING else note)(record.getMessage())
+        message = record.getMessage()
+        if record.levelno >= logging.WARNING:
+            warn(message)
+        elif message not in self._printed:
+            self._printed.add(message)
+            note(message)
 
 
 @contextmanager

@@ -103,18 +103,19 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     ----------
     text : str
         Lines in the form NAME: TEXT, separated by semicolons: `Project: Bridge 7; Author: A. B.`.
+        The text of a line may be empty, to be written by hand.
 
     Raises
     ------
     UsageError
-        A part has no name or no text.
+        A part has no name or no colon.
     """
     lines = []
     for line in text.split(";"):
         if line.strip():
-            name, _, value = line.partition(":")
-            lines.append((name.strip(), value.strip()))
-    if not lines or not all(name and value for name, value in lines):
+            name, colon, value = line.partition(":")
+            lines.append((name.strip() if colon else "", value.strip()))
+    if not lines or not all(name for name, _ in lines):
         raise UsageError(
             "the lines at the top of a report must have the form NAME: TEXT; NAME: TEXT, such as "
             f"'Project: Bridge 7; Author: A. B.', got {text[:60]!r}"

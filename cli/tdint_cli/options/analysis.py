@@ -55,8 +55,11 @@ def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
     return grammar.option("--damping", type=damping_ratio, default=0.05, help=text, **settings)
 
 
-def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
+def _load(
+    _: click.Context, __: click.Parameter, lists: tuple[tuple[str, ...], ...]
+) -> tuple[str, ...]:
     """Execute the plug-in files of --plugin and record their SHA-256 (callback of the option)."""
+    files = tuple(dict.fromkeys(file for files in lists for file in files))
     if files:
         from tdint.files import record_digest
         from tdint.methods.catalogue import load_plugin
@@ -65,6 +68,10 @@ def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tupl
             load_plugin(file)
             record_digest(file, Path(file).read_bytes())
     return files
+
+
+class _Plugins(ListOf):
+    """Type of --plugin: `_load` joins the lists of a repeated option, and loads the files."""
 
 
 def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
@@ -80,12 +87,12 @@ def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
     return option(
         "--plugin",
         "plugins",
-        type=FileName(),
+        type=_Plugins(FileName()),
         multiple=True,
         is_eager=True,
         expose_value=exposed,
         callback=_load,
-        metavar="FILE.py",
+        metavar="FILE.py,...",
         rare=True,
         help="Python file with user-defined methods (tuple METHODS), hysteretic laws (LAWS) or "
         "programs for `tdint chart` (PEERS); the file is executed." + text,

@@ -592,6 +592,9 @@ def option(
     value_type = settings.get("type")
     if type(value_type) is ListOf:
         settings |= {"multiple": True, "callback": value_type.joined}
+    # In the help, brackets enclose what may be omitted. One of several values must be given.
+    if isinstance(value_type, click.Choice) and "metavar" not in settings:
+        settings["metavar"] = "|".join(map(str, value_type.choices))
     settings |= {"cls": HeadedOption, "heading": heading, "needs": needs, "rare": rare}
     settings |= {"recorded": recorded}
     return Declaration(click.option, names, settings, behind)

@@ -48,7 +48,7 @@ def pairs(text: str) -> grammar.Declaration:
     return option(
         "--pairs",
         type=PairsType(PAIRS),
-        metavar=f"[{'|'.join(PAIRS)}][,NAMES]",
+        metavar=f"{'|'.join(PAIRS)}[,NAMES]",
         help=f"{text} The file names of a pair differ only in the component, or follow the "
         "patterns NAMES: '{}_a.txt,{}_b.txt'.",
     )

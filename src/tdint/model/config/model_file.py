@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
-from dataclasses import astuple, replace
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -338,7 +338,44 @@ def _suppression_reason(text: str) -> str:
     return reason.strip()
 
 
-_PLAUSIBILITY, _REPORT_HEAD = TextLine(_suppression_reason), TextLine(parse_head)
+_PLAUSIBILITY = TextLine(_suppression_reason)
+
+
+@dataclass(frozen=True)
+class _LineOrNothing:
+    """Text of a line of a report, which may be empty."""
+
+    def schema(self) -> Schema:
+        """Return the JSON schema of a text, a number or nothing."""
+        return {"type": ["string", "number", "null"]}
+
+
+_REPORT_HEAD = Either(
+    (TextLine(parse_head), ByName(_LineOrNothing(), "a mapping of lines", "names no line", dict))
+)
+
+
+def _read_page_head(value: Value | None) -> tuple[tuple[str, str], ...]:
+    """Return the names and texts of the lines at the top of a report, from one text or from a
+    mapping."""
+    if value is None:
+        return ()
+    if not value.is_mapping:
+        text = value.text()
+        try:
+            return parse_head(text) if text else ()
+        except UsageError as error:
+            value.fault(str(error))
+            return ()
+    lines = []
+    entries = value.named("NAME: TEXT", "must contain at least one line") or {}
+    for name, entry in entries.items():
+        if entry.is_list or entry.is_mapping:
+            entry.text()  # reports the error
+        lines.append((name, entry.word.strip()))
+    return tuple(lines)
+
+
 
 
 def model_keys() -> Keys:
@@ -502,7 +539,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
         page_units=page_units,
-        page_head=section.read("report") or (),
+        page_head=_read_page_head(section.get("report")),
         damage=_read_damage(section.get("damage")),
         limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
