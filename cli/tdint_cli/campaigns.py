@@ -381,11 +381,9 @@ def execute_campaign(
 
     Raises
     ------
-    UsageError
-        The directory contains another campaign.
     OutputError
-        The directory cannot be written, contains tables of another command, or is in use by another
-        process.
+        The directory contains another campaign or tables of another command, cannot be written,
+        or is in use by another process.
     Failures
         Some records could not be read, a building is too far from any site, or the drift limit is
         not met. Raised after all other work is done.
@@ -460,14 +458,15 @@ def _open_store(
     with notes for the user.
 
     With `overwrite`, the store of another campaign, or a store that cannot be used, is removed
-    together with the tables that were written from it. Otherwise another campaign is a UsageError.
+    together with the tables that were written from it. Otherwise another campaign is an
+    AnotherStudyError.
     """
-    from tdint.campaign.store import FILE, open_store, remove, remove_store
+    from tdint.campaign.store import FILE, AnotherStudyError, open_store, remove, remove_store
     from tdint.campaign.store_schema import UntrustedStoreError
 
     try:
         return open_store(folder, plan, buildings)
-    except (UntrustedStoreError, UsageError):
+    except (UntrustedStoreError, AnotherStudyError):
         if not overwrite:
             raise
         refuse_protected(folder / name for name in _WRITTEN_FILES)

@@ -241,7 +241,7 @@ def test_a_directory_contains_only_one_campaign(study: Path, tdint: Command) -> 
     change("shaken.yaml", ("8000", "9000"))
     write_record(study / "other.mseed", "HNE", peak=1.5, samples=2400)
     result = tdint("campaign", "study.yaml", "-o", "out")
-    assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (2, before)
+    assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (6, before)
     for line in (
         "contains another campaign; specify another directory with -o",
         "setting scales: [0.25, 1.0, 2.5] in the store, [0.5, 1.0, 2.5] in this campaign",

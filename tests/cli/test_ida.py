@@ -114,7 +114,7 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     assert about["settings"]["check"] is True and "peak_drift_ratio_error" in about["columns"]
     again = tdint(*call, "--check", "-o", "out")
     assert "nothing to do" in again.stderr and rows(folder / "out" / "ida.csv") == checked
-    tdint(*call, "-o", "out", code=2)  # Without --check, it is another study.
+    tdint(*call, "-o", "out", code=6)  # Without --check, it is another study.
 
 
 def test_the_collapse_drift_replaces_that_of_the_model(folder, tdint):
@@ -241,7 +241,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
 def test_another_study_requires_another_directory_or_overwrite(studied, tdint):
     arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
     arguments += ("--pair-demand", "separate")
-    result = tdint.refused("precision: 0.05 ... store, 0.2", *arguments)
+    result = tdint.refused("precision: 0.05 ... store, 0.2", *arguments, code=6)
     assert "record other.mseed HNE: only in the store" in result.stderr
     tdint(*arguments, "--overwrite", code=0)
     assert len(rows(studied / "out" / "capacities.csv")) == 8

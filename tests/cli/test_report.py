@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from cli.conftest import Command, change
+from cli.conftest import Command, change, write_record
 from csv_rows import rows
 from tdint.campaign.motions import MotionFactors
 from tdint.ground_motion.horizontals import Horizontals
@@ -374,9 +374,13 @@ def test_the_figure_of_a_collapse_states_the_peak_of_the_record(
 
 
 def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdint: Command) -> None:
+    # The rule requires at least three ground motions. The factor of a strong motion is unusual.
+    names = ("motion.mseed", "second.mseed", "third.mseed")
+    for name, peak in zip(names[1:], (2.0, 60.0), strict=True):
+        write_record(folder / name, "HNE", "HNN", peak=peak)
     scaled = tdint(
         "scale",
-        "motion.mseed",
+        *names,
         "--units",
         "m/s^2",
         "--pairs",
@@ -398,7 +402,8 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
     )
     Path("study.yaml").write_text(
         "buildings: {models: [shaken.yaml, stiff.yaml]}\nintensity: {factors: factors.csv}\n"
-        "records: {files: [motion.mseed], units: m/s^2, pairs: true}\nanalysis: {check: true}\n"
+        f"records: {{files: [{', '.join(names)}], units: m/s^2, pairs: true}}\n"
+        "analysis: {check: true}\n"
     )
     call = (
         "campaign",
@@ -419,7 +424,7 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
     assert "Date: 2026-01-31" in found.text
     for text in (
         *warnings,
-        "4 of 4 runs",
+        "12 of 12 runs",
         "rule ec8 (EN 1998-1:2004",
         "target EN 1998-1, type 1, soil B, ag = 0.25 g",
         "limit 2 %: ",

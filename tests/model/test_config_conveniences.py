@@ -185,6 +185,25 @@ def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> No
     load(f"units: {{length: {units}}}\nstories: [{{weight: 200, stiffness: 1000}}]")
 
 
+@pytest.mark.parametrize(
+    ("report", "lines"),
+    [
+        ("{checked by: }", (("checked by", ""),)),
+        ("{checked by: , Project: 7}", (("checked by", ""), ("Project", "7"))),
+        ("'checked by: ; Project: Bridge 7'", (("checked by", ""), ("Project", "Bridge 7"))),
+    ],
+)
+def test_lines_of_a_report_may_be_empty(report: str, lines: tuple[tuple[str, str], ...]) -> None:
+    """A line without text is completed by hand."""
+    assert load(f"{THREE}report: {report}").page_head == lines
+
+
+@pytest.mark.parametrize("report", ["{}", "no name", "': text'", "{a: [1]}", "{a: b, a: c}"])
+def test_lines_of_a_report_have_names(report: str) -> None:
+    (fault,) = faults(io.StringIO(f"{THREE}report: {report}"))
+    assert ": report" in fault
+
+
 UNUSUAL = {
     # 2 pi sqrt(200 / 4e7) = 0.014 s
     "fundamental period": "stories: [{mass: 200, height: 3, stiffness: 4.0e+7}]",

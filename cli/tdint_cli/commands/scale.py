@@ -440,15 +440,10 @@ def _select_function(
 
 
 def _warnings(scaling: Scaling) -> list[str]:
-    """Return warnings about a suite: too few ground motions, or unusual factors."""
-    from tdint.campaign.scaling import BOUNDS, FEW, POSSIBLE
+    """Return warnings about a suite: unusual factors."""
+    from tdint.campaign.scaling import BOUNDS, POSSIBLE
 
     warnings = []
-    if scaling.rule == "ec8" and len(scaling.motions) < FEW:
-        warnings.append(
-            f"the mean spectrum of EN 1998-1 requires at least {FEW} ground motions, got "
-            f"{len(scaling.motions)}; add records"
-        )
     # Factors that scale to a value of an intensity measure may be larger than factors that scale to
     # a target spectrum.
     bounds, reason = POSSIBLE, "which often indicates incorrect units"

@@ -341,11 +341,11 @@ def campaign(
     ModelError
         The campaign file or a model has errors.
     UsageError
-        A time step does not fit a record; the directory contains another campaign.
+        A time step does not fit a record.
     RecordError
         No record can be read.
     OutputError
-        The directory cannot be written, or another process uses it.
+        The directory contains another campaign, cannot be written, or another process uses it.
     """
     definition = load_campaign(source)
     plan = make_plan(definition, read_inputs(definition))

@@ -279,7 +279,7 @@ def ida(
     Raises
     ------
     UsageError
-        Settings are invalid; a record is given twice; the directory contains another study.
+        Settings are invalid; a record is given twice.
     ModelError
         A story has no height.
     RecordError
@@ -287,7 +287,7 @@ def ida(
     AnalysisError
         The time step exceeds the limit of the method, or the period is too short for a record.
     OutputError
-        The directory cannot be written.
+        The directory contains another study, or cannot be written.
     """
     settings = settings or IdaSettings()
     if isinstance(motions, Record | Horizontals | str):

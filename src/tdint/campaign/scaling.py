@@ -45,8 +45,8 @@ MIN_AVERAGE_RATIO = 0.9
 """Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
 3.2.3.1.2(4))."""
 
-FEW = 3
-"""Number of motions below which a mean is not representative."""
+MIN_MOTIONS = 3
+"""Minimum number of ground motions in EN 1998-1:2004 (3.2.3.1.2(4)a)."""
 
 BOUNDS = (0.25, 4.0)
 """Minimum and maximum factor in common practice, not from a code. A motion with a factor outside of
@@ -301,7 +301,8 @@ def scale_ec8(
     Raises
     ------
     UsageError
-        A period is outside the range of the target; the target has no value at the period 0.
+        The motions are fewer than 3; a period is outside the range of the target; the target has no
+        value at the period 0.
     """
     check_rule("ec8", motions, len(motions), target)
     fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
@@ -323,8 +324,8 @@ def check_rule(
     Raises
     ------
     UsageError
-        Single components or fewer than 11 pairs are used with asce7; a target without a value at
-        the period 0 is used with ec8; the rule is unknown.
+        Single components or fewer than 11 pairs are used with asce7; fewer than 3 motions, or a
+        target without a value at the period 0, are used with ec8; the rule is unknown.
     """
     scaling_function(rule)  # raises the error of an unknown rule
     if rule == "asce7":
@@ -338,6 +339,11 @@ def check_rule(
         raise UsageError(
             f"{target.source}: the rule ec8 requires the target at the period 0; add it to the "
             "table"
+        )
+    if rule == "ec8" and count < MIN_MOTIONS:
+        raise UsageError(
+            f"the rule ec8 requires at least {MIN_MOTIONS} ground motions (EN 1998-1:2004, "
+            f"3.2.3.1.2(4)), got {count}; add ground motions, or use the rule mean"
         )
 
 

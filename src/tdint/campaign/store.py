@@ -54,6 +54,10 @@ _MAX_LISTED_DIFFERENCES = 8
 readable."""
 
 
+class AnotherStudyError(OutputError):
+    """The store in a directory contains the runs of another campaign or study."""
+
+
 @dataclass(frozen=True)
 class Identity:
     """Complete input of the runs in a store, and metadata of the runs.
@@ -817,7 +821,7 @@ def open_store(
 
     Raises
     ------
-    UsageError
+    AnotherStudyError
         The directory contains another campaign; the message has one line per difference.
     OutputError
         The store cannot be written.
@@ -844,7 +848,7 @@ def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[s
 
     Raises
     ------
-    UsageError
+    AnotherStudyError
         The file contains another campaign; the message has one line per difference.
     OutputError
         The file cannot be written.
@@ -954,7 +958,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
 
     Raises
     ------
-    UsageError
+    AnotherStudyError
         The store contains another campaign; the message has one line per difference.
     """
     # An empty list of `inventory_files` represents a store without an inventory.
@@ -966,7 +970,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
             are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
-        raise UsageError(
+        raise AnotherStudyError(
             f"{store.name}: contains another {identity.study_type}; specify another directory with "
             "-o, or --overwrite to start again\n"
             f"{differences_text}"

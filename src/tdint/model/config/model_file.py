@@ -376,8 +376,6 @@ def _read_page_head(value: Value | None) -> tuple[tuple[str, str], ...]:
     return tuple(lines)
 
 
-
-
 def model_keys() -> Keys:
     """Return the keys of a model file with the types of their values.
 
