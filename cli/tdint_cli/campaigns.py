@@ -461,8 +461,8 @@ def _open_store(
     together with the tables that were written from it. Otherwise another campaign is an
     AnotherStudyError.
     """
-    from tdint.campaign.store import FILE, AnotherStudyError, open_store, remove, remove_store
-    from tdint.campaign.store_schema import UntrustedStoreError
+    from tdint.campaign.store import FILE, open_store, remove, remove_store
+    from tdint.campaign.store_schema import AnotherStudyError, UntrustedStoreError
 
     try:
         return open_store(folder, plan, buildings)

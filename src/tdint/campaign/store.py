@@ -54,10 +54,6 @@ _MAX_LISTED_DIFFERENCES = 8
 readable."""
 
 
-class AnotherStudyError(OutputError):
-    """The store in a directory contains the runs of another campaign or study."""
-
-
 @dataclass(frozen=True)
 class Identity:
     """Complete input of the runs in a store, and metadata of the runs.
@@ -970,7 +966,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
             are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
-        raise AnotherStudyError(
+        raise schema.AnotherStudyError(
             f"{store.name}: contains another {identity.study_type}; specify another directory with "
             "-o, or --overwrite to start again\n"
             f"{differences_text}"

@@ -41,6 +41,10 @@ data."""
 _log = logging.getLogger(__name__)
 
 
+class AnotherStudyError(OutputError):
+    """The store in a directory contains the runs of another campaign or study."""
+
+
 class UntrustedStoreError(OutputError):
     """The file is not a store, or was changed since it was written."""
 
