@@ -528,12 +528,22 @@ def is_at(descriptor: int, file: Path) -> bool:
         return False
 
 
+def is_special(name: str | Path) -> bool:
+    """Return True if a path is a directory, a named pipe or a device; False for a regular file and
+    if there is none. Opening a named pipe would block.
+
+    The status is read once: another process may create or remove the file at any time.
+    """
+    try:
+        return not stat.S_ISREG(Path(name).stat().st_mode)
+    except (OSError, ValueError):  # the caller opens the file next, which reports the error
+        return False
+
+
 def _open_to_lock(file: Path | None) -> BinaryIO | None:
     """Open a file for locking, and create it if necessary; None if this is not possible."""
     try:
-        # Opening a named pipe of this name would block. `exists` is called first: in the other
-        # order, a file that another process creates between the two calls would not be locked.
-        return file.open("ab") if file and (not file.exists() or file.is_file()) else None
+        return file.open("ab") if file and not is_special(file) else None
     except OSError:
         return None
 

@@ -24,8 +24,8 @@ from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
 from tdint.campaign.batch import RunRow
 from tdint.errors import OutputError
-from tdint.files import is_file, is_there, remove_abandoned
-from tdint.system import file_system, is_at, lock_failure
+from tdint.files import is_there, remove_abandoned
+from tdint.system import file_system, is_at, is_special, lock_failure
 from tdint.units import Quantity
 
 # ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
@@ -265,13 +265,13 @@ def _refuse_special_files(name: str) -> None:
     """
     if name == ":memory:":
         return
-    if is_there(name) and not is_file(name):
+    if is_special(name):
         raise OutputError(
             f"{name}: this path is not a regular file; remove it, or specify another directory "
             "with -o"
         )
     journal = Path(os.path.realpath(name) + "-journal")
-    if is_there(journal) and not is_file(journal):
+    if is_special(journal):
         raise OutputError(f"{journal}: this path is not a regular file; remove it")
     with suppress(OSError), journal.open("rb") as stream:  # usually there is no journal
         length = len(_END_OF_LINKED_JOURNAL)
