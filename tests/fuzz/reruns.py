@@ -586,7 +586,12 @@ def _attack(scene: Scene, written: _Outputs, attack: tuple[str, str], source: ra
     finally:
         tempfile.tempdir = usual
     message = f"{name} {file}: exit code {code}: {err[-400:]!r}"
-    if _PRIVATE in out + err and not Path(file).parent.is_symlink():
+    # The user names the JSON file and its directory, which may be links.
+    json_file = _json_file(scene)
+    is_named = Path(file) == json_file or (
+        Path(file).parent == json_file.parent and json_file.parent.is_symlink()
+    )
+    if _PRIVATE in out + err and file and not is_named:
         raise Failure(f"private cells are printed: {message}")
     if remaining := sorted(path.name for path in Path("temporary").iterdir()):
         raise Failure(f"{name} {file}: left behind: {remaining}")
