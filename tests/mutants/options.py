@@ -10,6 +10,7 @@ specifies. `--only scale` restricts the commands, `--last N` the number of tests
 
 import argparse
 import os
+import resource
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -28,6 +29,10 @@ from mutants.first_stage import Session, in_copy, result_of  # noqa: E402
 
 TESTS = ("tests/cli", "tests/campaign", "tests/faults", "tests/documentation/test_examples.py")
 """Tests that execute commands."""
+
+CPU_SECONDS = 60.0
+"""Time limit of the tests of a mutant, in addition to three times their time with unchanged
+commands, s of processor time. A mutant that exceeds it is noticed."""
 
 OTHER = {"help", "help_all", "version"}
 """Options that end the command; nothing can receive their value."""
@@ -189,6 +194,9 @@ def try_all(session: Session, options: Options, arguments: argparse.Namespace) -
                 continue
 
             def work(mutant: Mutant = mutant, names: list[str] = names) -> str:
+                limit = int(CPU_SECONDS + 3.0 * sum(measured[name].seconds for name in names))
+                used = int(time.process_time())
+                resource.setrlimit(resource.RLIMIT_CPU, (used + limit, used + limit))
                 options.mutant = mutant
                 return noticed_by(session, names)
 
