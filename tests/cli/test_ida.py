@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from csv_rows import rows
+from facts import states
 from tdint.campaign.batch import Batch
 from tdint.campaign.ida import STORE
 from tdint.campaign.store_schema import LOCK
@@ -29,9 +30,8 @@ FEW = (*UNITS, "--max-im", "1.2m/s^2", "--threshold", "0.2%")
 def test_unusual_buildings_cause_a_warning(folder, tdint, line):
     """A stiffness in kN/m that is read as N/m causes a warning: T = 2 pi sqrt(2e5 / 4e4) = 14 s."""
     (folder / "soft.yaml").write_text("stories: [{mass: 2e5, height: 3, stiffness: 4e4}]")
-    assert (
-        "Warning: unusual fundamental period: 14 s; " in tdint(*line.split(), "-q", code=0).stderr
-    )
+    messages = tdint(*line.split(), "-q", code=0).stderr
+    assert states(messages, "Warning: unusual fundamental period ... 14 s; ")
 
 
 STUDY = (

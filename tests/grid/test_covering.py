@@ -45,6 +45,8 @@ SAME_MOTION = {
     *("name", "units", "building", "stories.weight", "stories.repeat"),
     # the record and the analysis are arguments of the runs
     *("excitation.record", "analysis"),
+    # inclined elements, whose numbers are converted to the direction of the drift
+    *("stories.elements.factor", "stories.elements.angle"),
     # a table of forces from a file, instead of points
     *("excitation.forces.file", "excitation.forces.floors", "excitation.forces.column"),
     # evaluation and output

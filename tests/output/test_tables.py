@@ -226,12 +226,14 @@ def test_every_column_has_a_meaning_and_a_unit():
         for column in group
         if isinstance(column, Column)
     }
-    assert {column.unit for column in columns} == {"1", TEXT, *UNITS}
+    # Tables of reports also contain percentages.
+    assert {column.unit for column in columns} == {"1", TEXT, "%", *UNITS}
     for column in columns:
         own = [unit for unit in UNITS if column.name.removesuffix("_error").endswith(suffix(unit))]
         assert column.unit in (
             max(own, key=lambda unit: len(suffix(unit))) if own else "1",
             TEXT,
+            "%",
         ), column
     table = spectra.result_table([spectrum(record(), 0.05)], additional=["maxima"])
     assert list(table.meanings) == list(table.columns)
