@@ -140,6 +140,7 @@ EXCEPTIONS = {
     "fragility": {"95"},  # confidence, %
     "fragility of ida": {"95", "1969", "2022"},  # also the years of publications
     "compare": {"0.64", "1.52"},  # oscillation and displacement at the end, in messages
+    "matched": {"1.67", "0.342", "64"},  # displacements at the end, in the warnings of the match
     "isolated": {"2.395", "0.0001"},  # period with the secant stiffness; "below 0.0001 %"
     "suite of isolated": {"5"},  # damping ratio of the spectra
 }
