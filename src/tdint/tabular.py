@@ -177,6 +177,11 @@ class Tabular:
 
         An existing file is replaced.
 
+        Parameters
+        ----------
+        file : str or Path
+            Name of the file, ending in .parquet.
+
         Raises
         ------
         UsageError

@@ -17,6 +17,8 @@ def size(number: int) -> int:
 
 
 class Kept:
+    name, connection = "", None
+
     def __init__(self, *ready: int) -> None:
         self.ready, self.added = set(ready), list[int]()
 
@@ -25,6 +27,9 @@ class Kept:
 
     def add_shard(self, text: str) -> None:
         """Ignore the shard, because no test merges it."""
+
+    def record_time_loops(self, kind: str) -> None:
+        """Ignore the kind of the time loops, because no test writes a summary."""
 
     def add(self, done: SimpleNamespace) -> None:
         self.added.append(done.number)
@@ -38,6 +43,7 @@ def engine(plan: SimpleNamespace, numbers: Sequence[int]) -> Iterator[SimpleName
 @pytest.fixture(autouse=True)
 def no_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "compile_for", lambda plan: None)
+    monkeypatch.setattr(module.schema, "start_log", lambda connection, name: None)
 
 
 @pytest.mark.parametrize("shard", [None, Shard(1, 3), Shard(2, 3), Shard(3, 3)])

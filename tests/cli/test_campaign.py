@@ -560,7 +560,7 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     assert rows("kept/runs.csv") == campaign_rows
     model_record = ("run", "shaken.yaml", "--units", "m/s^2", "--scale", "1,3")
     assert [row["component"] for row in rows(tdint(*model_record).stdout)] == ["HNE", "HNE"]
-    tdint(*model_record, "-o", "kept", code=2)
+    tdint(*model_record, "-o", "kept", code=6)
     tdint(*model_record, "-o", "kept", "--overwrite", code=0)
     assert len(rows("kept/runs.csv")) == 2
     for option in (["--history"], ["--tolerance", "1%"], ["--export-floors", "mseed"]):

@@ -257,7 +257,7 @@ def test_overwrite_does_not_restart_an_unchanged_campaign(
 ) -> None:
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out", "--overwrite").stderr
     change("study.yaml", ("2.5", "3"))
-    tdint("campaign", "study.yaml", "-o", "out", code=2)
+    tdint("campaign", "study.yaml", "-o", "out", code=6)
     tdint("campaign", "study.yaml", "-o", "out", "--overwrite", code=0)
     assert tables("out") != done
 

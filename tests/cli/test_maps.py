@@ -115,7 +115,7 @@ def test_columns_of_the_inventory_follow_the_columns_of_the_runs(tdint: Command)
     assert (after[0]["Cost"], after[0]["county"]) == ("2e6", "02138")
     assert [row["peak_drift_m"] for row in after] == [row["peak_drift_m"] for row in table]
     Path("buildings.csv").write_text(BUILDINGS.replace("4500", "4600"))
-    tdint("campaign", "campaign.yaml", "-o", "out", code=2)
+    tdint("campaign", "campaign.yaml", "-o", "out", code=6)
 
 
 def test_a_map_follows_the_geojson_specification(

@@ -338,7 +338,12 @@ def test_plugins_are_executed_only_on_request(folder, tdint, rerun):
     rerun("out", "--trust", code=0)
     (folder / "evil.py").write_text("open('executed', 'w')\n")
     summary = json.loads((folder / "out/summary.json").read_text())
-    for plugin in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
+    for plugin in (
+        ["--plugin", "evil.py"],
+        ["--plugin=evil.py"],
+        ["--plugin", "trusted.py,evil.py"],
+        ["--plugin", "trusted.py, evil.py"],
+    ):
         (folder / "out/summary.json").write_text(
             json.dumps(summary | {"arguments": [*ONE_RUN, *plugin]})
         )

@@ -9,6 +9,7 @@ import pytest
 from building_cases import Force, Law, model, noise, story
 from el_centro import el_centro
 from references import orders, smooth
+from registered import forget
 from tdint import load_model, run, run_many
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.methods.catalogue import catalogue, load_plugin, parse
@@ -363,7 +364,8 @@ LAWS = (
 
 
 @pytest.mark.parametrize(("name", "sign"), [("undeclared-fall", "-"), ("rise", "+")])
-def test_plugin_law_that_falls_is_found_without_its_declaration(tmp_path, name, sign):
+def test_plugin_law_that_falls_is_found_without_its_declaration(request, tmp_path, name, sign):
+    request.addfinalizer(forget)
     plugin = tmp_path / f"{name.replace('-', '_')}.py"
     plugin.write_text(FALLING_PLUGIN.format(name=name, sign=sign), encoding="utf-8")
     load_plugin(plugin)

@@ -27,6 +27,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import (
     ELSEWHERE,
     FileName,
+    ListOf,
     SampleUnitsType,
     is_recorded,
     with_named_files,
@@ -336,7 +337,12 @@ class _RecordedCommand:
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
             raise UsageError(f"{file}: must be a JSON file that tdint wrote with a table") from None
-        code = [name for _, values in command_lines for name in _texts(values, "plugins")]
+        code = [
+            name
+            for _, values in command_lines
+            for text in _texts(values, "plugins")
+            for name in _members(text)
+        ]
         return cls(
             file,
             content,
@@ -446,10 +452,18 @@ def _files(command: click.Command, values: Mapping[str, Any]) -> Iterator[str]:
     `values` contains the values of the parameters of the command line, by parameter name.
     """
     for item in command.params:
+        if isinstance(item.type, ListOf) and isinstance(item.type.item, FileName):
+            for text in _texts(values, item.name or ""):
+                yield from _members(text)
         if isinstance(item.type, SampleUnitsType) or (
             isinstance(item.type, FileName) and not item.type.written
         ):
             yield from _texts(values, item.name or "")
+
+
+def _members(text: str) -> list[str]:
+    """Return the names in a list of files, such as the plug-ins of --plugin, as `ListOf` does."""
+    return [name.strip() for name in text.split(",")]
 
 
 def _texts(values: Mapping[str, Any], name: str) -> list[str]:

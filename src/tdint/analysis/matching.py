@@ -129,7 +129,13 @@ class Match(Tabular):
 
     def origin(self, warnings: Sequence[str] = ()) -> MotionOrigin:
         """Return the origin of the matched motion (of a pair: of its first component) for the file
-        to which it is written, with the warnings about the match."""
+        to which it is written.
+
+        Parameters
+        ----------
+        warnings : sequence of str
+            Warnings about the match. Default: none.
+        """
         return MotionOrigin(
             seed=components(self.seed)[0].source,
             seed_component=components(self.seed)[0].component,

@@ -107,6 +107,11 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         Design spectrum, or its text: the name of a code with parameters, or a file. The spectrum is
         used for all modes without conversion to another damping ratio.
 
+    Returns
+    -------
+    ModalResponse
+        Peak responses by mode and combined.
+
     Raises
     ------
     ModelError

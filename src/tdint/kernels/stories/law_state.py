@@ -422,6 +422,8 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     ----------
     law_parameters, law_state : ndarray
         Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+    i : int
+        Index of the story.
     trial : int
         First row of the block with the trial state.
     """
