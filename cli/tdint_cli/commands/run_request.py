@@ -20,13 +20,17 @@ from tdint_cli.options.suite import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ELEMENTS = "elements.csv"
 ALL_FILES = (STORIES, ELEMENTS, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
-"""The files of a run. The summary is written last: if its status is `done`, all files are
-complete."""
+"""All files that a single run or a sequence can write to the directory of -o. The summary is
+written last: if its status is `done`, all files are complete."""
 
 _SINGLE_OPTIONS = ("history", "history_every", "tolerance", "allow_unstable", "export_floors")
 """Options that cannot be used with several runs."""
 
+# Options that have an effect in all modes, such as --check, are not listed in any mode.
+
 SINGLE = Mode("with a single run", frozenset((*_SINGLE_OPTIONS, "duration", "limit")))
+"""One run, with or without a record. --factors is not listed, because it selects `SEVERAL`."""
+
 SEQUENCE = Mode(
     "with --sequence",
     frozenset(_SINGLE_OPTIONS),
@@ -35,6 +39,9 @@ SEQUENCE = Mode(
         "factors": "specify the factors with --scale",
     },
 )
+"""One run under successive records. It supports `_SINGLE_OPTIONS`, because its result is one
+response."""
+
 SEVERAL = Mode(
     "with several runs",
     frozenset(("duration", "limit", "factors", "pair_demand")),
@@ -42,7 +49,10 @@ SEVERAL = Mode(
         _SINGLE_OPTIONS, "it requires one record and one scale: use a separate call for each run"
     ),
 )
+"""Runs under several records or with several scale factors."""
+
 MODES = (SINGLE, SEQUENCE, SEVERAL)
+"""All modes of `tdint run`. An option of one mode is refused in modes that do not list it."""
 
 
 @options.request
@@ -160,12 +170,17 @@ class Request(BuildingRequest, SuiteRequest):
         history = self.history_file
         self.floor_request.check(self.output, self.export_floors)
         # `check_motion` refuses different scale factors, which the events of a sequence may have.
+        # `check_sequence` has already checked their number.
         check_motion(replace(self, scale=None) if self.sequence else self)
         picture = self.picture_file
         if picture:
             check_picture(picture)
         report = Path(self.report) if self.report else None
+        # Check all possible files, not only those that this run writes. Otherwise files of an
+        # earlier run, such as its history, would remain next to results that do not match them.
         outputs = [*self.in_folder(ALL_FILES), *filter(None, (picture, history, report))]
+        # `check_outputs` refuses a file that is named twice. --history and --plot without a file
+        # name are also in `ALL_FILES`; remove these duplicates.
         check_outputs(dict.fromkeys(outputs), overwrite=self.overwrite)
 
     def in_folder(self, names: Sequence[str]) -> list[Path]:

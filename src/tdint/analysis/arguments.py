@@ -231,6 +231,8 @@ def ratio_of(argument: Any, name: str) -> float | None:
 def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
     """Convert a number or a sequence of numbers to an array with a single axis.
 
+    The values are not checked: nan and infinite numbers are accepted.
+
     Parameters
     ----------
     name : str

@@ -802,10 +802,9 @@ def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> 
             value = float(getattr(floor, name))
             if is_met(value, limit):
                 continue
-            # Only `peak_ratio` has two bounds, the limit and its inverse; `low` and `high` appear
-            # only in its condition. The value is written with enough digits to differ from the
-            # nearer of the limit and its inverse. For the other names this is at most more digits
-            # than necessary.
+            # A value of nan meets no limit, so that it counts as unmet. The other values need
+            # enough digits to differ from the nearer bound: `peak_ratio` is also limited by the
+            # inverse of the limit; for other names the inverse can only add unnecessary digits.
             low, high = min(limit, 1.0 / limit), max(limit, 1.0 / limit)
             nearest_limit = 1.0 / limit if abs(value - 1.0 / limit) < abs(value - limit) else limit
             messages.append(

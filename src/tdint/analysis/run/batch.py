@@ -189,7 +189,8 @@ class Outcomes:
         self._put(i, None, np.nan, 0)
 
     def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
-        """Replace the results of run `i` by the results of an individual run.
+        """Replace the results of run `i` by the results of an individual run; `elements` remains
+        unchanged, because `elements_of` uses the elements of the response.
 
         Parameters
         ----------

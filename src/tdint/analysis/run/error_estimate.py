@@ -1,47 +1,24 @@
 """Error estimates of the peaks of a run.
 
-By default, the errors of a run are estimated by an additional run with half the time step, or with
-shorter steps if the step is long (`reference_steps`). Its method is `impulse4`, for some runs of
-`moment4` also `moment4` (`reference`). With the peaks P of the run and the peaks P1 of the
-additional run, the estimated error of each P is the maximum of
+By default, the errors of a run are estimated by an additional run (`reference`) with shorter time
+steps (`reference_steps`). With the peaks P of the run and the peaks P1 of the additional run, the
+estimated error of each P is the maximum of
 
-    f |P - P1|                         f = 4/3 for methods of order 1 and 2, 3 for higher orders
-    the smaller of  0.2 P times the root mean square over the stories of f |P - P1| / P
-                and 8 |P - P1|
-    1e-5 P
-    P2 - P                             if the building moves at the start
+    f |P - P1|
+    the smaller of  COMMON P rms(f |P - P1| / P)  and  _MOST |P - P1|
+    FLOOR P
+    P2 - P                                  if the building moves at the start
     the smaller of  B  and  P1 + B1 - P
 
-At second order the additional run is far more accurate than the run, and the factor 4/3 is that of
-Richardson extrapolation. At orders 3 and more the error of both runs depends on the branch changes,
-reversals and contacts in their steps. At these, `impulse4` may gain no more than a factor of two by
-half the step, so that the difference can be a third of the error. The second term covers a story in
-which P and P1 agree by accident. It is limited by 8 |P - P1|, because the difference of a story
-that yields or is protected by other stories is small without an accident, and its error is small as
-well.
+The factor f depends on the order of the method (`factors`). rms is the root mean square over the
+stories. `start_peaks` computes P2. B and B1 are the possible excesses of the peaks between
+time steps which do not resolve the motion (`Response.interstep_bound`), of the run and of the
+additional run. P1 + B1 is the largest peak that the additional run does not exclude.
 
-P2 is the larger of two values. The first is the peak in the first two steps, by the method of the
-additional run with sixteen times shorter steps. An initial motion starts with all modes at once,
-also with those that the step does not resolve. An acceleration can have its maximum between the
-start and the end of the first step. Both runs then report the value at the start, and their
-difference is zero. The second value is an upper estimate of the peak after the first step, from two
-runs of the same method with the time steps of the run and of the additional run: the peak of the
-second run plus twice the difference of both. A maximum at the start is exact in all runs and hides
-a later maximum that both runs find too small.
-
-B and B1 are the possible excesses of the peaks between time steps which do not resolve the motion
-(`Response.interstep_bound`), of the run and of the additional run. P1 + B1 is the largest peak that
-the additional run does not exclude.
+The errors of residual drifts have additional terms (`story_errors`, `ended_at_rest`).
 
 The estimate is not a bound: the section "Reliability of error estimates" of tests/MEASUREMENTS.md
 reports how often it is too small.
-
-`exact` is its own reference, except under forces on floors. Its errors are those of the peaks
-between time steps.
-
-The errors of residual drifts have two additional terms. A run until rest ends while a small part of
-the motion remains; the amplitude of the motion is added. A run with long time steps ends after the
-requested time, usually the end of the record; the change of the drifts since that time is added.
 """
 
 from __future__ import annotations
@@ -82,36 +59,39 @@ _MIN_ORDER = 4
 """
 
 DIFFERENCE_FACTOR = 4.0 / 3.0
-"""Dimensionless. Factor f of the error estimate at second order: error of a run divided by its
-difference from a run with half the time step, 1 / (1 - 2^-2).
+"""Dimensionless. Factor f at second order: error of a run divided by its difference from a run with
+half the time step, by Richardson extrapolation 1 / (1 - 2^-2). The additional run is far more
+accurate than such a run.
 """
 
 COMMON = 0.2
 """Dimensionless. Minimum relative error of a story divided by the root mean square of the relative
-errors of all stories.
+errors of all stories. The minimum covers a story in which both runs agree by accident. With a value
+of 0.5, 7 % of the estimates of accelerations and total shears by methods of order 3 and more are
+more than ten times too large (325 random buildings).
 """
 
 _MOST = 8.0
-"""Dimensionless. Maximum of the error by `COMMON` divided by the difference of the peaks. Without
-this limit, 3 to 6 % of the estimates per column are more than ten times the true error (104 random
-buildings).
+"""Dimensionless. Maximum of the error by `COMMON` divided by the difference of the peaks. The
+difference of a story that yields or is protected by other stories is small without an accident, and
+its error is small as well. Without this limit, 3 to 6 % of the estimates per column are more than
+ten times the true error (104 random buildings).
 """
 
 
 @dataclass(frozen=True)
 class EstimateFactors:
-    """Factors of the error estimate, dimensionless (see the module docstring).
+    """Factors of the error estimate, dimensionless.
 
     Attributes
     ----------
     difference : float
-        Factor f on the difference of the peaks of the two runs.
+        Factor f of the module docstring.
     most : float
-        Maximum of the error that follows from the mean of all stories (`COMMON`), divided by the
-        difference of the peaks.
+        Maximum as `_MOST`; by default no maximum.
     derivative_common : float
-        Factor that replaces `COMMON` in the error estimate of derivatives, which has no such
-        maximum.
+        Factor that replaces `COMMON` in the error estimate of derivatives, which does not use
+        `most`.
     """
 
     difference: float
@@ -123,10 +103,11 @@ _LOW_ORDER = EstimateFactors(DIFFERENCE_FACTOR, _MOST)
 """Factors for methods of order 1 and 2."""
 
 _HIGH_ORDER = EstimateFactors(3.0, _MOST, derivative_common=0.5)
-"""Factors for methods of order 3 and more. With the factors of order 2, 0.6 % of the true errors of
-`impulse4` and `moment4` exceed twice the estimate, with these 0.3 % (104 random buildings). With
-half of the root mean square instead of a fifth, 7 % of the estimates of accelerations and total
-shears are more than ten times too large (325 random buildings).
+"""Factors for methods of order 3 and more. The error of both runs depends on the branch changes,
+reversals and contacts in their steps. At these, `impulse4` may gain no more than a factor of two by
+half the step, so that the difference can be a third of the error. With `_LOW_ORDER`, 0.6 % of the
+true errors of `impulse4` and `moment4` exceed twice the estimate, with these factors 0.3 % (104
+random buildings).
 """
 
 _MIN_HIGH_ORDER = 3
@@ -139,16 +120,16 @@ of iterations and the errors between time steps that both runs have in common.
 
 _LONG_STEP = 5
 """Number of sampling intervals in a time step, from which the additional run uses the sampling
-interval as its time step instead of half the step. In such steps both runs can miss the same
-contact, reversal or branch change; the difference of their peaks is then small although both are
-wrong. The additional run then has half as many steps as the error estimate of a run with the
+interval as its time step instead of half the step. With half of such a step, both runs can miss the
+same contact, reversal or branch change; the difference of their peaks is then small although both
+are wrong. The additional run has half as many steps as the additional run of a run with the
 sampling interval as its time step.
 """
 
 _LONG_OF_PERIOD, _SHORT_OF_PERIOD, _MOST_PARTS = 20, 50, 50
 """Time steps of the additional run without a record. If the first period contains fewer than
 `_LONG_OF_PERIOD` steps of the run, the additional run has about `_SHORT_OF_PERIOD` steps in the
-first period, but at most `_MOST_PARTS` in a step of the run. Reason: with half of the step, 5 % of
+first period, but at most `_MOST_PARTS` in a step of the run. With half of the step instead, 5 % of
 the true errors of `impulse4` in free vibration exceed twice the estimate if the step is a fifth or
 a tenth of the period (59 random buildings).
 """
@@ -163,13 +144,14 @@ errors as sixteen steps (325 random buildings).
 """
 
 _LATER_FACTOR = 2.0
-"""Dimensionless. Error of a run at order 3 and more divided by its difference from a run with twice
-the time step: `_HIGH_ORDER` is the same error ratio for the longer step, minus 1.
+"""Dimensionless. Error of the run with the shorter steps in `_later_peaks`, divided by the
+difference of its two runs. The error of the run with the longer steps is f times the difference
+(`_HIGH_ORDER`). The error with the shorter steps is smaller by one difference: f - 1.
 """
 
 _NEAR_START = 0.7
-"""Dimensionless. Later peaks that are smaller than this part of the peaks at the start are not
-hidden by them, and a second run for the later peaks is not needed.
+"""Dimensionless. If all later peaks are at most this part of the peaks at the start, `_later_peaks`
+omits its second run, because the peaks at the start remain the maxima.
 """
 
 _SLOW_RUN = 2.0
@@ -232,7 +214,7 @@ def default_reference(case: Case) -> Case:
     """Return the same case with the method that estimates the errors of most methods.
 
     This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
-    forces on floors.
+    forces on floors. The errors of `exact` are then those of the peaks between time steps.
     """
     is_own_reference = case.method.label == _EXACT and not case.model.excitation.forces
     method = parse(_EXACT) if is_own_reference else REFERENCE
@@ -242,14 +224,8 @@ def default_reference(case: Case) -> Case:
 def reference_steps(case: Case, steps: Steps) -> Steps:
     """Return the time steps of the run that estimates the errors of a run over `steps`.
 
-    With a record, `shorter_steps` computes them. Without a record they are half as long, or about
-    1/`_SHORT_OF_PERIOD` of the first period if a step is longer than 1/`_LONG_OF_PERIOD` of this
-    period.
-
-    Parameters
-    ----------
-    case : Case
-        Building, ground motion and method of the run.
+    With a record, `shorter_steps` computes them. Without a record they are half as long, or shorter
+    if the step is long in relation to the first period (`_LONG_OF_PERIOD`).
     """
     if case.record is not None:
         return shorter_steps(steps)
@@ -283,8 +259,6 @@ def with_error_estimate(
 
     Parameters
     ----------
-    case : Case
-        Building, ground motion and method of the response.
     history_errors : bool, default False
         Estimate the errors of the history also: of `response.history` if it was kept, and of the
         chunks that `response.history_chunks` yields.
@@ -344,14 +318,16 @@ def factors(method: Integrator) -> EstimateFactors:
 
 
 def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks | None:
-    """Return the peaks of a building that moves at the start which two runs can both miss.
+    """Return the peaks P2 of a building that moves at the start, which two runs can both miss.
 
-    They are the values P2 of the module docstring.
+    P2 is the larger of two values: the peak in the first `_START` steps, by a short run with much
+    shorter steps, and the estimate of the later peak by `_later_peaks`. The short run is necessary
+    because an initial motion starts with all modes at once, also with those that the step does not
+    resolve. An acceleration can have its maximum between the start and the end of the first step.
+    Both runs then report the value at the start, and their difference is zero.
 
     Parameters
     ----------
-    case : Case
-        Building, ground motion and method of the run.
     last : int, optional
         Number of steps of the first event of a sequence; the default is the complete run.
 
@@ -380,8 +356,14 @@ def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks
 
 
 def _later_peaks(case: Case, steps: Steps, start: StoryPeaks) -> StoryErrors | None:
-    """Return upper estimates of the peaks after the first step, by two runs of the method of the
-    additional run; None if all are far below the peaks `start` or a run fails."""
+    """Return upper estimates of the peaks after the first step; None if all are far below the peaks
+    `start` (`_NEAR_START`), or a run fails or has only the first step.
+
+    A maximum at the start is exact in all runs and hides a later maximum that both runs find too
+    small. Two runs by the method of the additional run, with the time steps of the run and of the
+    additional run, therefore omit the first step. The estimate is the peak of the second run plus
+    its error (`_LATER_FACTOR`).
+    """
     names = [field.name for field in fields(StoryErrors) if field.name != "residual_drift"]
     other, shorter = reference(case), reference_steps(case, steps)
     coarse = _peaks_after(other, steps, 1)
@@ -433,14 +415,14 @@ def story_errors(
     """
 
     def errors(name: str) -> Array:
-        """Return the errors of a quantity in each story (see the module docstring)."""
+        """Return the errors of a quantity in each story by the formula of the module docstring."""
         # Errors of residual drifts are related to peak drifts, because residual drifts can be 0.
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         error = _extrapolated(
             getattr(response.stories, name), getattr(other.stories, name), size, by
         )
-        # For residual drifts, the bound is the change of the drift after the requested time, which
-        # is added. For peaks, it is the possible excess between time steps.
+        # For residual drifts, the bound is the change of the drift after the requested time
+        # (usually the end of the record), because a run with long time steps ends later.
         bound: Array = getattr(response.interstep_bound, name)
         if name == "residual_drift":
             return error + bound
@@ -503,7 +485,7 @@ def ended_at_rest(response: Response) -> Response:
     A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
     rest, differ from these by up to the amplitude of the remaining motion (`residual_oscillation`).
     The amplitude of a story is approximate and can be too small by accident. It is therefore
-    increased to at least 0.2 (`COMMON`) times the amplitude that the story would have if the ratio
+    increased to at least `COMMON` times the amplitude that the story would have if the ratio
     of amplitude to peak drift were the same in all stories (`common`).
     """
     if response.check is None:
