@@ -496,3 +496,12 @@ def test_a_drift_of_the_baseline_is_reported(folder, tdint):
     assert any(note.startswith(expected) for note in notes)
     result = tdint("run", "shaken.yaml", "drift.txt", "--highpass", "0.5", "--pad", "5", code=0)
     assert "at the end is" not in result.stderr
+
+
+@pytest.mark.parametrize("name", ["stories.csv", "elements.csv"])
+def test_two_outputs_with_one_name_are_refused(folder, tdint, name):
+    """A history must not replace a table of the same run."""
+    tdint.refused(
+        f"{name}: two outputs", "run", "forced.yaml", "-o", "out", f"--history=out/{name}", code=6
+    )
+    tdint("run", "forced.yaml", "-o", "out", "--history=out/history.csv", "--plot", code=0)

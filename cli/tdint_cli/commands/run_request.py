@@ -178,10 +178,13 @@ class Request(BuildingRequest, SuiteRequest):
         report = Path(self.report) if self.report else None
         # Check all possible files, not only those that this run writes. Otherwise files of an
         # earlier run, such as its history, would remain next to results that do not match them.
-        outputs = [*self.in_folder(ALL_FILES), *filter(None, (picture, history, report))]
-        # `check_outputs` refuses a file that is named twice. --history and --plot without a file
-        # name are also in `ALL_FILES`; remove these duplicates.
-        check_outputs(dict.fromkeys(outputs), overwrite=self.overwrite)
+        # `check_outputs` refuses a file that is named twice. The files of --history and --plot
+        # replace their names in `ALL_FILES`, which are the defaults of these options.
+        names = [name for name in ALL_FILES if name not in (HISTORY, PICTURE)]
+        defaults = self.in_folder((HISTORY, PICTURE))
+        others = [file for file in defaults if file not in (picture, history)]
+        outputs = [*self.in_folder(names), *others, *filter(None, (picture, history, report))]
+        check_outputs(outputs, overwrite=self.overwrite)
 
     def in_folder(self, names: Sequence[str]) -> list[Path]:
         """Return the paths of files in the directory of -o; an empty list without -o."""
