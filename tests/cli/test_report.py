@@ -554,8 +554,7 @@ A4 = (595.3, 841.9)
 
 
 def check_fullness(file: str) -> None:
-    """Check that on A4 each page of a report reaches the lowest quarter of the printable area, and
-    that the last page is at least a quarter full."""
+    """Check that on A4 each page of a report is full to 70 %, and the last page to 20 %."""
     assert not re.search(r"\de[+-]\d", page(file).text)
     printed(file)
     subprocess.run(["pdftoppm", "-r", "40", "-png", "page.pdf", "sheet"], check=True)
@@ -564,7 +563,7 @@ def check_fullness(file: str) -> None:
         mm = sheet.shape[0] / 297.0
         area = sheet[int(15 * mm) : int(278 * mm), :, :3]
         inked = np.flatnonzero((area.min(axis=2) < 0.8).any(axis=1))
-        assert inked[-1] > (0.25 if sheet is sheets[-1] else 0.75) * 263 * mm
+        assert inked[-1] > (0.20 if sheet is sheets[-1] else 0.70) * 263 * mm
 
 
 def printed(file: str) -> list[tuple[str, float, float]]:

@@ -44,7 +44,7 @@ def write_report(name: str, tdint: Command) -> str:
 )
 @pytest.mark.parametrize("name", KINDS)
 def test_pages_are_full(working_directory: Path, tdint: Command, drawn: None, name: str) -> None:
-    """On A4, each page except the last is full to 75 %, and the last page to 25 %."""
+    """On A4, each page except the last is full to 70 %, and the last page to 20 %."""
     write_report(name, tdint)
     check_fullness("page.html")
 

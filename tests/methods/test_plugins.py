@@ -608,7 +608,7 @@ def test_store_refuses_changed_plugin(workshop, verlet, hyperbolic, tmp_path, mo
         "FACTOR = 0.25\n"
     )  # of another size, because Python compares the size and the time of the last edit in seconds
     for command in ((*study, "out"), ida):
-        refused = call(2, *command)
+        refused = call(6, *command)
         assert "plug-in outside_helpers.py: differs" in refused and "-o, or --overwrite" in refused
     call(0, *study, "new")
     first, second = (
