@@ -257,6 +257,14 @@ def law_with_own_stiffness_of_multilinear(text: str) -> tuple[float, ...]:
         (BACKBONE, "law.rule: is missing; give one of kinematic, isotropic, origin, peak, elastic"),
         (f"rule: kinematc, {BACKBONE}", "law.rule: unknown rule 'kinematc'; did you mean"),
         ("rule: peak, backbone: []", "law.backbone: must be one to 40 points"),
+        (
+            "rule: peak, backbone: [[0, 0], [1, 1]]",
+            "law.backbone[1]: must be the first corner ... not the origin",
+        ),
+        (
+            f"rule: peak, {BACKBONE}, negative: {{backbone: [[0, 0], [20, 8]]}}",
+            "law.negative.backbone[1]: must be the first corner",
+        ),
         ("rule: peak, backbone: [[1, 1], [1, 2]]", "law: the drifts of backbone must ... increase"),
         ("rule: peak, backbone: [[-1, -1]]", "law: the drifts of backbone must be positive"),
         (

@@ -70,7 +70,10 @@ def test_unit_of_a_column(load, column, newtons):
     assert force.values[0] == pytest.approx(3.0 * newtons, rel=1e-14)
 
 
-@pytest.mark.parametrize(("column", "factor"), [("time_ms", 1e-3), ("time", 1.0), ("T_min", 60.0)])
+@pytest.mark.parametrize(
+    ("column", "factor"),
+    [("time_ms", 1e-3), ("time", 1.0), ("T_min", 60.0), ("Time (ms)", 1e-3), ("t[s]", 1.0)],
+)
 def test_unit_of_the_times(load, column, factor):
     (force,) = load("[{floor: 1, file: blast.csv}]", f"{column},f\n0,3\n5,0\n").excitation.tables
     assert force.times.tolist() == [0.0, 5.0 * factor]

@@ -218,7 +218,12 @@ def _time_column(table: CsvTable) -> tuple[str, float]:
     """Return the name of the column of times in lower case, and the factor of its unit to s."""
     names: Mapping[str, float] = {
         **dict.fromkeys(_TIME_NAMES, 1.0),
-        **{f"{name}_{unit}": factor for name in _TIME_NAMES for unit, factor in _TIMES.items()},
+        **{
+            form.format(name, unit): factor
+            for form in ("{}_{}", "{} ({})", "{}({})", "{} [{}]", "{}[{}]")
+            for name in _TIME_NAMES
+            for unit, factor in _TIMES.items()
+        },
     }
     found = [name for name in table.header if name in names]
     if len(found) != 1:

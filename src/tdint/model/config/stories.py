@@ -358,6 +358,12 @@ def _read_points(
         return invalid_points
     if not parameter.open_ended:
         return four_points(points)
+    if points[0][0] == 0.0:
+        items[0].fault(
+            "must be the first corner, whose force over its drift is the initial stiffness, not "
+            "the origin; omit a point [0, 0]"
+        )
+        return invalid_points
     numbers = [number for point in points for number in point]
     return (*numbers, *[math.inf] * (2 * parameter.points - len(numbers)))
 
