@@ -243,7 +243,7 @@ def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
         *AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0
     )
     assert "nothing to do" in again.stderr
-    tdint(*AFTERSHOCKS, "--damage", "1%", "-o", "ida", "--threshold", "0.1%,5%", code=2)
+    tdint(*AFTERSHOCKS, "--damage", "1%", "-o", "ida", "--threshold", "0.1%,5%", code=6)
 
 
 def test_each_damage_level_has_its_own_fragility(folder, tdint):
