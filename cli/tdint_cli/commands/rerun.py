@@ -341,7 +341,7 @@ class _RecordedCommand:
             name
             for _, values in command_lines
             for text in _texts(values, "plugins")
-            for name in _members(text)
+            for name in ListOf.members(text)
         ]
         return cls(
             file,
@@ -454,16 +454,11 @@ def _files(command: click.Command, values: Mapping[str, Any]) -> Iterator[str]:
     for item in command.params:
         if isinstance(item.type, ListOf) and isinstance(item.type.item, FileName):
             for text in _texts(values, item.name or ""):
-                yield from _members(text)
+                yield from ListOf.members(text)
         if isinstance(item.type, SampleUnitsType) or (
             isinstance(item.type, FileName) and not item.type.written
         ):
             yield from _texts(values, item.name or "")
-
-
-def _members(text: str) -> list[str]:
-    """Return the names in a list of files, such as the plug-ins of --plugin, as `ListOf` does."""
-    return [name.strip() for name in text.split(",")]
 
 
 def _texts(values: Mapping[str, Any], name: str) -> list[str]:

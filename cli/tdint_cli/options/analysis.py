@@ -56,10 +56,11 @@ def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
 
 
 def _load(
-    _: click.Context, __: click.Parameter, lists: tuple[tuple[str, ...], ...]
+    context: click.Context, option: click.Parameter, lists: tuple[tuple[str, ...], ...]
 ) -> tuple[str, ...]:
     """Execute the plug-in files of --plugin and record their SHA-256 (callback of the option)."""
-    files = tuple(dict.fromkeys(file for files in lists for file in files))
+    assert isinstance(option.type, ListOf)
+    files = option.type.joined(context, option, lists) or ()
     if files:
         from tdint.files import record_digest
         from tdint.methods.catalogue import load_plugin

@@ -140,11 +140,13 @@ class ListOf(ValueType):
         """Return a tuple of the values between the commas of a text, each converted to its type."""
         if isinstance(value, tuple):
             return value
-        parts = value.split(",") if isinstance(value, str) else [value]
-        return tuple(
-            self.item.convert(part.strip() if isinstance(part, str) else part, param, ctx)
-            for part in parts
-        )
+        parts = self.members(value) if isinstance(value, str) else [value]
+        return tuple(self.item.convert(part, param, ctx) for part in parts)
+
+    @staticmethod
+    def members(text: str) -> list[str]:
+        """Return the texts between the commas of a text, without blanks around them."""
+        return [part.strip() for part in text.split(",")]
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
