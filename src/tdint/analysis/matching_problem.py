@@ -191,17 +191,11 @@ class _QuadraticProgram:
 
     Attributes
     ----------
-    rows : SparseRows
-        Derivatives of the extremes and of the final ground motion.
     gram : ndarray, shape (rows, rows)
         Scalar products of the scaled rows.
-    scales : ndarray, shape (rows,)
-        Scale factor of each row.
     shortfall : ndarray, shape (rows,)
         Required change of each quantity, or its upper limit if `is_equality` is False. The change
         of an extreme is relative to its target.
-    is_equality : ndarray of bool, shape (rows,)
-        True for equalities, False for upper limits.
     oscillator : ndarray of int
         Oscillator of each extreme.
     """
@@ -217,8 +211,7 @@ class _QuadraticProgram:
         """Select the extremes that must equal the target (`is_equality` is changed), and return the
         factor on the damping of each row.
 
-        The attribute `shortfall` contains the difference of each row from its target. Rows with a
-        larger difference have less damping.
+        Rows with a larger difference have less damping.
         """
         # Differences below 0.01 % are not relevant.
         absolute_shortfall = np.abs(self.shortfall) + 1e-4
@@ -400,7 +393,6 @@ class MatchingProblem:
             row_values *= envelope[row_start : row_start + row_values.size]
             starts.append(row_start)
             lines.append(row_values)
-        # The unit vector selects the component.
         relative_directions = directions / self.wanted[oscillator]
         component_count = len(directions)
         for component in range(component_count):
@@ -480,8 +472,7 @@ class MatchingProblem:
         without the envelope from this sample on.
 
         The row extends from the decay of the vibration before the extreme to the reach of the
-        filter after it. All other derivatives are zero. `sample_of_extreme` is the number of the
-        sample before the extreme.
+        filter after it. `sample_of_extreme` is the number of the sample before the extreme.
         """
         sample_count = self.envelope.size
         vibration = self.free_vibrations[oscillator]
@@ -691,7 +682,7 @@ def _free_vibrations(
     """
     from scipy.fft import irfft, rfft
 
-    sample_count = int(sample_order[0]) + 1  # the first entry is the index of the last sample
+    sample_count = int(sample_order[0]) + 1
     exponent = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
     stored_samples = np.minimum(
         np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
@@ -721,11 +712,9 @@ def _exchange_equalities(
     oscillator: NDArray[np.int64],
     scales: Array,
 ) -> None:
-    """Select another extreme of an oscillator as its maximum if it will be closer to the target
-    (changes `is_equality`).
-
-    If the damped solution leaves the selected extreme below the target, and another extreme is
-    closer to the target, the equality is moved to the other extreme.
+    """Move the equality of an oscillator to another of its extremes if the damped solution leaves
+    the selected extreme below the target and brings the other one closer to it. `is_equality` is
+    changed.
     """
     # An exchange changes the solution.
     for _ in range(2):

@@ -293,7 +293,7 @@ def find_interstep_peaks(
     that drift may cause a new peak drift or peak shear, and to the drift at the end of the step
     otherwise. The caller evaluates the laws at these drifts.
 
-    The length of the step must not be zero. `first_peak` is the row of the first peak in `peaks`.
+    The length of the step must not be zero.
     """
     linear_terms = scene.linear_terms
     by_h = 1.0 / span.h
@@ -460,8 +460,7 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
 def _has_extremum(span, ends):
     """Return True if a displacement or drift has an extremum inside the step.
 
-    The parabola of a method with parabolic displacements is u0 + (u1 - u0) s + h (v1 - v0) (s^2 -
-    s) / 2. The comparison of signs misses extrema in two cases:
+    The comparison of signs misses extrema in two cases:
 
     - The displacement has two extrema within the step, so that v0 and v1 have the same sign.
     - v0 is zero. The extremum at the start of the step has already been recorded. A further

@@ -214,8 +214,6 @@ def _take_substeps(coefficients, scene, h, load, memory):
         if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
             # The reversal is at the end, not within the substep.
             scratch[ROW.KINK, story] = 0.0
-        # A substep that was shortened is compared with its branch change. Any other substep must be
-        # searched for the first branch change, and so must a substep that exceeds its change.
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             outcome = (
                 _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
@@ -583,7 +581,6 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
-        # A finite slope marks a linear branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
@@ -723,8 +720,6 @@ def _update_substep_peaks(scene, span, memory):
         reversal_count = find_interstep_peaks(
             span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
         )
-    # The sum over the floors from the top is reset to zero (LINK 0) if the story above is on the
-    # ground.
     total_shear = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = law_state[rows.DRIFT, i]
@@ -794,7 +789,6 @@ def _save_start(state, law_state, scratch, n):
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(columns):
-            # From the committed state (block 0) to block THIRD_TRIAL
             copy_extra_rows(law_state, i, 0, rows.THIRD_TRIAL)
 
 
@@ -819,7 +813,6 @@ def _restore_start(flags, state, law_state, scratch, n):
         for row in range(rows.ADDED_STATE_ROWS):
             for i in range(n):
                 state[rows.FIRST_OLDER + row, i] = scratch[ROW.SAVED_ADDED + row, i]
-    # The table contains extra rows only if a law of the building needs them.
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(columns):
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)

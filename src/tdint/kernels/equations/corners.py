@@ -71,7 +71,7 @@ def _skip_branch(law_state, i, block, segment, results):
     """Skip a branch; `path.along_branches` calls this function for each branch on a path.
 
     Its counterpart `path._add_on_branch` integrates the force along the branch. Here only the times
-    and states at the ends of the branches are needed. No argument is used.
+    and states at the ends of the branches are needed.
     """
     pass
 
@@ -484,8 +484,6 @@ def _integrate_accelerations(h, load, memory, i, count):
 
         velocity        p t + q (t^2 - t) / 2
         displacement    p t^2 / 2 + q (t^3 / 6 - t^2 / 4)
-
-    The constants p and q are determined so that the differences at t = 1 become zero.
     """
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
@@ -670,10 +668,9 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     `_may_exceed_peaks` is then True in more steps than necessary. RUN_PEAKS remains set, so that
     the time loop resets the rows if it resets the peaks of the run.
 
-    The status is unchanged if no peak can be exceeded, or if the list of corners remains empty. In
-    the second case, `_store_branch_end` can still have raised the peaks of a story at a corner
-    close to an endpoint of the step. These values are practically those at the endpoint, which the
-    observer records. The raised values are merged after the next step that sets STEP_PEAKS.
+    The status is unchanged if no peak can be exceeded or no corner is found. Peaks that
+    `_store_branch_end` has then raised, at a corner close to an endpoint of the step, are
+    practically those at the endpoint; they are merged after the next step that sets STEP_PEAKS.
     """
     _, law_state, scratch, step_status = memory
     n = scene.linear_terms.shape[1] - 1

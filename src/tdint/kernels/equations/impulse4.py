@@ -231,15 +231,13 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
-    with a symmetric tridiagonal matrix. `_store_response` then sets the rows DU, DV, U1, V1 and A1.
+    with a symmetric tridiagonal matrix.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
-    # The terms of modal damping for the complex matrix follow those for the matrix of Newton's
-    # method (`factor_rows`).
     factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
@@ -411,8 +409,6 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         undamped_iterations = 0
         tolerance = RESIDUAL_TOLERANCE
     while True:
-        # If no further solution is allowed, the largest relative residual is stored for the error
-        # message.
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
@@ -473,10 +469,9 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         force   = f1 + c (drift rate at the end)                     row FORCE_1, N
         impulse = h (w0 f0 + wc fc + w1 f1) + c (d1 - d0)            row FORCE_S, N s
 
-    with the force f of a story (law and P-delta), its damper c and its drift d. A power-law dashpot
-    adds its force and impulse. The rows U1, V1, TANGENT_C and TANGENT_1 (without P-delta) are also
-    set, and SIZE: the force that corresponds to the rounding errors of the displacements, divided
-    by RESIDUAL_TOLERANCE (N).
+    with the force f of a story (law and P-delta), its damper c and its drift d. The rows U1, V1,
+    TANGENT_C and TANGENT_1 (without P-delta) are also set, and SIZE: the force that corresponds to
+    the rounding errors of the displacements, divided by RESIDUAL_TOLERANCE (N).
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -518,8 +513,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         )
         # A drift is a difference of displacements. Their rounding errors change the story force by
         # about ROUNDING times stiffness times displacements, so that residuals up to this force
-        # must be accepted. The convergence test multiplies row SIZE by a tolerance of at least
-        # RESIDUAL_TOLERANCE.
+        # must be accepted.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         scratch[ROW.TANGENT_C, i] = tangent_c
@@ -579,7 +573,6 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
     law_parameters = scene.law_parameters
     _, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    # SLOPE is infinite on a curved branch.
     if keep_branches and law_state[rows.SLOPE, i] < math.inf:
         tangent_c = tangent = law_state[rows.SLOPE, i]
         scratch[ROW.KINK, i] = 0.0
@@ -757,9 +750,8 @@ def keep_negligible_kinks(scene, h, memory):
         Q = sum of m ((a0 + a1) / 2 - (v1 - v0) / h)^2
         S = sum of m (a0^2 + a1^2) / 2
 
-    Q compares the average of the accelerations at both endpoints with the mean acceleration over
-    the step. Q_max is the largest Q of all steps of the run, including this step; S belongs to this
-    step only. The function also updates the maxima of Q and S over the run in row RUN_MAXIMA; the
+    Q_max is the largest Q of all steps of the run, including this step; S belongs to this step
+    only. The function also updates the maxima of Q and S over the run in row RUN_MAXIMA; the
     maximum of S is only used by `tolerance_of_run`.
 
     Reasons:
@@ -779,8 +771,6 @@ def keep_negligible_kinks(scene, h, memory):
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        # Average of the endpoint accelerations minus the mean acceleration, without the
-        # contribution of the dashpots.
         dashpot_force = (
             scratch[ROW.DASHPOT_MISMATCH, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
@@ -794,7 +784,7 @@ def keep_negligible_kinks(scene, h, memory):
         acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     update_run_maxima(scratch, ROW.RUN_MAXIMA, mismatch, acceleration_norm)
     mismatch = scratch[ROW.RUN_MAXIMA, 0]  # Q_max
-    # Condition 2 of the docstring; THIRD_TRIAL contains the drift at the reversal.
+    # THIRD_TRIAL contains the drift at the reversal.
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
@@ -809,9 +799,8 @@ def keep_negligible_kinks(scene, h, memory):
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force FORCE_1 (N) and impulse FORCE_S (N s).
 
-    The mean of the dashpot force over the step is w0 f0 + wc fc + w1 f1. The drift rate at the
-    inner point is interpolated, with the factors q_d, q_0 and q_1 = RATE_BY_... in `coefficients`
-    and the change of drift `increment` = d1 - d0:
+    The drift rate at the inner point is interpolated, with the factors q_d, q_0 and q_1 =
+    RATE_BY_... in `coefficients` and the change of drift `increment` = d1 - d0:
 
         rc = q_d * (d1 - d0) / h + q_0 * r0 + q_1 * r1
 
@@ -935,11 +924,10 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     the coefficient of a linear story damper. The force of a power-law dashpot has the derivatives
     sc and s1 with respect to the drift rate at these points. The derivatives of the drift rate at
     the inner point are rd / h with respect to the change of drift, and rv with respect to the
-    change of drift rate (RATE_BY_INCREMENT and RATE_BY_VELOCITY_1 of `coefficients`). The impulse
-    contains h times the dashpot force; the term h wc sc rd / h is therefore rd wc sc. A damper with
+    change of drift rate (RATE_BY_INCREMENT and RATE_BY_VELOCITY_1 of `coefficients`). A damper with
     a brace adds h times the derivatives of its mean force to the momentum, and -be h^2 times the
-    derivatives of its force at the end to the kinematics. The coefficients of the method satisfy
-    wc gd = th - w1 and wc g1 = -be.
+    derivatives of its force at the end to the kinematics. The coefficients of the method satisfy wc
+    gd = th - w1 and wc g1 = -be.
     """
     n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h

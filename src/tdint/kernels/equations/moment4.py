@@ -200,8 +200,7 @@ def solve_step(coefficients, scene, h, memory):
             continue
         if is_final:
             return rows.NOT_CONVERGED
-        # Solve for the next correction and apply it fully. `_correct` returns True if the
-        # correction is of the order of rounding errors.
+        # `_correct` returns True if the correction is of the order of rounding errors.
         if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
         solve(modal, h, scratch, ROW.X, n)
@@ -565,7 +564,6 @@ def _acceleration(scene, memory, i):
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    # Load at the start of the step, P0 - P1 / 2
     force = scratch[ROW.LOAD, i] - 0.5 * scratch[ROW.LOAD + 1, i]
     force -= linear_terms[rows.FLOOR_DAMPER, i] * state[rows.VELOCITY, i]
     for j in range(modal.shape[0] if MODAL else 0):
@@ -573,13 +571,10 @@ def _acceleration(scene, memory, i):
         for k in range(n):
             amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
-    # `j` is the story below the floor (above = 0, j = i), then the story above (above = 1,
-    # j = i + 1). The force of the story below is subtracted. The force of the story above is
-    # added, multiplied by its `link`: a story on the ground does not act on the floor.
     for above in range(2):
         j = i + above
         if j < n:
-            link = linear_terms[rows.LINK, j]  # 0 for a story on the ground, otherwise 1
+            link = linear_terms[rows.LINK, j]
             rate = state[rows.VELOCITY, j] - link * state[rows.VELOCITY, max(j - 1, 0)]
             story_force = (
                 law_state[rows.FORCE, j]
@@ -608,12 +603,11 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     for i in range(n):
         scratch[ROW.X, i] = 0.0
         scratch[ROW.X + 1, i] = 0.0
-    # Store the negative modal damping terms, -h C D0 and -h C D1.
     add_modal_force(modal, scratch, ROW.RISE, -h, scratch, ROW.X, n)
     add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
     norm = 0.0
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
+        link = linear_terms[rows.LINK, i + 1]
         rise = scratch[ROW.RISE, i]
         bend = scratch[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
@@ -665,7 +659,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
+        link = linear_terms[rows.LINK, i + 1]
         mass = linear_terms[rows.MASS, i]
         # `force_scale` and `inertia_scale` are the parts of the sum of absolute values with forces
         # and with accelerations, first for the impulse, later for the first moment. `rounding` is
@@ -676,7 +670,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
             + abs(scratch[ROW.LOAD, i])
         )
-        # Test the impulse. M a0 has the terms M D1 and M r a1.
+        # M a0 has the terms M D1 and M r a1.
         inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         is_small &= is_balanced(
             is_last,
@@ -686,8 +680,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
             scratch[ROW.X, i],
             mass * inertia_scale + h * h * (force_scale + rounding),
         )
-        # Test the first moment. M a1 has the terms D1 / 2, D0 and h v0, times 12 M / (1 + 6 r). For
-        # simplicity, the sum contains |D1| instead of |D1| / 2.
+        # M a1 has the terms D1 / 2, D0 and h v0, times 12 M / (1 + 6 r). For simplicity, the sum
+        # contains |D1| instead of |D1| / 2.
         force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
             + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
@@ -748,12 +742,11 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         geometric = linear_terms[rows.GEOMETRIC, i]
         damper = h * linear_terms[rows.STORY_DAMPER, i]
         numerical = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
-        # Keep the four derivatives. `_evaluate_stories` and `_solve_on_branches` later compare them
-        # with the new derivatives, to decide whether the factorization is still valid.
+        # `_evaluate_stories` and `_solve_on_branches` later compare them with the new derivatives,
+        # to decide whether the factorization is still valid.
         for row in range(4):
             scratch[ROW.FACTORED + row, i] = scratch[ROW.PATH + path.MEAN_BY_RISE + row, i]
-        # Compute the derivatives of h^2 F0 of the story with respect to rise and bend, then the
-        # derivatives of h^2 F1. `damper` is h c, and `numerical` is the contribution to r K.
+        # `damper` is h c, and `numerical` is the contribution to r K.
         scratch[ROW.COUPLING, i] = (
             h_squared * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
         )
@@ -778,7 +771,6 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         )
         scratch[ROW.BLOCKS + 2, i] = scratch[ROW.COUPLING + 2, i] - by_rise
         scratch[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor_damping + scratch[ROW.COUPLING + 3, i]
-    # The last column of row FACTORED contains the step length of the factorization.
     scratch[ROW.FACTORED, n] = h
     # Modal damping adds h C to the derivatives of the first equation with respect to D0, and of the
     # second equation with respect to D1.
@@ -808,9 +800,7 @@ def update_state(coefficients, scene, h, memory):
 
         u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration at the end = (a0 + a1 / 2) / h^2
 
-    The law of a story that remained on its linear branch (row LEAVES_BRANCH is 0) is moved along
-    this branch. For other stories, the state at the end of the path of the last iteration is
-    committed.
+    For other stories, the state at the end of the path of the last iteration is committed.
 
     The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
     12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
@@ -829,8 +819,7 @@ def update_state(coefficients, scene, h, memory):
     for i in range(n):
         rise = scratch[ROW.RISE, i]
         bend = scratch[ROW.BEND, i]
-        # Compute the accelerations of the floor, the work of the load and of the floor damper, and
-        # the state at the end. `rise` and `bend` describe the displacement of the floor.
+        # `rise` and `bend` describe the displacement of the floor.
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
         work_of_mean += rise * scratch[ROW.LOAD, i]
@@ -847,8 +836,7 @@ def update_state(coefficients, scene, h, memory):
         bend_below = scratch[ROW.BEND, i]
         damper_times_rise_squared += linear_terms[rows.STORY_DAMPER, i] * rise * rise
         damper_times_bend_squared += linear_terms[rows.STORY_DAMPER, i] * bend * bend
-        # Move the law to the end of the step. The argument 0 is the first row of the committed
-        # state.
+        # The argument 0 is the first row of the committed state.
         if not HAS_NONLINEAR_FORCE or scratch[ROW.LEAVES_BRANCH, i] == 0.0:
             advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:

@@ -192,15 +192,6 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     describes the drift within a step by a parabola. The parabola is not used here, because its rate
     differs from the rates r0 and r1.
 
-    Parameters
-    ----------
-    rise : float
-        Change of drift in the step, m.
-    first_rate, last_rate : float
-        Drift rates at both endpoints times the step, m.
-    initial_slope : float
-        Rate of change of the drift rate at the start times the squared step, m.
-
     Returns
     -------
     direction : float

@@ -173,12 +173,12 @@ def observe(scene, span, slope, memory, seen):
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
     excess = 0.05 * span.h * span.h  # h^2 / 20, s^2
     for i in range(n - 1, -1, -1):
-        above, below = min(i + 1, n - 1), max(i - 1, 0)  # limited to existing floors
+        above, below = min(i + 1, n - 1), max(i - 1, 0)
         v_below = state[rows.VELOCITY, below]
         u_0_below = observer_state[rows.U_PREVIOUS, below]
         v_0_below = observer_state[rows.V_PREVIOUS, below]
         a_0_below = observer_state[rows.A_PREVIOUS, below]
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
@@ -267,7 +267,6 @@ def observe(scene, span, slope, memory, seen):
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
-        # The values above are zero for the next column if the story is on the ground.
         story_force_above = link * story_force
         floor_damping_above *= link
         inertia_above *= link
@@ -366,7 +365,7 @@ def _update_energies(scene, span, slope, sums, memory, seen):
             _PowerValues(power, rate, sums.momentum, viscous_power, 2.0 * viscous_rate),
             totals,
         )
-    elif span.h > 0.0:  # the kernel of the step has computed the work
+    elif span.h > 0.0:
         totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
         totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
     totals[rows.ENERGY_REFERENCE] = max(
@@ -387,12 +386,12 @@ def _observe_dashpots(span, linear_terms, state, seen):
     """
     observer_state, peaks, _, totals, _ = seen
     h = span.h
-    power = power_rate = per_acceleration = 0.0  # sums over all stories
+    power = power_rate = per_acceleration = 0.0
     by_h = 1.0 / h if h > 0.0 else 0.0
     v_below = a_below = u_0_below = v_0_below = a_0_below = u_below = 0.0
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        link = linear_terms[rows.LINK, i]
         v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
         u, u_0 = state[rows.DISPLACEMENT, i], observer_state[rows.U_PREVIOUS, i]
         v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
@@ -436,8 +435,7 @@ def _store_brace_forces(scene, state, observer_state):
     """Add the forces of dampers with braces and of tangent damping on all floors to the rows
     FLOOR_FORCE (with the opposite sign) and MODAL_FORCE, N.
 
-    The sum of the forces on all floors that a story supports is the force of its brace. Both rows
-    are set to zero before if `_store_additional_forces` has not set them.
+    The sum of the forces on all floors that a story supports is the force of its brace.
     """
     linear_terms, modal, _, forces, _ = scene
     has_other_forces = forces.shape[0] + modal.shape[0] > 0
@@ -537,7 +535,6 @@ def _change_per_acceleration(modal, forces, t, state, n):
     for j in range(forces.shape[0]):
         rate += force_value(forces, j, t)
     for j in range(modal.shape[0]):
-        # w^T v, and w^T a for accelerations of 1 m/s^2
         v_modal = 0.0
         a_modal = 0.0
         for i in range(n):
@@ -551,19 +548,17 @@ def _change_per_acceleration(modal, forces, t, state, n):
 def observe_within_step(may_exceed, scene, span, memory, seen):
     """Update the peaks with the response within the last step, and store its end as the next start.
 
-    The kernel of the method can compute peaks within the step (`span.cornered`). These are merged
-    into the peaks of the run. If `may_exceed` (the result of `observe`) is True,
-    `find_interstep_peaks` computes further peaks from the response at the endpoints. The quantities
-    depend on the method:
+    The kernel of the method can compute peaks within the step (`span.cornered`). If `may_exceed`
+    (the result of `observe`) is True, `find_interstep_peaks` computes further peaks from the
+    response at the endpoints. The quantities depend on the method:
 
         no peaks computed by the method                     all quantities
         peaks computed, parabolic displacements (on_path)   all quantities except absolute
                                                             accelerations and total shears
         peaks computed, other methods                       no quantity
 
-    The response at the end then replaces the rows U_PREVIOUS, V_PREVIOUS and A_PREVIOUS. If the
-    building has modes that the step does not resolve (`span.fast`), the former velocities and
-    accelerations are kept in the rows V_EARLIER and A_EARLIER: `find_interstep_peaks` needs the
+    If the building has modes that the step does not resolve (`span.fast`), the former velocities
+    and accelerations are kept in the rows V_EARLIER and A_EARLIER: `find_interstep_peaks` needs the
     response of two successive steps to detect unresolved motion.
 
     Returns
