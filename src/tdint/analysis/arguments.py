@@ -233,11 +233,6 @@ def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
 
     The values are not checked: nan and infinite numbers are accepted.
 
-    Parameters
-    ----------
-    name : str
-        Name of the argument in messages.
-
     Raises
     ------
     UsageError
@@ -299,10 +294,8 @@ def _type_name(argument: Any) -> str:
 
 @contextmanager
 def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> Iterator[None]:
-    """Return a context for the check of a value. A UsageError of the check gets a sample number.
-
-    A parameter has a value in each random sample. Several samples can share the checked value. The
-    number of the first such sample is added to the message.
+    """Return a context for the check of a value. The message of a UsageError of the check gets the
+    number of the first sample with this value.
 
     Parameters
     ----------
@@ -311,11 +304,6 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
         that no item before it is an invalid nan.
     samples : sequence of int
         Numbers of the samples, from 0; `samples[i]` has the value `numbers[i]`.
-
-    Raises
-    ------
-    UsageError
-        The check fails; its message is extended by the number of the sample.
     """
     try:
         yield

@@ -245,11 +245,6 @@ def _base_motion(
     """Return the ground motion that drives the model, the mean acceleration of the base sensors
     over their common time, and the start of this time after the first sample of the first sensor,
     s.
-
-    Raises
-    ------
-    RecordError
-        The recordings of the sensors do not overlap in time.
     """
     accelerations = []
     for signal in signals:
@@ -304,11 +299,6 @@ def _mean_signal(
     and the start of this time after its first sample, s.
 
     Assumptions about the clocks are added to `notes`.
-
-    Raises
-    ------
-    RecordError
-        Fewer than 10 samples are in the common time.
     """
     first_signal = signals[0]
     starts = [_start_offset(signal, first_signal, notes) for signal in signals]
@@ -632,8 +622,7 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
     record = case.record
     assert record is not None
     if dt is None:
-        # The step is the sampling interval divided by the smallest power of 2 with which it is
-        # short for the highest mode in the band. The method `exact` has no discretization error.
+        # The method `exact` has no discretization error.
         largest_frequency = min(
             case.building.fastest, 2.0 * math.pi * band[1] if band else math.inf
         )

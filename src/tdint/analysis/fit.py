@@ -126,8 +126,6 @@ class _FreeValue:
         Name of the value, and number of the story or mode, as in `FittedValue`.
     start : float
         Value in the model before the fit.
-    bounds : tuple of two floats
-        Lower and upper bound.
     set_in : callable
         Function of a model and a new value; it returns the model with the new value.
     """
@@ -155,11 +153,6 @@ def fit(
         change), or one factor on all stiffnesses; and the values of `damping` of the model.
     progress : callable
         Function that receives the number of completed runs; by default no function.
-
-    Returns
-    -------
-    Fit
-        Model with the fitted values, and their standard errors.
 
     Raises
     ------
@@ -207,14 +200,12 @@ def _best_solution(problem: _Problem, is_stiffness_fitted: bool) -> OptimizeResu
     event, free_values = problem.event, problem.free_values
     bounds = np.log([value.bounds for value in free_values]).T
     model_logarithms = np.clip(np.log([value.start for value in free_values]), *bounds)
-    # The spectra converge from distant start values, so they are fitted from all start values.
     spectral_fits = []
     for start in _start_values(problem, model_logarithms, bounds, is_stiffness_fitted):
         solution = _minimize(
             problem.spectral_differences, start, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15
         )
         spectral_fits.append((solution.cost, solution.x))
-    # Fit the histories from the results with the smallest differences of the spectra.
     spectral_fits.sort(key=lambda candidate: float(candidate[0]))
     best = None
     for _, start in spectral_fits[:_CONTINUED_FITS]:
@@ -267,10 +258,6 @@ class _Problem:
 
     Attributes
     ----------
-    event : Event
-        Recorded event.
-    free_values : sequence of _FreeValue
-        Values to be fitted.
     runs : int
         Number of runs so far.
     """
@@ -509,7 +496,6 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
             "fitted together; specify only one name"
         )
     if "stiffness-factor" in names:
-        # A single factor applies to the stiffnesses of all stories.
         story_stiffnesses = [_stiffness(model, i) for i in range(len(model.stories))]
 
         def set_factor(model: Model, factor: float) -> Model:

@@ -474,7 +474,6 @@ def _match_seed(
     factor = float(np.exp(np.mean(np.log(target_psa / seed_spectra))))
     scaled_seed = factor * np.array([record.acceleration for record in components(seed)])
     best_samples, best_score = _solve_stages(seed, match_target, scaled_seed, report_stage)
-    # Return the scaled seed if it is better than the matched motion.
     if not best_score < _score(np.abs(factor * seed_spectra / target_psa - 1.0)):
         best_samples = scaled_seed
     percentages = ", ".join(f"{100.0 * ratio:g}" for ratio in dampings)
@@ -485,7 +484,6 @@ def _match_seed(
     motion = _with_samples(seed, best_samples, description)
     matched_spectra = _spectra(motion, checked, dampings)
     report_stage(_STAGES + 1)
-    # The first result, of the first damping ratio, contains the results of the other ratios.
     results = [
         Match(motion, seed, factor, target, checked, psa, factor * seed_psa, ratio)
         for target, psa, seed_psa, ratio in zip(

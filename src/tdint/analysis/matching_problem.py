@@ -522,8 +522,8 @@ class MatchingProblem:
         controlled = np.flatnonzero(is_equality | (relative_magnitude >= cut))
         oscillator, is_equality = oscillator[controlled], is_equality[controlled]
         shortfall = 1.0 - magnitude[controlled] / self.wanted[oscillator]
-        # Limit the required change of a round. The shortfall of an extreme below its upper limit is
-        # no required change, but the distance from the limit, and is not changed.
+        # The shortfall of an extreme below its upper limit is no required change, but the distance
+        # from the limit, and is not changed.
         shortfall = np.where(
             is_equality | (shortfall < 0.0),
             np.clip(shortfall, -_MAX_RELATIVE_CHANGE, _MAX_RELATIVE_CHANGE),

@@ -30,12 +30,8 @@ class RunsRequest:
 
     Attributes
     ----------
-    subjects : tuple of Subject
-        Buildings with their methods.
     methods : tuple of str
         Method specification of each building.
-    records : tuple of Record
-        Ground motions.
     dt, duration : float | None
         Requested time step and duration, s. None: the values of the model or the record.
     check : bool
@@ -151,8 +147,6 @@ def plan_runs(
 
     Parameters
     ----------
-    scales : float or iterable of float
-        Factors on the ground accelerations.
     zip_records : bool
         True combines the first items of all lists, the second items, and so on. False combines each
         item with all items of the other lists.
@@ -162,7 +156,7 @@ def plan_runs(
     Returns
     -------
     list of RunSpec
-        Runs. The building varies slowest, followed by the sample and the record; the scale varies
+        The building varies slowest, followed by the sample and the record; the scale varies
         fastest.
 
     Raises

@@ -777,8 +777,6 @@ class _Chain:
 
     Parameters
     ----------
-    building : Building
-        Building.
     forces : ndarray, shape (n,)
         Pattern of the lateral forces on the floors from the bottom, with the sum 1, dimensionless.
 
@@ -786,8 +784,6 @@ class _Chain:
     ----------
     shear_fraction : ndarray, shape (n,)
         Shear of each story over the base shear; it follows from the pattern of forces.
-    stories : list of _Story
-        Stories from the bottom.
     drift : ndarray, shape (n,)
         Present drifts, m.
     base_shear : float
@@ -805,8 +801,7 @@ class _Chain:
         self.drift = np.zeros(building.stories)
         self.base_shear = 0.0
         self.maximum_roof_displacement = 0.0
-        # The path starts at rest. `largest` is (base shear, drifts), to compare by the base shear.
-        # The states of the path are (drifts, base shear).
+        # The path starts at rest. The states of the path are (drifts, base shear).
         self.largest = (0.0, self.drift)
         self._states = [(self.drift, 0.0)]
 
@@ -890,10 +885,8 @@ class _Chain:
     def _area_error(
         self, controlling: int, tangents: Array, drift: Array, base_shear: float
     ) -> float:
-        """Return an estimate of the error of the area below the curve if a step is a straight line.
-
-        It follows from the difference between the new state and the extrapolation of the present
-        state by the tangents: of the base shear, and of the drifts of the other stories.
+        """Return an estimate of the error of the area below the curve if a step is a straight
+        line.
         """
         drift_change, shear_change = drift - self.drift, base_shear - self.base_shear
         # Error of the base shear times change of the roof displacement, plus error of the roof

@@ -121,8 +121,6 @@ class _PushoverCurve:
 
     Attributes
     ----------
-    pushed : Pushover
-        Complete pushover.
     roof, shear, area : ndarray, shape (points,)
         Roof displacement, m; base shear, N; area below the curve up to each point, J.
     drift : ndarray, shape (points, n)
@@ -187,22 +185,8 @@ class _PushoverCurve:
 
 @dataclass(frozen=True)
 class _IdealizedCurve:
-    """Idealized curve up to a roof displacement, and the displacement that the method computes.
-
-    Attributes
-    ----------
-    period : float
-        Period of the equivalent oscillator, s.
-    yield_force, yield_displacement : float
-        Base shear, N, and roof displacement, m, at yield.
-    spectral_acceleration : float
-        Spectral acceleration of the target at this period, m/s^2.
-    strength_ratio : float
-        Elastic force over yield force.
-    factors : tuple of float
-        C1 and C2 (coefficient method); ratio to the elastic displacement, and 1 (N2).
-    roof_displacement : float
-        Roof displacement that the method computes for the idealized curve, m.
+    """Idealized curve up to a roof displacement, with the fields of `TargetDisplacement`;
+    `roof_displacement` is the displacement that the method computes for this curve, m.
     """
 
     period: float
@@ -518,9 +502,8 @@ def _result(
 ) -> TargetDisplacement:
     """Return the result of a method with the response at its target displacement.
 
-    `method` is `n2` or `coefficients`. `building` is the building without damping. `participation`
-    and `mass` are the participation factor, and mass of the equivalent oscillator or of the
-    building, kg.
+    `building` is the building without damping. `participation` and `mass` are the participation
+    factor, and mass of the equivalent oscillator or of the building, kg.
     """
     drift = np.array(
         [np.interp(idealized.roof_displacement, curve.roof, column) for column in curve.drift.T]

@@ -70,8 +70,6 @@ def choose_steps(
         Requested time step and duration, s; by default those of the record.
     record_dt : float | None
         Sampling interval of the record, s; None without a record.
-    record_duration : float
-        Duration of the record, s.
     interval_name : str
         Name of the quantity `record_dt` in messages.
 

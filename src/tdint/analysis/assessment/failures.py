@@ -673,9 +673,8 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:
         prepared = PreparedBuilding.of(problem.model)
-        # The softening oscillator requires gauss4, which computes its reference solution. The other
-        # nonlinear problems are compared with exact solutions. For simplicity, gauss4 is loaded for
-        # all nonlinear problems.
+        # The softening oscillator requires gauss4 for its reference solution. For simplicity, it is
+        # loaded for all nonlinear problems.
         reference = [] if prepared.building.linear else [parse("gauss4")]
         for integrator in [*integrators, *reference]:
             if not integrator.family.linear_only or prepared.building.linear:
@@ -717,15 +716,12 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)
         outcome = ended.status if isinstance(ended, FailedRun) else DONE
-    # A method that is unstable or fails is run again with `allow_unstable`, to show how it fails.
-    # This run accepts an unstable time step, and energy that the method produces.
     if outcome != DONE:
         ended = error_estimate.attempt(replace(case, allow_unstable=True), steps, history=True)
     if isinstance(ended, FailedRun):
         completed = round(ended.time / dt)
         verdict = _VERDICT_OF_STATUS[ended.status]
         return replace(trial, outcome=outcome, verdict=verdict, time=ended.time, steps=completed)
-    # The run reached its end.
     history = ended.history
     assert history is not None
     ratios = problem.energy(history) / problem.energy_scale

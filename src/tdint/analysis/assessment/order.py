@@ -232,21 +232,20 @@ def order_problem(
     ----------
     load : str
         `free` vibration, `harmonic` force 20 cos(r omega t) N on 1 kg, or `record`, a ground motion
-        that is linear between samples at intervals of 0.02 s / stride. The default is `harmonic`.
+        that is linear between samples at intervals of 0.02 s / stride.
     law : str
-        A key of `STORY_LAWS`. The default is `linear`.
+        A key of `STORY_LAWS`.
     frequency_ratio : float
         r, the ratio of the circular frequency of the load to that of the oscillator, from 0.01 to
-        10. The default is 0.5.
+        10.
     stride : int
-        Number of sampling intervals of the record in the coarsest step, a power of 2. The default
-        is 1.
+        Number of sampling intervals of the record in the coarsest step, a power of 2.
 
     Raises
     ------
     UsageError
-        The load or law is unknown, the frequency ratio is out of range, the stride is invalid, or
-        a stride above 1 is specified for a load other than `record`.
+        The load or law is unknown, the frequency ratio is out of range, the stride is invalid, or a
+        stride above 1 is specified for a load other than `record`.
     """
     # The bits of `stride` and `stride - 1` have no 1 in common only if `stride` is a power of 2.
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
@@ -326,9 +325,8 @@ def observed_order(
     all_parts = 2 ** np.arange(halvings + 1)
     errors = []
     for parts in map(int, all_parts):
-        # Compare the motion at the ends of the coarsest steps. Columns of the history: ground
-        # acceleration, displacement, velocity, and absolute acceleration of the oscillator. The
-        # exact acceleration is relative to the ground.
+        # Columns of the history: ground acceleration, displacement, velocity, and absolute
+        # acceleration of the oscillator. The exact acceleration is relative to the ground.
         _, history = _integrate(integrator, problem, parts, _COARSE_STEPS)
         motion = history[::parts, 1:4].T
         motion[2] -= history[::parts, 0]

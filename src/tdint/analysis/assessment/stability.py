@@ -211,7 +211,6 @@ def _track_principal_root(
         # Reflect roots of the lower half plane: of a conjugate pair, the upper root is tracked.
         upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
         nearest = np.argsort(np.abs(upper - guess))
-        # The root found here is the estimate for the next time step.
         principal[index] = guess = upper[nearest[0]]
         # The two principal roots are a conjugate pair, and all other roots are spurious. If the
         # principal root is real, its partner cannot be identified, and the result is nan.
@@ -491,11 +490,8 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
     Return the powers of omega h in the displacement u and in h v, where v is the velocity; -inf if
     the response is 0 except for rounding, nan if it overflows.
     """
-    # Maxima of |u| and |h v| for each level of omega h, shape (levels, 2). Each level is multiplied
-    # by the 16 factors `_SPREAD`, from 1 to 2, because the response may be zero by chance at a
-    # single value of omega h. `_first_steps` returns the shape (2, 2, 16): u and h v; start and end
-    # of the only time step; factors. The index [:, 1] selects the end of the step. The maximum over
-    # the remaining second axis is taken over the factors.
+    # Maxima of |u| and |h v| for each level of omega h, shape (levels, 2). `_first_steps` returns
+    # the shape (2, 2, 16): u and h v; start and end of the only time step; factors.
     maxima = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
@@ -505,7 +501,7 @@ def _growth_powers(method: Integrator, start: str, damping: float) -> list[float
     powers = []
     for values in maxima.T:
         # The power is the slope between the last two levels of omega h with a response above the
-        # rounding noise. The ratio of two successive levels is 10.
+        # rounding noise.
         above_noise = np.flatnonzero(values > _NOISE[start])
         power = -math.inf
         if above_noise.size >= 2:
@@ -543,8 +539,7 @@ def _first_steps(
     displacement u and h v, where v is the velocity (m), at the initial time and after each step,
     shape (2, steps + 1, k); nan after the response has grown without bound.
     """
-    # The motion is proportional to the initial condition. A tiny initial condition prevents
-    # overflow, and the motion is divided by the same factor at the end.
+    # The motion is proportional to the initial condition.
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)

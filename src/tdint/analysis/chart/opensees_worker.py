@@ -131,9 +131,8 @@ def _run(ops: Any, problem: Content, run: Content) -> Content:
 def _build(ops: Any, problem: Content, run: Content) -> None:
     """Define the chain of masses, the loads, the initial state, and the analysis in OpenSees.
 
-    Node 0 is the ground, and node i + 1 is floor i. Element i + 1 is the hysteresis model of
-    story i; its parallel elements have the same tag plus `_TAG_OFFSET` or twice that number. The
-    previous model in OpenSees is deleted.
+    Node 0 is the ground, and node i + 1 is floor i. Element i + 1 is the hysteresis model of story
+    i; its parallel elements have the same tag plus `_TAG_OFFSET` or twice that number.
     """
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
@@ -229,8 +228,7 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     )
     if not np.all(np.isfinite(u)):
         return {"outcome": np.array("diverged")}
-    # Compute accelerations relative to the ground and absolute accelerations. The ground
-    # acceleration decreases linearly to 0 after the last sample.
+    # The ground acceleration decreases linearly to 0 after the last sample.
     times, ground_samples = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
     ground_acceleration = np.interp(
         times, problem["interval"] * np.arange(ground_samples + 1), [*problem["ground"], 0.0]
@@ -240,8 +238,7 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     )
     absolute = a + ground_acceleration[:, None]
     # The shear of a story is the sum of mass times absolute acceleration over all floors above:
-    # reverse the floors, sum, and reverse the sums. With forces on floors, the shears do not equal
-    # the inertia forces, and are not reported (nan).
+    # reverse the floors, sum, and reverse the sums.
     shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
     shear *= math.nan if problem["forces"].size else 1.0
     return {
@@ -295,7 +292,6 @@ def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any)
     """
     # Damping in proportion to the mass acts on the floors, all other damping on the stories.
     force = -float(problem["alpha_mass"]) * problem["mass"] * v
-    # The remaining columns of a row belong to forces from tables, which OpenSees does not run.
     for floor, cosine, sine, omega, *_ in problem["forces"]:
         force[:, int(floor)] += cosine * np.cos(omega * times) + sine * np.sin(omega * times)
     drift, drift_rate = (np.diff(values, axis=1, prepend=0.0) for values in (u, v))

@@ -165,7 +165,7 @@ def openseespy_points(
     series, and the initial acceleration satisfies equilibrium. Newton's method (for linear
     buildings Linear, factorized one time) iterates until the unbalanced forces are 1e-9 of the
     maximum inertia force; the system of equations is BandSPD. Only `analyze` is timed. Peaks are
-    maxima over the steps. Accelerations satisfy equilibrium, as those of tdint do.
+    maxima over the steps.
 
     `share` is the fraction of `opensees_worker.SECONDS` that all runs of a single integrator
     together may use. Runs with large steps are executed first; runs that are not executed have the
@@ -255,9 +255,8 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
                 math.nan,
                 failure_reason or f"with dt {steps.h:.3g} s it is {worker_results['0_outcome']}",
             )
-        # Halving the step divides an error term by its factor: 4 for a term of order 2, 2 for a
-        # term of order 1. Each further entry eliminates one more term, by extrapolation from the
-        # entry at the previous (twice as long) step.
+        # Each further entry eliminates one more term, by extrapolation from the entry at the
+        # previous (twice as long) step.
         limits = [worker_results["0_motion"]]
         for error_factor, coarser_limit in zip(error_factors, previous_limits, strict=False):
             limits.append(limits[-1] + (limits[-1] - coarser_limit) / (error_factor - 1.0))
@@ -337,7 +336,6 @@ def _run_worker(
     The maximum inertia force of the reference scales the tolerance of OpenSees' iterations, and its
     peak drifts scale the drifts of the force tables that replace curved laws.
     """
-    # The function in `_OPENSEES` receives the first parameter of the method, or nan.
     run_descriptions = [
         {
             "integrator": _OPENSEES[integrator.method.name](
@@ -564,8 +562,6 @@ def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: 
         shear = elastic * np.diff(u, prepend=0.0)
         hysteretic_rate = state[2 * floor_count :]  # empty without bilinear stories
         if has_hysteresis:
-            # The hysteretic part of a bilinear story is elastic until it reaches its strength, and
-            # constant afterwards.
             z = state[2 * floor_count :]
             shear += np.clip(z, -strength, strength)
             hysteretic_rate = hysteretic * np.diff(v, prepend=0.0)

@@ -504,8 +504,6 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
     Parameters
     ----------
-    samples : int
-        Number of intervals.
     cached : bool
         True (default) to read and to store the reference in the cache.
 
@@ -524,15 +522,9 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
 
 def _solve(problem: Problem, samples: int) -> Reference:
-    """Compute the reference for a problem over a number of sampling intervals (`find_reference`).
-
-    Raises
-    ------
-    AnalysisError
-        One of the solutions cannot be computed.
+    """Compute the reference for a problem over a number of sampling intervals
+    (`find_reference`).
     """
-    # Select the methods and the target of the gap, which is larger for kinked force curves, because
-    # kinks increase the difference between two solutions.
     building = problem.building
     # `exact` integrates forces from tables exactly, but approximates harmonic forces.
     has_harmonic_forces = bool(problem.model.excitation.forces)

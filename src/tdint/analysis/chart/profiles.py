@@ -455,7 +455,6 @@ def measure_problem(
     AnalysisError
         The reference does not reach its end.
     """
-    # Compile the time loops of the building, and choose steps that all end at the same time.
     posed = problem.posed
     dts = [posed.interval * multiple for multiple in PARTS]
     posed = ending_together(posed, dts)
@@ -466,7 +465,6 @@ def measure_problem(
     progress("reference", 0.1)
     reference, gap, confirmed_by = _reference(posed)
 
-    # Measure the errors of all points, then the times of the relevant points.
     points: dict[tuple[Integrator, float], Point] = {}
     for completed, integrator in enumerate(suitable):
         progress("errors", 0.2 + 0.6 * completed / len(suitable))
@@ -514,11 +512,6 @@ def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
 
     The time step of the second method is reduced until the difference is small enough to confirm
     the reference at the smallest tolerance.
-
-    Raises
-    ------
-    AnalysisError
-        The reference does not reach its end.
     """
     reference = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
@@ -552,7 +545,7 @@ def _repeat_contenders(
             if point in contenders:
                 response = posed.case(integrator).integrate(posed.steps(dt))
                 points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
-        # Select the replaced points. Each now has `repetition` + 1 times, all other points have 1.
+        # Each now has `repetition` + 1 times, all other points have 1.
         contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
 
@@ -726,20 +719,11 @@ def measure_all(
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
-    """Measure problems sequentially and return their chart.
+    """Measure problems sequentially and return their chart; the other arguments are those of
+    `measure_problem`.
 
     Parameters
     ----------
-    problems : sequence of FieldProblem
-        Buildings, each under a ground motion.
-    integrators : sequence of Integrator
-        Methods; methods that cannot integrate a building are omitted there.
-    repeats : int
-        Number of times that a point is timed if it can be the cheapest for a tolerance.
-    tolerances : sequence of float
-        Relative tolerances of peak drifts, for which moment4 and impulse4 choose their steps.
-    peers : bool
-        True to include OpenSeesPy.
     progress : callable
         Callback with the name of the current action and the completed fraction, from 0 to 1.
 
@@ -840,8 +824,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
                 "the records of the standard problems are not installed; specify a file of problems"
             )
         root.faults.folder = directory
-    # Read the ground motions by name, and the buildings that refer to these names. An entry
-    # contains the name, the reason, the model or its file, and the factors of the ground motions.
+    # An entry contains the name, the reason, the model or its file, and the factors of the ground
+    # motions.
     section = root.section(("records", "problems"))
     sources: dict[str, RecordSource] = {}
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
@@ -867,7 +851,6 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
             ):
                 entries.append(problem)
     root.faults.raise_if_any()
-    # Combine each building with each of its ground motions.
     records: dict[str, Record | None] = {}
     problems = []
     for name, reason, building, scales in entries:

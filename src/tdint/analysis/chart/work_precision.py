@@ -178,8 +178,7 @@ class Timing:
         repeat_counts = [len(point.times) for point in timed] or [0]
         processor_seconds = sum(sum(point.times) for point in timed)
         wall_seconds = sum(sum(point.walls) for point in timed)
-        # The ratio of wall time to processor time shows disturbances by other processes. It is
-        # unknown if the clock does not measure processor time.
+        # The ratio of wall time to processor time shows disturbances by other processes.
         is_measured = (
             system.clock() == "thread_time" and processor_seconds > 0.0 and wall_seconds > 0.0
         )
@@ -426,8 +425,6 @@ def by_tolerance(
         except FailedRun as failure:
             points.append(replace(point, outcome=failure.status))
             continue
-        # Measure the processor time and the wall time of each repetition. Their ratio shows
-        # whether other processes disturbed it.
         times, walls = [], []
         for _ in range(repeats):
             start_time, wall_start = system.seconds(), time.perf_counter()
@@ -540,8 +537,7 @@ def _timed(
         progress(act, _PREPARED + (1.0 - _PREPARED) * done / total)
         done += steps.count
 
-    # First determine the outcome and the errors of each run; computing times are measured later. A
-    # diverged run has no response to compare.
+    # A diverged run has no response to compare.
     for integrator, steps in runs:
         advance("errors", steps)
         result = attempt(problem.case(integrator), steps)

@@ -163,7 +163,6 @@ class Outcomes:
     def status(self) -> dict[int, str]:
         """Status of the runs that were evaluated individually, by their index. All other runs are
         done."""
-        # A run that continued after its collapse is also in `responses`, with the same status.
         return {
             i: ended.status
             for i, ended in (self.collapses | self.responses | self.failures).items()
@@ -260,7 +259,7 @@ def run_batch(
     """
     prepared = subject.prepared
     _, _, first_steps = runs[0]
-    h = first_steps.h  # all runs have the same time step
+    h = first_steps.h
 
     def case(i: int) -> Case:
         """Return the case of run `i`."""
@@ -270,7 +269,7 @@ def run_batch(
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
     # Error estimates require a second run of each run, and an unstable time step an error message
-    # of each run. Integrate the runs individually in both cases.
+    # of each run.
     if check or prepared.instability(subject.integrator, h):
         outcomes = Outcomes.of(
             prepared.building, BatchResult.empty(len(runs), prepared.building), to_rest
@@ -295,8 +294,7 @@ def run_batch(
         criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
         batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
     outcomes = Outcomes.of(prepared.building, batch, to_rest)
-    # Evaluate the runs that collapsed or failed individually. A failed run is integrated again only
-    # if more than its status is required.
+    # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():
         run_case, steps = case(i), runs[i][2]
         failure = run_case.failure_in_batch(steps, batch, i) if status_only else None

@@ -216,11 +216,6 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     The memory rows of a method are the m rows of its state that a step uses from the previous step,
     such as displacement and velocity. Column j of a matrix contains the memory rows after one step
     that starts with the value 1 in memory row j and 0 in all further rows.
-
-    Raises
-    ------
-    AnalysisError
-        The step fails.
     """
     memory_rows = integrator.family.memory
     k = building.stories
@@ -237,8 +232,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     for column, row in enumerate(memory_rows):
         state[:], law_state[:] = 0.0, 0.0
         state[row, :k] = 1.0
-        # Set the committed states of the linear springs for this motion. If the acceleration is not
-        # part of the memory of the method, it follows from equilibrium for the unit mass.
+        # If the acceleration is not part of the memory of the method, it follows from equilibrium
+        # for the unit mass.
         u, v = state[rows.DISPLACEMENT, :-1], state[rows.VELOCITY, :-1]
         law_state[rows.DRIFT, :-1], law_state[rows.FORCE, :-1], law_state[rows.SLOPE, :-1] = (
             u,
@@ -251,8 +246,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
             state[rows.ACCELERATION, :-1] = (
                 -stiffness * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
             )
-        # The step must not execute the start procedure of the method. `space.memory` are all arrays
-        # that a step changes.
+        # The step must not execute the start procedure of the method.
         space.step_status[rows.STEPS_DONE] = _COMPLETED_STEPS
         code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:

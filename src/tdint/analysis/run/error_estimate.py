@@ -161,23 +161,7 @@ _SLOW_RUN = 2.0
 def run_with_error_estimate(
     case: Case, steps: Steps, history: bool = False, *, history_errors: bool = False
 ) -> Response:
-    """Integrate a case over `steps` and estimate the errors of its peaks.
-
-    Parameters
-    ----------
-    history_errors : bool, default False
-        Estimate the errors of the history also.
-
-    Returns
-    -------
-    Response
-        Response with the error estimate in `check`.
-
-    Raises
-    ------
-    FailedRun
-        As by `Case.integrate`.
-    """
+    """Integrate a case over `steps` and estimate the errors of its peaks."""
     # Compile the kernels of both methods here, in parallel if both are missing in the cache.
     case.prepared.compile([case.method, reference(case).method])
     return with_error_estimate(

@@ -788,7 +788,7 @@ class Response(Tabular):
         peaks = {"peak_drift": self.stories.peak_drift[np.newaxis]}
         # One limit applies to all isolators, so there is at most one comparison. It states the
         # isolator with the largest displacement. The last argument [""] is the list of the names of
-        # the motions. A run has one motion; its name is empty, because no name is printed.
+        # the motions.
         limits = isolator_limits(isolators, len(self.model.stories))
         return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
 

@@ -231,8 +231,6 @@ class PreparedBuilding:
 
     Attributes
     ----------
-    building : Building
-        Building.
     forces : ndarray, shape (forces, FORCE_COLUMNS)
         Forces on floors from `force_table`; no forces by default.
     displacement, velocity : ndarray, shape (n,)
@@ -405,8 +403,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        ground : ndarray
-            Ground acceleration at the samples, m/s^2.
         every : int
             Number of steps between two rows of the history.
 
@@ -421,7 +417,6 @@ class PreparedBuilding:
         AnalysisError
             The method does not support this building.
         """
-        # A chunk has a bounded size in memory and starts at the end of the previous chunk.
         width = history_width(self.building)
         row_count = max(2, _CHUNK_BYTES // (8 * width))  # 8 bytes for each value
         space = self._loaded_arrays(integrator, steps.h)
@@ -493,19 +488,10 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        h : float
-            Time step, s.
         samples : ndarray
             Concatenated ground accelerations of all runs, m/s^2.
-        runs : sequence of RunSpec
-            Location of the ground motion in `samples`, scale factor and time steps of each run.
         criterion : RestCriterion
             Criterion for continuing with the ground at rest; by default, runs are not continued.
-
-        Returns
-        -------
-        BatchResult
-            Results in the order of `runs`.
 
         Raises
         ------
@@ -533,20 +519,11 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        h : float
-            Time step, s.
-        samples : ndarray
-            Concatenated ground accelerations of all runs, m/s^2.
         runs : sequence of (int, RunSpec)
             Index of the building in `drawn`, and ground motion, scale factor and time steps, of
             each run.
         drawn : DrawnBuildings
             Sampled buildings. The coefficients of the method must not depend on their values.
-
-        Returns
-        -------
-        BatchResult
-            Results in the order of `runs`.
 
         Raises
         ------
@@ -596,8 +573,7 @@ class PreparedBuilding:
         (runs to integrate, `BatchResult` to fill, `RestCriterion`) -> None.
 
         `runs` contains all runs that the returned function may integrate. Only the maximum number
-        of their samples is used, as the size of a work array. Without a criterion, runs are not
-        continued after the record.
+        of their samples is used, as the size of a work array.
         """
         called = (
             integrate,
@@ -606,8 +582,7 @@ class PreparedBuilding:
             sum_law_energies,
             update_shear_peaks,
         )
-        # Assemble the constant arguments of the compiled function one time for all calls. In its
-        # list of arguments, `first_arguments` precede the samples and the table of runs, and
+        # In its list of arguments, `first_arguments` precede the samples and the table of runs, and
         # `last_arguments` follow them.
         first_arguments = (
             *(kernel.variant(self.variant) for kernel in called),
@@ -682,8 +657,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        h : float
-            Time step, s.
         motions : sequence of (ndarray, float, Steps)
             Ground acceleration (m/s^2), scale factor and time steps of each run.
         every : int

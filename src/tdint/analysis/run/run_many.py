@@ -314,11 +314,6 @@ def _requested(
     sample), the result with a row for each run, the number of threads, and the Parquet file for the
     table or None. Only the rows of invalid samples are complete: their status is `OUT_OF_RANGE`,
     and their failure states the reason.
-
-    Raises
-    ------
-    UsageError, ModelError, RecordError
-        As by `run_many`.
     """
     models, records, scales, zip_records = inputs
     method, dt, duration, check = analysis
@@ -365,7 +360,6 @@ def _requested(
         every,
         history_arrays(_shape(request, plan, every), quantities_kept, None if file else out),
     )
-    # Runs with an invalid sample are not integrated; their failure is recorded.
     for run in plan if invalid else ():
         if (run.model, run.draw) in invalid:
             result.status[run.number] = OUT_OF_RANGE
@@ -421,7 +415,7 @@ def _integrate_plan(
         if not partial:
             raise
         stop.set()
-        for _ in range(threads):  # wait until the parts that are running are completed
+        for _ in range(threads):
             running.acquire()
         result.failures.update(
             dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
@@ -661,10 +655,7 @@ def _gradient(
 def _integrate_all(
     request: RunsRequest, result: Runs, plan: Sequence[RunSpec], threads: int
 ) -> None:
-    """Integrate all runs of a plan on threads, and write them to the result.
-
-    `result` is the result with a row for each run, whose arrays are filled.
-    """
+    """Integrate all runs of a plan on threads, and write them to the result."""
     # Each thread receives at least one part if there are enough runs.
     size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
     parts = [plan[first : first + size] for first in range(0, len(plan), size)]

@@ -165,7 +165,6 @@ def run_sequence(
         tolerance=tolerance,
         until_rest=until_rest,
     )
-    # The peaks of each event are computed by one more time integration with the same time steps.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
     return replace(
         response, events=event_responses(joined, sequence, steps, check=response.check is not None)

@@ -161,8 +161,6 @@ class _Search:
 
     Attributes
     ----------
-    case : Case
-        Building, ground motion and method.
     tolerance : float
         Maximum relative error of any peak drift.
     coarsest : Steps
@@ -265,7 +263,7 @@ class _Search:
         """Return the first level whose errors are estimated.
 
         `largest` is the maximum time step, s. `is_reference` is True if runs are compared with the
-        previous run. The first level is then at least 1, because level 0 has no previous run.
+        previous run.
         """
         halvings = 0
         if largest < math.inf:
@@ -275,8 +273,7 @@ class _Search:
     def _failure(self, response: Response | FailedRun) -> FailedRun:
         """Return the failure of a search in which no level meets the tolerance.
 
-        `response` is the result of the level with the smallest time step. If this run failed, its
-        failure is returned; otherwise the message states its estimated error.
+        `response` is the result of the level with the smallest time step.
         """
         if isinstance(response, FailedRun):
             return response
@@ -329,7 +326,7 @@ class _Search:
         if isinstance(response, FailedRun) or isinstance(coarse, FailedRun):
             return response
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
-            return response  # One of the two runs ended early by a collapse.
+            return response
         difference = _difference(response, coarse)
         factors = EstimateFactors(self._factor(difference, level - previous))
         start = start_peaks(self.case, self.steps(level))

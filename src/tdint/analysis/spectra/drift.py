@@ -259,8 +259,6 @@ class _Stories:
     ----------
     period, height : float
         Fundamental period, s, and height, m.
-    n : int
-        Number of stories.
     """
 
     period: float
@@ -331,8 +329,6 @@ class _Beam:
     def shapes(self) -> Array:
         """Contributions of the modes to the drift ratio at the base and to the roof drift ratio,
         1/m, shape (modes, 2).
-
-        A contribution is multiplied by the displacement of the oscillator of the mode, m.
         """
         # The participation factor of mode j is 4 / ((2j - 1) pi), the slope of its shape at the
         # base (2j - 1) pi / 2H, and its ordinate at the roof +1 or -1, alternating.

@@ -255,13 +255,6 @@ def _oscillators(
 ) -> tuple[dict[str, Any], list[_Oscillator]]:
     """Check the arguments of `constant_ductility` and `constant_strength`. Return them by name of
     the field of `InelasticSpectrum`, and the oscillator of each period.
-
-    Raises
-    ------
-    UsageError
-        A parameter is out of range.
-    AnalysisError
-        A period is too short for the sampling interval of the record.
     """
     record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
@@ -312,10 +305,6 @@ class _Oscillator:
 
     Attributes
     ----------
-    ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2.
-    dt : float
-        Sampling interval, s.
     omega : float
         Natural circular frequency of the initial stiffness, rad/s.
     damping, hardening : float
@@ -364,7 +353,6 @@ class _Oscillator:
         return self.response(ratio * self.elastic)[0] / (ratio * self.elastic)
 
 
-# The following functions search for the strength that leads to a ductility.
 
 
 def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
@@ -382,8 +370,8 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
         return start
     from scipy.optimize import brentq
 
-    # Find the ratio in the bracket by Brent's method. It is applied to the logarithms of ratio and
-    # ductility, because their relation is nearly linear.
+    # It is applied to the logarithms of ratio and ductility, because their relation is nearly
+    # linear.
     low, high = _bracket(ductility, target, start)
     values = {math.log(ratio): value for ratio, value in (low, high)}
 
@@ -426,8 +414,6 @@ def _bracket(
             if maximum[1] >= target:
                 low, high = maximum, previous
         if low[1] >= target:
-            # Find the uppermost part of the bracket that reaches the target without exceeding it
-            # by more than the factor `_MAX_OVERSHOOT`.
             while True:
                 for ratio in np.linspace(high[0], low[0], _PARTS + 1)[1:-1].tolist():
                     point = (ratio, ductility(ratio))

@@ -177,17 +177,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
 def correlations(omega: Array, damping: float) -> Array:
     """Return the correlation coefficients of the complete quadratic combination (Der Kiureghian
     1981).
-
-    Parameters
-    ----------
-    omega : ndarray, shape (n,)
-        Circular frequencies of the modes, rad/s.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Coefficient of each pair of modes, from 0 to 1.
     """
-    r = omega[None, :] / omega[:, None]  # ratio of the frequencies of each pair of modes
+    r = omega[None, :] / omega[:, None]
     numerator = 8.0 * damping**2 * (1.0 + r) * r**1.5
     return np.asarray(numerator / ((1.0 - r**2) ** 2 + 4.0 * damping**2 * r * (1.0 + r) ** 2))

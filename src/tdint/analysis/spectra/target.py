@@ -408,7 +408,7 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     ModelError, UsageError
         As by `read_target`; or the source lacks a spectrum for a ratio.
     """
-    named = _name_and_parameters(source)  # name and text of the parameters; None for a file
+    named = _name_and_parameters(source)
     if named is None and not _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         table = read_table(source, _NEEDS)
         if table.has("damping"):
@@ -509,8 +509,7 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
     """Return the target spectrum of a table with one column of periods and one column of
     accelerations. ModelError is raised if a column is missing, or its values are invalid.
     """
-    # Find the columns of periods and accelerations with their units. Columns of
-    # pseudo-acceleration take precedence over other accelerations.
+    # Columns of pseudo-acceleration take precedence over other accelerations.
     columns = [(name, *name_and_units(name)) for name in table.header]
     in_seconds = (
         name
@@ -713,8 +712,7 @@ def read_published(
         )
     quantity, values = _values(table, column)
     periods = SECONDS[units] * table.numbers(index)
-    # Select the rows with the required damping ratio. Sort them by period, because interpolation
-    # requires increasing periods.
+    # Sort them by period, because interpolation requires increasing periods.
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
         ratios = table.numbers(table.column_index("damping"))
