@@ -353,8 +353,6 @@ class _Oscillator:
         return self.response(ratio * self.elastic)[0] / (ratio * self.elastic)
 
 
-
-
 def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
     """Return the largest strength ratio, at most `start`, that leads to the ductility `target` (at
     least 1); AnalysisError if no ratio above 1e-9 does.
