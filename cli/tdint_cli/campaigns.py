@@ -55,8 +55,6 @@ def apply_style(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     style : tuple of (str, str)
         The text of the key `style` of the campaign (empty without a style), and the directory for
         relative paths of a style sheet.
-    source : str
-        The campaign file, for error messages.
     drawn : bool
         True if a figure is requested; the font and the style sheet are checked only in this case.
 
@@ -583,8 +581,6 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     ----------
     stories, profiles : bool
         True if the campaign writes stories.csv and profiles.csv, respectively.
-    overwrite : bool
-        Allow the replacement of existing tables.
 
     Raises
     ------

@@ -159,8 +159,6 @@ class LazyGroup(HelpAsData, click.Group):
         ----------
         args : sequence of str, optional
             Command line after `tdint`; by default, the command line of the process.
-        prog_name : str, optional
-            Name of the program in help texts.
         **extra
             Keyword arguments of the context of click. `obj` is the `Settings` of the command line.
         """

@@ -51,8 +51,6 @@ class Workers(Generic[Result]):
     function : callable
         A module-level function, or a `functools.partial` of a module-level function, because new
         processes import the function by name. Its exceptions are raised in this process.
-    count : int
-        Number of processes.
     """
 
     def __init__(self, function: Callable[[Task], Result], count: int) -> None:
@@ -145,8 +143,6 @@ class _Worker:
 
     Attributes
     ----------
-    process : BaseProcess
-        The process.
     pipe : Connection
         End of the pipe by which this process sends tasks and receives outcomes.
     task_index : int | None
@@ -208,8 +204,6 @@ class Task:
 
     Attributes
     ----------
-    source : str
-        Path of the record.
     table : Path | None
         Output table of the record. None if several records share a table.
     others : tuple of str
@@ -239,10 +233,6 @@ def outcomes(
     work : callable
         A module-level function, or a `functools.partial` of a module-level function, because
         processes import the function by name.
-    tasks : sequence of Task
-        Records to process.
-    jobs : int
-        Maximum number of processes.
     label : str
         Label of the progress bar, which is shown if standard error is a terminal.
     to_terminal : bool

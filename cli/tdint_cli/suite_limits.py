@@ -24,8 +24,6 @@ class SuiteLimits:
 
     Attributes
     ----------
-    profiles : list of Profile
-        Demands of each building and intensity level.
     limit : float, str or None
         Drift limit or performance level of the command line; None for the limits of the models.
     matched : str

@@ -41,8 +41,6 @@ def bisect_interval(
     ----------
     is_true : callable
         The condition: True at `low`, False at `high`.
-    low, high : float
-        Endpoints of the interval.
     max_bisections : int
         Maximum number of bisections. The bisection stops earlier if the endpoints are adjacent
         floating-point numbers.

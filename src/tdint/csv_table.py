@@ -69,8 +69,6 @@ class CsvTable:
         Names of the columns in lower case.
     titles : tuple of str
         Names of the columns as in the file.
-    header_line : int
-        Line number of the header.
     rows : tuple of (int, list of str)
         Line number and cells of each row. If a row has fewer cells than the header has names, the
         missing cells are empty.
@@ -222,11 +220,6 @@ class TextColumn(Sequence[str]):
 
     A million separate texts require about 60 MB. This class joins the texts to blocks, which
     require little more memory than their characters.
-
-    Parameters
-    ----------
-    texts : iterable of str
-        The texts.
     """
 
     def __init__(self, texts: Iterable[str] = ()) -> None:
@@ -323,8 +316,6 @@ def number_error(text: str, expected: str) -> str:
 
     Parameters
     ----------
-    text : str
-        The cell with the invalid number.
     expected : str
         Requirement, such as `a positive number`.
     """

@@ -137,15 +137,11 @@ def read_whole(
 
     Parameters
     ----------
-    source : str or Path
-        Path, or `-` for standard input.
     messages : mapping of type to str
         Messages for exceptions of the operating system, by the type of the exception. Other
         exceptions are reported with the message of the operating system.
     too_large_text : str
         Message if the file is too large.
-    most : int
-        Maximum size, bytes.
 
     Raises
     ------
@@ -250,11 +246,6 @@ _unfinished: set[Path] = set()
 
 def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     """Check that files can be written, before the results are computed.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Allow to replace existing files.
 
     Raises
     ------
@@ -449,8 +440,6 @@ def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
     ----------
     writer : bytes or callable
         Content, or a function that writes it to a binary stream.
-    overwrite : bool
-        Allow to replace an existing file.
 
     Raises
     ------

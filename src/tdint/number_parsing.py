@@ -155,8 +155,6 @@ def parse_positive(name: str, text: str) -> float:
     ----------
     name : str
         Name of the value, for the message.
-    text : str
-        The number, such as `0.01`.
 
     Raises
     ------

@@ -225,8 +225,6 @@ def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
         Glob pattern of the names to remove, in the parent directory of `keep`.
     days : float
         Minimum time since the last modification, days.
-    keep : Path
-        File or directory that is not removed.
     """
     import shutil
 

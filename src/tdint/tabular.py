@@ -37,8 +37,6 @@ def import_optional(package: str, purpose: str, extra: str = "notebook") -> Any:
 
     Parameters
     ----------
-    package : str
-        Name of the module to import.
     purpose : str
         Option or method that requires the package, for the message.
 
@@ -66,8 +64,6 @@ def progress_reporter(requested: bool | Progress, count: int, unit: str) -> Iter
         False for no report; True for a progress bar in a notebook or on a terminal (no bar is
         written to a pipe); or a callable that receives the completed and the total number of parts.
         Without tqdm, True results in a warning and no bar.
-    count : int
-        Total number of parts.
     unit : str
         Name of a part, displayed by the bar.
 

@@ -206,12 +206,8 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
 
     Parameters
     ----------
-    text : str
-        Number and unit, such as `0.3 g`.
     quantity : str
         Quantity of the unit, a key of `GROUND_MOTION`.
-    example : str
-        Valid text, for the message.
     key : str
         Name of the option or the key, for the message.
 

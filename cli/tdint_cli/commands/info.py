@@ -45,8 +45,6 @@ class Product:
 
     Attributes
     ----------
-    table : Table
-        Table with one row per component.
     records : tuple of dict
         Description of each component, for the JSON file.
     infos : tuple of RecordInfo

@@ -239,16 +239,10 @@ class _RecordedCommand:
 
     Attributes
     ----------
-    file : Path
-        The JSON file.
-    content : mapping
-        The content of the file.
     arguments : sequence of str
         The command line after `tdint`.
     command : Command
         The command, which has the option -o.
-    output : str
-        The value of -o.
     is_folder : bool
         True if the value of -o is a directory.
     inputs : dict
@@ -489,8 +483,6 @@ class _NewOutputs:
     ----------
     new_folder : Path
         Directory of all replacements.
-    recorded : _RecordedCommand
-        Recorded command.
     folder : Path
         Working directory of the command.
     others : list of (str, str)

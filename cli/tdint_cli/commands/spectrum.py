@@ -40,8 +40,6 @@ class RecordTable:
         Descriptions of the columns, for the JSON file.
     records : tuple of dict
         Description of each component, for the JSON file.
-    notes : tuple of str
-        Notes on the record.
     interval : float
         Maximum sampling interval of the components, s.
     warnings : tuple of str

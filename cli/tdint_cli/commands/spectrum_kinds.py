@@ -97,11 +97,6 @@ class TableType(Protocol):
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
         """Return the table of results; by default the columns that their class declares, with a row
         for each period, sample or frequency.
-
-        Parameters
-        ----------
-        lines : sequence
-            Results of one record, from `compute`.
         """
         return tables.spectra.result_table(lines)
 
@@ -523,13 +518,7 @@ class Fourier(TableType):
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
-        """Return a figure with a line for each component.
-
-        Parameters
-        ----------
-        lines : sequence of FourierSpectrum
-            Fourier spectra, one for each component.
-        """
+        """Return a figure with a line for each component."""
         return figures.comparison.fourier_picture(lines, request.shown_units)
 
 

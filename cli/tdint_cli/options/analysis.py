@@ -213,8 +213,6 @@ class OscillatorRequest:
     ----------
     methods : tuple of str
         Methods with their parameters; all methods of the catalogue if empty.
-    damping : tuple of float
-        Damping ratios of the oscillator.
     draw_all : bool
         Plot all methods in the figure, not only the methods that are plotted by default.
     outputs : Outputs
@@ -306,8 +304,6 @@ class BuildingRequest(RecordRequest):
 
     Attributes
     ----------
-    model : str
-        Model file.
     record : str | None
         Record file; None for the record of the model.
     scale : tuple of float | None

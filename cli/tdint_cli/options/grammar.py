@@ -527,8 +527,6 @@ class Declaration(_Value):
         `click.option` or `click.argument`.
     names : tuple of str
         Names for click; they may be omitted in a request.
-    settings : dict
-        Keyword arguments for click.
     behind : sequence of callable
         Declarations of further options that follow this option in the help, and that have no field
         in the request.
@@ -785,13 +783,7 @@ class HelpAsData(click.Command):
         return option
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the help of the options, a section for each heading.
-
-        Parameters
-        ----------
-        formatter : click.HelpFormatter
-            Formatter to which the help is written.
-        """
+        """Write the help of the options, a section for each heading."""
         sections: dict[str, list[tuple[str, str]]] = {heading: [] for heading in ORDER}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
@@ -817,14 +809,10 @@ class Command(HelpAsData):
 
     Parameters
     ----------
-    name : str | None
-        Name of the command.
     examples : sequence of str
         Command lines for the help.
     exits : mapping of int to str, optional
         Meanings of exit codes with a special meaning in this command.
-    **settings
-        Keyword arguments of `click.Command`.
     """
 
     def __init__(
@@ -842,13 +830,7 @@ class Command(HelpAsData):
         self.exits = exits or {}
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the short help: the most common options, on one screen.
-
-        Parameters
-        ----------
-        formatter : click.HelpFormatter
-            Formatter to which the help is written.
-        """
+        """Write the short help: the most common options, on one screen."""
         self.format_usage(ctx, formatter)
         with formatter.indentation():
             formatter.write_paragraph()

@@ -250,8 +250,6 @@ class Outputs:
         The file of the table; None for standard output.
     picture, summary, report : Path | None
         The files of the figure, of the JSON summary and of the HTML report; None if not requested.
-    overwrite : bool
-        True if existing files are replaced.
     units : OutputUnits | None
         The units of the command line; None if it does not specify units.
     """
@@ -281,18 +279,11 @@ class Outputs:
         """Check the outputs of a command line and return them. The summary is a JSON file next to
         the table.
 
-        Parameters
-        ----------
-        output : str or None
-            The value of -o.
-        overwrite : bool
-            True if existing files may be replaced.
-
         Raises
         ------
         UsageError
-            --plot has no file name and -o is not given, the format of the figure is unknown, or
-            the table is Parquet and pyarrow is missing.
+            --plot has no file name and -o is not given, the format of the figure is unknown, or the
+            table is Parquet and pyarrow is missing.
         OutputError
             A file cannot be written.
         """
@@ -436,15 +427,8 @@ def provenance(
 
     Parameters
     ----------
-    meanings : mapping
-        Description of each column of the table.
     contents : dict, optional
         Results and settings of the command, in SI units.
-
-    Returns
-    -------
-    bytes
-        JSON text, UTF-8.
     """
     from tdint.output.summary import table_summary
 

@@ -38,8 +38,6 @@ class RecordRequest:
         StationXML file with the instrument response; None without --inventory.
     layout : TextLayout
         Columns, header lines and sampling interval of text tables.
-    processing : Processing
-        Processing steps, such as filters.
     """
 
     units: SampleUnits | None

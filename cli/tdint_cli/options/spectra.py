@@ -206,15 +206,11 @@ class FloorRequest:
             Number of processes; None for one per processor.
         units : OutputUnits
             Units of the tables and of the figure.
-        plot : bool
-            Whether a figure is written.
 
         Returns
         -------
         contents : dict of str to Content
             The contents of the files by file name.
-        suites : sequence of FloorSuite
-            The spectra over the ground motions.
 
         Raises
         ------
@@ -268,8 +264,6 @@ class FloorRequest:
         ----------
         units : OutputUnits
             Units of the tables and of the figure.
-        plot : bool
-            Whether a figure is written.
         export : str, optional
             Format of the exported floor motions; None for no export.
         """

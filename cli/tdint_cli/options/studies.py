@@ -125,8 +125,6 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
 
     Parameters
     ----------
-    records : sequence of str
-        Names of files and directories.
     pairs : PairWish | None
         Requested treatment of pairs of horizontal components; None reads single components.
 

@@ -42,8 +42,6 @@ class SuiteRequest:
     ----------
     output : str | None
         Directory of the results (-o); None without -o.
-    overwrite : bool
-        Replace existing files.
     output_units : OutputUnits | None
         Units of the files; None for the units of the models.
     plot, report : str | None
@@ -56,11 +54,9 @@ class SuiteRequest:
         Exit with code 5 if a limit is exceeded.
     jobs : int | None
         Number of threads; None: as many as processors.
-    floor_request : FloorRequest
-        Options of floor spectra.
     baseline : str | None
-        Reference building: ratios of the demands of the other buildings to its demands are
-        written. None for no ratios.
+        Reference building: ratios of the demands of the other buildings to its demands are written.
+        None for no ratios.
     im : tuple of str | None
         Intensity measures of the runs for measures.csv; None for no such file.
     by : str | None
@@ -166,8 +162,6 @@ def check_limit_options(limit: float | str | None, require: bool, models: Sequen
     ----------
     limit : float, str or None
         Drift limit, or name of a performance level; None without --limit.
-    require : bool
-        True with --require.
     models : sequence of Model
         Models of the buildings; empty for buildings of an inventory, which have no levels.
 

@@ -157,11 +157,6 @@ def motion_of(argument: Any) -> Record | Horizontals:
 def number_of(argument: Any, name: str) -> float | None:
     """Convert an argument to a float; None is returned unchanged.
 
-    Parameters
-    ----------
-    name : str
-        Name of the argument in messages.
-
     Raises
     ------
     UsageError
@@ -185,8 +180,6 @@ def between(
 
     Parameters
     ----------
-    name : str
-        Name of the argument in messages.
     low, high : float
         Limits; default 0 and infinity.
     above : bool
@@ -214,11 +207,6 @@ def between(
 
 def ratio_of(argument: Any, name: str) -> float | None:
     """Convert a number or a text such as `0.1%` to a float; None is returned unchanged.
-
-    Parameters
-    ----------
-    name : str
-        Name of the argument in messages.
 
     Raises
     ------
@@ -320,11 +308,6 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
 
 def as_sequence(argument: Any, name: str) -> Sequence[Any]:
     """Return a list or tuple as a list, and any other argument as a list with a single item.
-
-    Parameters
-    ----------
-    name : str
-        Name of the argument in messages.
 
     Raises
     ------

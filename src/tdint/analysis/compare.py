@@ -78,8 +78,6 @@ class Event:
 
     Attributes
     ----------
-    recording : Recording
-        File that describes the recording.
     base : Record
         Ground motion that drives the model: the mean of the sensors of the base, unfiltered. An
         offset is removed if the samples show it.
@@ -166,8 +164,6 @@ class Event:
         ----------
         samples : ndarray, shape (count,)
             Computed motion at the sampling times of the base.
-        quantity : str
-            `acceleration`, `velocity` or `displacement`.
         """
         centered = without_offset(samples, quantity)
         return in_band(centered, self.base.dt, self.recording.band, self.base.source, quantity)
@@ -186,8 +182,6 @@ class Event:
         ----------
         recorded : ndarray, shape (count,)
             Recorded motion at the sampling times of the base; nan outside the recording.
-        label : str
-            Name of the recording in error messages.
 
         Raises
         ------
@@ -427,10 +421,6 @@ class FloorSpectra:
     ----------
     floor : int
         Number of the floor, from 1 at the bottom.
-    periods : ndarray, shape (k,)
-        Periods, s.
-    computed, recorded : ndarray, shape (k,)
-        Spectral accelerations, m/s^2.
     """
 
     floor: int

@@ -64,10 +64,6 @@ class FittedValue:
         `mass_coefficient_1_s`, `stiffness_coefficient_s`.
     number : int | None
         Number of the story or mode, from 1; None for a value common to all of them.
-    start, value : float
-        Value before and after the fit.
-    low, high : float
-        Bounds of the fit.
     standard_error : float
         Standard error of the value, if the residuals are independent from sample to sample; inf if
         the recording does not determine the value.
@@ -100,12 +96,6 @@ class Fit:
 
     Attributes
     ----------
-    model : Model
-        Model with the fitted values.
-    values : tuple of FittedValue
-        Values before and after the fit.
-    runs : int
-        Number of runs.
     notes : tuple of str
         Notes on values that are poorly determined or on a bound.
     """
@@ -124,8 +114,6 @@ class _FreeValue:
     ----------
     name, place
         Name of the value, and number of the story or mode, as in `FittedValue`.
-    start : float
-        Value in the model before the fit.
     set_in : callable
         Function of a model and a new value; it returns the model with the new value.
     """
@@ -255,11 +243,6 @@ class _Problem:
         Model of the building, with the values that are not fitted.
     progress : callable
         Function that receives the number of runs at the start of each run, from 1.
-
-    Attributes
-    ----------
-    runs : int
-        Number of runs so far.
     """
 
     def __init__(

@@ -363,10 +363,6 @@ class _MatchTarget:
 
     Attributes
     ----------
-    targets : tuple of TargetSpectrum
-        Target for each damping ratio.
-    dampings : tuple of float
-        Damping ratios.
     checked : ndarray, shape (CHECKED,)
         Periods for the misfit, s.
     """

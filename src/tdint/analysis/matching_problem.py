@@ -92,8 +92,6 @@ class SparseRows:
 
     Attributes
     ----------
-    size : int
-        Number of samples of a component.
     starts : ndarray of int, shape (rows,)
         Number of the first sample at which a row is not zero.
     lines : list of ndarray
@@ -196,8 +194,6 @@ class _QuadraticProgram:
     shortfall : ndarray, shape (rows,)
         Required change of each quantity, or its upper limit if `is_equality` is False. The change
         of an extreme is relative to its target.
-    oscillator : ndarray of int
-        Oscillator of each extreme.
     """
 
     rows: SparseRows
@@ -250,8 +246,6 @@ class MatchingProblem:
     ----------
     scaled_seed : ndarray, shape (components, n)
         Samples of the scaled seed, m/s^2.
-    dt : float
-        Sampling interval, s.
     wanted, omega, damping : ndarray, shape (oscillators,)
         Target of each oscillator, m/s^2; its circular frequency, rad/s; its damping ratio.
     substeps, table : ndarray
@@ -264,8 +258,8 @@ class MatchingProblem:
     size : int
         Number of samples of the Fourier transform.
     end_derivatives : ndarray, shape (2, n)
-        Derivatives of the final velocity and displacement of the ground with respect to the
-        samples of a component, s and s^2.
+        Derivatives of the final velocity and displacement of the ground with respect to the samples
+        of a component, s and s^2.
     free_vibrations : list of ndarray
         For each oscillator, the filtered free vibration (cosine and sine) over the samples, in
         reversed order of time.

@@ -30,12 +30,8 @@ class RunsRequest:
 
     Attributes
     ----------
-    methods : tuple of str
-        Method specification of each building.
     dt, duration : float | None
         Requested time step and duration, s. None: the values of the model or the record.
-    check : bool
-        Estimate the errors of the peaks.
     vary : dict of str to ndarray, shape (samples,)
         Values of each varied parameter, SI units; empty for a single sample of the model values.
     """
@@ -77,11 +73,6 @@ class RunsRequest:
         Buildings are assembled individually for error estimates, histories, methods of plug-ins,
         and methods with coefficients or a stability limit that depend on the building. All other
         runs share the arrays of one building, which are changed from run to run.
-
-        Parameters
-        ----------
-        history : bool
-            True if histories are kept.
         """
         method = self.subjects[run.model].integrator
         if not self.building_parameters:

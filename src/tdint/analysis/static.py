@@ -522,8 +522,6 @@ class ElementEvent:
         Number of the story, from 1.
     element, law : str
         Name of the element and of its law.
-    drift : float
-        Drift of the story, m.
     roof_displacement, base_shear : float
         Roof displacement, m, and base shear, N, of the state.
     stiffness_before, stiffness_after : float
@@ -784,12 +782,6 @@ class _Chain:
     ----------
     shear_fraction : ndarray, shape (n,)
         Shear of each story over the base shear; it follows from the pattern of forces.
-    drift : ndarray, shape (n,)
-        Present drifts, m.
-    base_shear : float
-        Present base shear, N.
-    maximum_roof_displacement : float
-        Maximum roof displacement so far, m.
     largest : tuple of (float, ndarray)
         Maximum base shear of the path so far, N, and the drifts at this base shear.
     """

@@ -123,8 +123,6 @@ class _PushoverCurve:
     ----------
     roof, shear, area : ndarray, shape (points,)
         Roof displacement, m; base shear, N; area below the curve up to each point, J.
-    drift : ndarray, shape (points, n)
-        Drifts of the stories, m.
     """
 
     pushed: Pushover

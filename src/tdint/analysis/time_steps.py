@@ -18,10 +18,6 @@ class Steps:
 
     Attributes
     ----------
-    h : float
-        Time step, s.
-    count : int
-        Number of time steps.
     per_sample, stride : int
         `per_sample` time steps cover `stride` sampling intervals.
     end : float

@@ -119,12 +119,6 @@ class BuildingRuns(NamedTuple):
 
     Attributes
     ----------
-    number : int
-        Number of the building in its campaign.
-    source : Source
-        Object that creates the building.
-    runs : tuple of Run
-        The runs.
     max_step : float | None
         Maximum time step that meets the tolerance of the campaign, s; None if no time step meets
         the tolerance; infinity if the campaign has no tolerance.
@@ -141,8 +135,6 @@ class RunRow(NamedTuple):
 
     Attributes
     ----------
-    building : int
-        Number of the building in the campaign.
     motion, scale, sample : int, float, int
         Ground motion, scale factor and sample, as in `Run`.
     values : tuple
@@ -372,8 +364,6 @@ def building_step(
 
     Parameters
     ----------
-    records : mapping of int to Record
-        Ground motions by number.
     tolerance : float
         Maximum estimated error, relative to the peak drifts.
 
@@ -468,16 +458,10 @@ class Batch:
 
     Attributes
     ----------
-    number : int
-        Number of the building in the campaign.
-    subject : Subject
-        The building and its method.
     motions : Motions
         Ground motions with their numbers in the campaign.
     spectral : mapping of int to float | None
         Sa(T1) of each motion at the scale factor 1, m/s^2.
-    settings : RunSettings
-        Settings of the runs.
     """
 
     number: int
@@ -689,19 +673,7 @@ def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Part of the runs of a campaign, with their complete input.
-
-    Attributes
-    ----------
-    number : int
-        Number of the chunk in its campaign.
-    buildings : tuple of BuildingRuns
-        The buildings with their runs.
-    records : mapping of int to Record
-        Ground motions by number.
-    settings : RunSettings
-        Settings of the runs.
-    """
+    """Part of the runs of a campaign, with their complete input."""
 
     number: int
     buildings: tuple[BuildingRuns, ...]
@@ -715,10 +687,6 @@ class ChunkResult:
 
     Attributes
     ----------
-    number : int
-        Number of the chunk in its campaign.
-    rows : Rows
-        Rows of its runs, stories and events.
     seconds : float
         Processor time, s.
     """
@@ -781,8 +749,6 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     ----------
     record : Record
         Ground motion. The result for a sequence is the maximum over its events.
-    periods : list of float
-        Periods, s.
 
     Returns
     -------

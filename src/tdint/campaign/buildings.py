@@ -76,8 +76,6 @@ class ModelBuilding:
     ----------
     name : str
         Unique name in tables.
-    made : Subject
-        The building and its method.
     cells : str
         Cells of the columns of an inventory that are copied to tables, as a JSON list of texts;
         empty for model files.
@@ -171,19 +169,11 @@ class Rules:
 
     Attributes
     ----------
-    name : str
-        Name of the set of rules.
     stiffness, damping : float
         Standard deviations of the random factors (mean 1) by which stiffness and damping ratio of
         each building are multiplied; 0: no factors.
-    seed : int
-        Random seed of the factors.
-    method : str
-        Time-integration method.
     collapse_drift : float
         Drift ratio above which a run counts as collapsed.
-    p_delta : bool
-        Include P-delta effects.
     """
 
     name: str
@@ -324,8 +314,6 @@ class BuildingLimits:
 
     Attributes
     ----------
-    limits : tuple of Limit
-        Limits of its model.
     isolators : tuple of int
         Numbers of the stories with isolators, from 1.
     """

@@ -95,10 +95,8 @@ class ParameterSweep:
         Independent random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover
         1979).
     samples : int
-        Number of samples of the random parameters. Each combination of the other values is
-        analyzed with the same samples.
-    seed : int
-        Random seed of the samples.
+        Number of samples of the random parameters. Each combination of the other values is analyzed
+        with the same samples.
     methods : tuple of str
         Methods with their parameters, in all combinations with the other values; empty: no
         variation.
@@ -426,8 +424,6 @@ class InventoryFile:
     ----------
     file : str
         CSV file, or exposure model of OpenQuake.
-    rules : str
-        Name of the set of rules.
     length : float
         Length unit of the file, m.
     classes : str | None
@@ -441,8 +437,6 @@ class InventoryFile:
         Omit the stiffness-proportional damping.
     stiffness_scatter, damping_scatter : float
         Standard deviations of random factors of stiffness and damping ratio.
-    seed : int
-        Random seed of the factors.
     """
 
     file: str
@@ -468,10 +462,6 @@ class RecordFiles:
 
     Attributes
     ----------
-    files : tuple of str
-        Paths.
-    choice : RecordChoice
-        Selection of components and processing.
     pairs : PairNames | None
         Naming scheme of the two components of a motion; None: components are separate motions.
     """
@@ -487,8 +477,6 @@ class SequenceFile:
 
     Attributes
     ----------
-    file : str
-        Path of the file.
     choice : RecordChoice
         Selection of components and processing of the records.
     rest : float | None
@@ -545,12 +533,8 @@ class AnalysisOverrides:
 
     Attributes
     ----------
-    method : str | None
-        Method with its parameters.
     collapse_drift : float | None
         Drift ratio above which a run counts as collapsed.
-    p_delta : bool | None
-        Include P-delta effects.
     """
 
     method: str | None = None
@@ -566,18 +550,8 @@ class CampaignFile:
     ----------
     name, source : str
         Name of the campaign (by default the name of the file), and path of the file.
-    buildings : ModelFiles or InventoryFile
-        Buildings.
-    records : RecordFiles, SequenceFile, GridFile or FieldFile
-        Ground motions.
-    intensity : Scales, MeasureLevels or FactorsFile
-        Scale factors.
-    analysis : AnalysisOverrides
-        Settings for all buildings.
     settings : RunSettings
         Settings of the runs and of the results to store.
-    sweep : ParameterSweep | None
-        Variations of every building.
     damage : DamageRequest | None
         Definition of the damage states; None: as in the models.
     outputs : tuple of str | None

@@ -110,8 +110,6 @@ def execute_plan(
 
     Parameters
     ----------
-    engine : callable
-        Function that runs the chunks.
     shard : Shard, optional
         Shard to run; by default the complete campaign.
     max_runs : int, optional
@@ -390,8 +388,6 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
 
     Parameters
     ----------
-    folders : sequence of Path
-        Directories of the shards.
     partial : bool
         True to accept missing runs.
 
@@ -449,8 +445,6 @@ class _Part:
 
     Attributes
     ----------
-    folder : Path
-        Directory of the store.
     name : str
         Path of the store, for messages.
     identity : dict of str to str
@@ -461,8 +455,6 @@ class _Part:
         Shards, K/N, with runs in the store.
     chunks : dict of int to int
         Number of runs of each chunk that is complete and not corrupt, by the number of the chunk.
-    corrupt_count : int
-        Number of corrupt chunks.
     time_loops : str or None
         Execution of the time loops (`Store.time_loops`).
     """

@@ -414,14 +414,8 @@ class _WorkItem:
     ----------
     number : int
         Number of the work item in the study, which is also the number of its record in `batch`.
-    batch : Batch
-        Building and record. It integrates the runs.
-    measure : IntensityMeasure
-        Intensity measure of the levels.
     intensity : float
         Intensity of the unscaled record.
-    levels : LevelSearch
-        Search that determines the levels.
     unscaled : Record
         Record of the study, without the mainshock.
     damaged_state : DamagedState | None

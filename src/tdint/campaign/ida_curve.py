@@ -49,8 +49,6 @@ class IdaRun:
     ----------
     im : float
         Intensity, in the unit of its measure.
-    scale : float
-        Scale factor of the record.
     status : str
         Status as for `tdint run`. If it is neither `done` nor a collapse, the run has no result,
         even with a smaller time step.
@@ -301,8 +299,6 @@ class IdaCurve:
         Unscaled record.
     runs : tuple of IdaRun
         Runs in ascending order of levels.
-    collapse_drift : float
-        Drift ratio of collapse.
     damage, residual_drift_ratio : float
         For a building damaged by a mainshock: maximum drift ratio and residual drift ratio after
         the mainshock; 0 for an undamaged building.
@@ -424,13 +420,7 @@ class PairCurve(IdaCurve):
 
     @classmethod
     def combine_components(cls, first: IdaCurve, second: IdaCurve, demand: str) -> Self:
-        """Return the curve of a pair from the curves of its two components.
-
-        Parameters
-        ----------
-        demand : str
-            `larger` or `mean`.
-        """
+        """Return the curve of a pair from the curves of its two components."""
         curves = first, second
         # Drifts are known up to the smaller of the last levels below collapse.
         last_common_level = min(curve.stable[-1].im if curve.stable else 0.0 for curve in curves)
@@ -594,8 +584,6 @@ class DamagedState:
         Scaled mainshock.
     drift : float
         Drift ratio to which the mainshock is scaled.
-    residual_drift_ratio : float
-        Maximum residual drift ratio.
     rest : float
         Time from the last sample of the mainshock until free vibration has decayed, s.
     """

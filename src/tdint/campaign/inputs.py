@@ -73,10 +73,6 @@ class Inputs:
     ----------
     models : tuple of Model
         Models of the model files, with the campaign's settings for all buildings.
-    rows : InventoryRows | None
-        Buildings of the inventory.
-    motions : CampaignMotions
-        Ground motions.
     assignment : Assignment | None
         Ground motions of each building; None: all motions for all buildings.
     factors : FactorTable | None
@@ -205,15 +201,8 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
 def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
     """Read the buildings of an inventory.
 
-    Parameters
-    ----------
-    buildings : InventoryFile
-        Path, rules and units of the inventory.
-
     Returns
     -------
-    rows : InventoryRows
-        Valid rows.
     faults : tuple of ModelError
         One error with all invalid rows, which are skipped; empty if all rows are valid.
 

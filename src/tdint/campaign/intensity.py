@@ -39,15 +39,6 @@ _DIRECTIONS = 180  # number of directions of RotD, one per degree (Boore 2010)
 class SpectralIntensity:
     """Geometric mean of pseudo-accelerations at one or more periods. For one period it is Sa(T),
     and PGA at the period 0.
-
-    Attributes
-    ----------
-    name : str
-        Name in tables.
-    periods : tuple of float
-        Periods, s.
-    damping : float
-        Damping ratio.
     """
 
     name: str
@@ -149,8 +140,6 @@ def factor_to(value: float, measure: IntensityMeasure, unscaled: float) -> float
 
     Parameters
     ----------
-    value : float
-        Requested intensity of the scaled motion.
     unscaled : float
         Intensity of the motion without scaling, in the same unit.
     """
@@ -251,8 +240,6 @@ def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageErr
 
     Parameters
     ----------
-    name : str
-        Text of the user.
     known : iterable of str
         Forms of the known measures, such as `pga` and `sa(T)`.
     hint : str
@@ -289,8 +276,6 @@ def pseudo_accelerations(
 
     Parameters
     ----------
-    periods : ndarray, shape (k,)
-        Periods, s.
     pair : str
         Combination of the components of a pair: a name of `PAIRS`. It is not used for a single
         record.

@@ -131,8 +131,6 @@ def read_requested_motions(
 
     Parameters
     ----------
-    value : Value
-        Value of the key `records`.
     are_listed : bool
         True if a table of factors lists the records, so that none of these keys is required.
     """

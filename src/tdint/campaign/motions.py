@@ -45,8 +45,6 @@ class Draw(NamedTuple):
 
     Attributes
     ----------
-    motion : int
-        Number of the motion in the campaign.
     sample : int
         Number of the sample, from 1; 0 without sampling. In ground motion fields, it is the number
         of the event.
@@ -68,8 +66,6 @@ class FieldMotions:
     ----------
     events : tuple of str
         Events, which are numbered from 1.
-    sites : tuple of str
-        Sites.
     start : ndarray of int, shape (sites + 1,)
         First row of each site, followed by the number of rows.
     event, record : ndarray of int, shape (rows,)
@@ -142,8 +138,6 @@ class SiteEvents:
 
     Attributes
     ----------
-    field : FieldMotions
-        Motions.
     site_of : ndarray of int, shape (buildings,)
         Site of each building.
     """
@@ -195,8 +189,6 @@ class GridMotions:
     ----------
     locations : sequence of tuples of two floats
         Longitude and latitude of the points that have motions, degrees.
-    motions : tuple of tuples of PointMotion
-        Ground motions of each point.
     """
 
     locations: Sequence[tuple[float, float]] = field(repr=False)
@@ -213,8 +205,6 @@ class CampaignMotions:
         The motions; their index is their number.
     failures : tuple of TdintError
         Errors of motions that could not be read.
-    notes : tuple of str
-        Notes for the user.
     site_motions : GridMotions or FieldMotions, optional
         Motions by their location; None if all buildings have all motions.
     rates : mapping of str to float
@@ -292,15 +282,6 @@ class GridFile:
 class GridSamples:
     """Assignment of motions to buildings: each building has random samples of the motions at its
     nearest points of a grid.
-
-    Attributes
-    ----------
-    rows : InventoryRows
-        Buildings with their locations.
-    grid : GridMotions
-        Points that have motions.
-    settings : GridFile
-        Settings of the sampling.
     """
 
     rows: InventoryRows = field(repr=False)
@@ -408,8 +389,6 @@ def nearest(locations: Locations, candidates: Locations, distance: str) -> NDArr
     ----------
     locations : Places
         Longitudes and latitudes of the locations, degrees.
-    candidates : Places
-        Longitudes and latitudes of the candidates, degrees.
     distance : str
         Type of distance: a key of `COORDINATES`. `km` is measured on the earth, `degrees` in a
         plane of longitude and latitude. The nearest candidate depends on this choice.
@@ -468,8 +447,6 @@ class Scales:
 
     Attributes
     ----------
-    values : tuple of float
-        Scale factors.
     depends_on_period : bool
         True if factors depend on the first period of the building, which is then computed.
     ignores_motion_factor : bool
@@ -486,13 +463,7 @@ class Scales:
         return len(self.values)
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        """Return the factors of a motion for each building.
-
-        Parameters
-        ----------
-        periods : sequence of float
-            First period of each building, s.
-        """
+        """Return the factors of a motion for each building."""
         return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
@@ -508,8 +479,6 @@ class FactorTable:
 
     Attributes
     ----------
-    source : str
-        Path of the file.
     by_name : mapping of (str, str) to tuple of float
         Factors by record and component.
     scaled : mapping
@@ -616,12 +585,8 @@ class MeasureLevels:
         Function that returns the measure for a period, s.
     period : float | None
         Period, s; None: first period of each building.
-    values : tuple of float
-        Levels, in SI units.
     pair : str
         Combination of the components of a pair, a name of `tdint.campaign.intensity.PAIRS`.
-    motions : sequence of SuiteMotion
-        Motions to scale.
     """
 
     measure: Callable[[float], IntensityMeasure]
@@ -643,11 +608,6 @@ class MeasureLevels:
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building, one per level. Both components of a
         pair have the same factors.
-
-        Parameters
-        ----------
-        periods : sequence of float
-            First period of each building, s.
         """
         # The intensity of a pair is computed from both components: `recording` is the pair of a
         # component, or the single record. Equal periods of several buildings are evaluated only

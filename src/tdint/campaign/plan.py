@@ -64,26 +64,10 @@ class Plan:
 
     Attributes
     ----------
-    name : str
-        Name of the campaign.
-    buildings : Buildings
-        Buildings.
-    motions : tuple of SuiteMotion
-        All ground motions.
-    assignment : Assignment
-        Motions of each building.
-    levels : Levels
-        Scale factors of the motions.
-    settings : RunSettings
-        Settings of the runs.
     failures : tuple of TdintError
         Errors of records and rows of an inventory that were skipped.
-    notes : tuple of str
-        Notes for the user.
     warnings : tuple of str
         Unusual values of the buildings, as shown by `check`. They are shown before the notes.
-    damage : Damage | None
-        Definition of the damage states, if any.
     inventory : tuple of str
         Files of the inventory, if the campaign has one.
     too_far_from_sites : tuple of ModelFault

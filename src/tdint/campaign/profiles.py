@@ -148,8 +148,6 @@ class Profile(SuiteLevel):
 
     Attributes
     ----------
-    building : str
-        Name of the building.
     motions : tuple of str
         Motions of completed runs.
     height : ndarray, shape (n,)
@@ -223,14 +221,10 @@ class Ratios:
 
     Attributes
     ----------
-    building, baseline : str
-        Names of the buildings.
     scale : float
         Scale factor of all motions; NaN if motions have different factors.
     level : float
         Value of the intensity measure or number of the level; NaN if the level is a factor.
-    quantity : Quantity
-        Quantity that is compared.
     mean, median, max : ndarray, shape (1 + stories,)
         Ratio of the maximum over all stories, then ratio of each story from the ground up; NaN if
         the baseline has no value, or zero.
@@ -404,8 +398,6 @@ class SuiteRules:
 
     Attributes
     ----------
-    pairs : PairRule
-        Rule for pairs.
     values : sequence of float
         Values of the levels of an intensity measure; empty without a measure.
     has_several_levels : bool
@@ -597,10 +589,6 @@ class RunFloors:
 
     Attributes
     ----------
-    building : int
-        Number of the building in the store.
-    run : Run
-        The run.
     spectra : tuple of FloorSpectrum
         Spectra by floor, then damping ratio.
     """
@@ -616,14 +604,10 @@ class FloorSuite(SuiteLevel):
 
     Attributes
     ----------
-    building : str
-        Name of the building.
     floor : int
         Number of the floor, from 1 at the bottom.
     damping : float
         Damping ratio of the oscillators on the floor.
-    periods : ndarray, shape (k,)
-        Natural periods, s.
     psa : ndarray, shape (motions, k)
         Pseudo-acceleration of each completed motion, m/s^2; demand of a pair at each period.
     """
@@ -648,11 +632,6 @@ class FloorSuite(SuiteLevel):
 def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
     """Return the floor spectra of all completed runs of a campaign. The store contains no response
     histories, so each run is repeated with the stored time step.
-
-    Parameters
-    ----------
-    jobs : int
-        Number of threads.
 
     Returns
     -------

@@ -178,8 +178,6 @@ def suite_spectra(
 
     Parameters
     ----------
-    periods : ndarray, shape (k,)
-        Periods, s.
     pair : str
         Spectrum that represents a pair of components: a name of `PAIRS`.
     """
@@ -202,8 +200,6 @@ def scale_to_value(
 
     Parameters
     ----------
-    value : float
-        Requested value of the measure, SI units.
     pair : str
         Combination of the components of a pair; by default the geometric mean.
 
@@ -238,8 +234,6 @@ def scale_to_target(
     ----------
     periods : ndarray, shape (k,)
         Periods, s, in the range of the target.
-    damping : float
-        Damping ratio of the spectra; default 0.05.
     pair : str
         Spectrum that represents a pair of components; by default the geometric mean.
 
@@ -570,11 +564,6 @@ def target_at(
         Target spectrum, or the text that specifies it (`read_target`), for example a file.
     periods : sequence of float | None
         Periods, s; None: 100 logarithmically spaced periods over the range of the target.
-
-    Returns
-    -------
-    TargetSpectrum, ndarray of shape (k,)
-        Target spectrum, and periods, s.
     """
     target_spectrum = read_target(target) if isinstance(target, str) else target
     if periods is not None:

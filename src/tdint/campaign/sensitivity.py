@@ -92,14 +92,6 @@ class RankCorrelation:
 
     Attributes
     ----------
-    building : str
-        Name of the building.
-    scale : float
-        Scale factor of the motions.
-    parameter : str
-        Name of the parameter.
-    quantity : Quantity
-        Peak.
     coefficient : float
         Spearman's rank correlation of the parameter and the median of the peak over the motions;
         NaN if one of them does not vary.
@@ -246,13 +238,6 @@ def parameter_effects(
 ) -> list[ParameterEffect]:
     """Return the effects of the parameters on the peaks. The peaks are in the order of `PEAKS`; the
     effects on each peak are in descending order.
-
-    Parameters
-    ----------
-    store : Store
-        Store with the completed runs of `plan_of`.
-    ranges : mapping of str to (float, float)
-        Low and high values of parameters.
     """
     result: list[ParameterEffect] = []
     # Medians of all peaks by the number of the building

@@ -483,10 +483,6 @@ class _RowReader:
 
     Attributes
     ----------
-    field : FieldFile
-        Path and settings of the fields.
-    table : CsvTable
-        Header of the table.
     columns : tuple of six str
         Names of the columns of event, record, site, component, file of the second component, and
         value; the last is empty if all values are 1.
@@ -494,8 +490,6 @@ class _RowReader:
         Unit of the values in SI.
     measure : IntensityMeasure | None
         Intensity measure of the values; None for factors.
-    rows : _FieldRows
-        Receives the rows.
     """
 
     field: FieldFile
@@ -648,10 +642,6 @@ class _FieldRecords:
     ----------
     motions : list of SuiteMotion
         Motions of all records that were read; the index is the number.
-    failures : list of TdintError
-        Errors of records that cannot be used.
-    notes : list of str
-        Notes of the reader for the user.
     """
 
     def __init__(self, field: FieldFile) -> None:

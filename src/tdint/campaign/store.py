@@ -60,8 +60,6 @@ class Identity:
 
     Attributes
     ----------
-    name : str
-        Name of the campaign or study.
     study_type : str
         Type of study for messages, such as `campaign`.
     settings : dict
@@ -80,8 +78,6 @@ class Identity:
         Definition of the damage states.
     files : mapping of str to str
         SHA-256 of the model files, or of the files of the inventory, by name.
-    outputs : sequence of str | None
-        Tables to write; None: all tables.
     rates : mapping of str to float
         Annual rate of each event, 1/year, if specified.
     style : tuple of (str, str)
@@ -869,11 +865,6 @@ def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[s
 def open_existing(folder: Path, *, write: bool = False) -> Store:
     """Open the store of a campaign in a directory. Its chunks are not verified (`check_chunks`).
 
-    Parameters
-    ----------
-    write : bool
-        True to open the store for writing.
-
     Raises
     ------
     UsageError
@@ -941,11 +932,6 @@ def check_chunks(store: Store) -> None:
 
 def check_same(store: Store, identity: Identity) -> list[str]:
     """Check that a store contains the runs of a campaign.
-
-    Parameters
-    ----------
-    identity : Identity
-        Campaign that the store must contain.
 
     Returns
     -------

@@ -288,8 +288,6 @@ def wait_for(
 
     Parameters
     ----------
-    name : str
-        Path of the file, for messages.
     is_first : bool
         True for the first statement of a connection, which has no locks. Only then it can be tested
         without losing locks if the file system supports them.
@@ -331,11 +329,6 @@ def wait_for(
 def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
     """Execute the statements of a `with` block as a transaction, which is reversed if an error
     occurs.
-
-    Parameters
-    ----------
-    name : str
-        Path of the file, for messages.
 
     Raises
     ------
@@ -544,13 +537,9 @@ class RowTable:
 
     Attributes
     ----------
-    name : str
-        Name of the table.
     key, others : dict of str to type
         Type of each column by its name: the columns of the primary key, and the remaining columns,
         in the order of the fields of a row (`RunRow`, `StoryRow`, `EventRow`, `ElementRow`).
-    view : str
-        Name of the view.
     hidden : tuple of str
         Columns that the view does not show.
     """
@@ -754,8 +743,6 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 
     Parameters
     ----------
-    seconds : float
-        Processor time, s.
     *tables : iterable of tuple
         Rows of runs, stories, events and elements in the order of their keys, as SQLite returns
         them.
@@ -811,11 +798,6 @@ def seal_of(connection: sqlite3.Connection) -> str:
 def check_store(connection: sqlite3.Connection, name: str) -> None:
     """Check that a file is a complete store with the current layout. The rows of the chunks are not
     verified.
-
-    Parameters
-    ----------
-    name : str
-        Path of the file, for messages.
 
     Raises
     ------

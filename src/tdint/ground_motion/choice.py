@@ -244,11 +244,6 @@ def parse_pad(text: str) -> tuple[float, float]:
     """Parse the durations of zeros before and after a record from `BEFORE:AFTER`, s, or from one
     number for both.
 
-    Returns
-    -------
-    tuple of float
-        Durations before and after the record, s.
-
     Raises
     ------
     UsageError

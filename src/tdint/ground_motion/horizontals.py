@@ -51,8 +51,6 @@ class SingleHorizontal(RecordError):
 
     Attributes
     ----------
-    file : str
-        File name.
     component : str
         Name of the component; empty if the file does not state it.
     """

@@ -223,11 +223,6 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
     are different accelerometer channels. Otherwise the stations are R01, R02, ... with the channel
     HN1.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Ground motions.
-
     Returns
     -------
     list of Record
@@ -283,11 +278,6 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
 
     The criterion is that more than 5 % of the Arias intensity of a record follows the end of the
     analysis. This happens if the duration in a model file was selected for another record.
-
-    Parameters
-    ----------
-    end : float
-        End of the analysis, s.
 
     Returns
     -------
@@ -360,11 +350,6 @@ def cumulative_absolute_velocity(record: Record) -> float:
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
     """Return the integral over time of the absolute acceleration, while it is at least a threshold.
-
-    Parameters
-    ----------
-    threshold : float
-        Acceleration threshold, m/s^2.
 
     Returns
     -------
@@ -610,8 +595,6 @@ def spectrum_intensity(periods: Array, psv: Array) -> float:
     ----------
     periods : ndarray, shape (k,)
         Periods in increasing order, s.
-    psv : ndarray, shape (k,)
-        Pseudo-velocities at these periods, m/s.
     """
     return float(np.sum(0.5 * np.diff(periods) * (psv[:-1] + psv[1:])))
 

@@ -62,8 +62,6 @@ class Statement:
         Stated and computed number, in the same unit.
     rounding : float
         Difference that is explained by the rounding of the stated number.
-    unit : str
-        Unit, for messages.
     where : str
         Part of the file, for messages; empty for the entire file.
     measured : bool
@@ -238,8 +236,6 @@ class DataRecord:
         Network, station, location and channel joined by dots.
     codes : bytes
         Station, location, channel and network as in the header, padded to fixed widths.
-    samples : int
-        Number of samples.
     encoding : int
         Code of the encoding of the samples (SEED manual, blockette 1000).
     length : int
@@ -322,8 +318,6 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     ----------
     records : list of DataRecord
         Headers of the data records of the file.
-    traces : list of obspy.Trace
-        Traces that were read from the file.
 
     Returns
     -------

@@ -116,8 +116,6 @@ def written_motion(file: str, content: bytes, id: str, origin: MotionOrigin) -> 
 
     Parameters
     ----------
-    file : str
-        Name of the file.
     content : bytes
         Content of the file, for its SHA-256.
     id : str
@@ -138,10 +136,6 @@ def origin_of(file: str, digest: str, id: str) -> tuple[MotionOrigin, str, str] 
 
     Parameters
     ----------
-    file : str
-        File of the motion.
-    digest : str
-        SHA-256 of the file.
     id : str
         Network, station, location and channel of the component, joined by dots.
 

@@ -148,8 +148,6 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
 
     Parameters
     ----------
-    dt : float
-        Sampling interval, s.
     new : float
         New sampling interval, s, at most (n - 1) dt.
 
@@ -408,8 +406,6 @@ def butterworth(record: Record, filter_type: str, corner: float, order: int) -> 
     ----------
     filter_type : str
         `highpass` or `lowpass`.
-    corner : float
-        Corner frequency, Hz.
 
     Raises
     ------
@@ -439,21 +435,8 @@ def zero_phase(
     ----------
     samples : ndarray
         Samples along the first axis.
-    dt : float
-        Sampling interval, s.
-    filter_type : str
-        `highpass` or `lowpass`.
-    corner : float
-        Corner frequency, Hz.
-    label : str
-        Name of the samples in error messages.
     held : bool
         Continue with the last value after the end instead of zeros. Default False.
-
-    Returns
-    -------
-    ndarray
-        Filtered samples, in the shape of `samples`.
 
     Raises
     ------
@@ -503,8 +486,6 @@ def resample(record: Record, dt: float) -> Record:
     ----------
     record : Record
         Record to resample; it is returned unchanged if it already has the interval.
-    dt : float
-        New sampling interval, s.
 
     Raises
     ------

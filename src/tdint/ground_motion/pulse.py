@@ -95,11 +95,6 @@ class Sweep:
     def acceleration(self, t: NDArray[np.floating]) -> Array:
         """Return the ground acceleration of the sweep, m/s^2: a sine with a frequency that changes
         linearly from `first` to `last`. It is 0 before the start and after the duration.
-
-        Parameters
-        ----------
-        t : ndarray
-            Times from the start, s.
         """
         # The number of cycles is the integral of the frequency over time.
         cycles = self.first * t + 0.5 * (self.last - self.first) * t**2 / self.duration

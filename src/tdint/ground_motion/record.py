@@ -40,8 +40,6 @@ def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[
 
     Parameters
     ----------
-    peak : float
-        Peak acceleration, m/s^2.
     name : str
         Name of the peak in the warning. Default: peak ground acceleration.
 
@@ -345,13 +343,6 @@ def rest_intervals(rest: float, dt: float) -> int:
     """Return the number of sampling intervals between the last sample of a record and the first
     sample of the next record: at least 1, and at least the rest between the records.
 
-    Parameters
-    ----------
-    rest : float
-        Duration of rest between the records, s.
-    dt : float
-        Sampling interval, s.
-
     Raises
     ------
     UsageError
@@ -521,8 +512,6 @@ def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
 
     Returns
     -------
-    content : bytes
-        Content of the file.
     notes : tuple of str
         Note about the sampling interval if MiniSEED cannot store it exactly; otherwise empty.
 

@@ -38,20 +38,12 @@ class Signal:
     ----------
     samples : ndarray, shape (samples,)
         Samples, m, m/s or m/s^2.
-    dt : float
-        Sampling interval, s.
     quantity : str
         `acceleration`, `velocity` or `displacement`.
-    label : str
-        File and channel, for messages.
     start : float | None
         Time of the first sample, s, on the `clock`; None if the file does not state it.
     clock : str
         `UTC`, or `table` for the times of a table; empty without a start.
-    notes, warnings : tuple of str
-        Assumptions and changes made by the reader.
-    input : Input
-        File from which the channel was read.
     """
 
     samples: Array
@@ -69,8 +61,6 @@ class Signal:
 
         Parameters
         ----------
-        samples : ndarray, shape (samples,)
-            Samples in SI units.
         quantity : str, optional
             Quantity of these samples, `acceleration`, `velocity` or `displacement`. The default is
             the quantity of the channel.
@@ -143,20 +133,11 @@ def in_band(
     ----------
     samples : ndarray
         Samples along the first axis.
-    dt : float
-        Sampling interval, s.
     band : tuple of float | None
         Lower and upper frequency, Hz; None returns the samples unchanged.
-    label : str
-        Name of the samples in error messages.
     quantity : str
         Quantity of the samples, which determines the motion after the end: a `displacement` keeps
         its last value; other quantities are zero. The default is `acceleration`.
-
-    Returns
-    -------
-    ndarray
-        Filtered samples with the shape of `samples`.
 
     Raises
     ------
@@ -180,14 +161,8 @@ def at_times(samples: Array, dt: float, first: float, interval: float, count: in
 
     Parameters
     ----------
-    dt : float
-        Sampling interval, s.
     first : float
         Time of the first sample, s.
-    interval : float
-        Interval of the requested times, s.
-    count : int
-        Number of requested times.
 
     Returns
     -------

@@ -121,8 +121,6 @@ class Span(NamedTuple):
     ----------
     t : float
         Time at the end, s.
-    h : float
-        Length, s.
     ground_0, ground_1 : float
         Ground acceleration at both endpoints, m/s^2.
     on_path : bool

@@ -464,10 +464,6 @@ class Publication:
 
     Attributes
     ----------
-    bibtex : str
-        BibTeX entry.
-    year, title : str
-        Year and title of the publication.
     author : str
         Authors in BibTeX format, separated by `and`; empty if unknown.
     howpublished : str

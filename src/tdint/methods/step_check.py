@@ -368,8 +368,6 @@ class EnergyBalance:
 
     Attributes
     ----------
-    law : str
-        Name of the hysteresis model.
     dt : float
         Smallest time step with which the imbalance was measured, s.
     imbalance : float

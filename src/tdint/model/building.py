@@ -577,8 +577,6 @@ class DrawnBuildings:
 
     Attributes
     ----------
-    base : Building
-        The building that was varied.
     linear_terms, law_parameters : ndarray, shape (draws, rows, n + 1)
         Tables of each sample, as in `Building`.
     modal : sequence of ndarray
@@ -642,8 +640,6 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
 
     Parameters
     ----------
-    base : Building
-        The building of the unchanged model.
     values : mapping of str to ndarray, shape (draws,)
         Values of parameters by name (`Model.replace`); nan if a sample does not change the
         parameter.
@@ -921,11 +917,6 @@ def oscillators(omega: Array, damping: Array) -> Building:
 
     The equation of motion of an oscillator is u'' + 2 xi omega u' + omega^2 u = p with the
     displacement u, the damping ratio xi, the circular frequency omega and the load p.
-
-    Parameters
-    ----------
-    omega, damping : ndarray, shape (k,)
-        Circular frequencies (rad/s) and damping ratios.
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     k = omega.size

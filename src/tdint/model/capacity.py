@@ -134,22 +134,14 @@ class CapacityFacts:
 
     Attributes
     ----------
-    curve : CapacityCurve
-        Capacity curve.
-    stories : int
-        Number of stories.
     height : float | None
         Height of the building, m; None: number of stories times `STORY_HEIGHT`.
     mass : float
         Total mass of all floors, kg.
     soft_story, degradation : bool
         True for a soft ground story; True if stories lose stiffness and strength.
-    damping_ratio : float
-        Viscous damping ratio.
     as_published : bool
         Multiply forces and stiffness by the factor of version 1.1 of the toolkit.
-    name : str
-        Name of the class.
     """
 
     curve: CapacityCurve
@@ -169,8 +161,6 @@ class CapacityBuilding:
 
     Attributes
     ----------
-    name : str
-        Name of the class.
     curve_period, period : float
         Period of the first segment of the curve, and of the building, s.
     participation : float
@@ -182,8 +172,6 @@ class CapacityBuilding:
         Floor masses, kg, and story heights, m.
     drifts, forces : ndarray, shape (stories, 4)
         Points of the backbone curve of each story, m and N.
-    damping_ratio : float
-        Viscous damping ratio.
     damping : RayleighRatio or RayleighCoefficients
         Damping of the first two modes; mass-proportional for one story.
     degradation : bool
@@ -314,8 +302,6 @@ class CapacityClass:
 
     Attributes
     ----------
-    curve : CapacityCurve
-        Capacity curve.
     soft_story : bool
         True if the ground story is soft.
     degradation : bool
@@ -329,11 +315,6 @@ class CapacityClass:
 
 def read_curve(source: str) -> CapacityCurve:
     """Read the capacity curve from a CSV file with the columns sd_m and sa_g.
-
-    Parameters
-    ----------
-    source : str
-        Path of the file.
 
     Raises
     ------
@@ -355,11 +336,6 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
 
     The file has the columns class, sd_m and sa_g, and one row for each point of a capacity curve,
     in the order of the curve. The columns soft_story and degradation (true or false) are optional.
-
-    Parameters
-    ----------
-    source : str
-        Path of the file.
 
     Raises
     ------

@@ -38,8 +38,6 @@ class DamageDemand:
     ----------
     unit : str
         SI unit; 1 for a ratio.
-    meaning : str
-        Description for users.
     per : str
         Divisor of the roof displacement: `height` or `participation`; empty for demands that are
         not computed from the roof displacement.

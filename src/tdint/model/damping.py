@@ -190,11 +190,6 @@ def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> Rayleigh
     modes are the same, mass and stiffness contribute half of the damping each. This is the limit
     for equal ratios as the two frequencies approach each other.
 
-    Parameters
-    ----------
-    omega_1, omega_2 : float
-        Circular frequencies of the two modes, rad/s.
-
     Raises
     ------
     ModelError

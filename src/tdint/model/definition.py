@@ -818,8 +818,6 @@ def simple_story(
 
     Parameters
     ----------
-    mass : float
-        Mass of the floor, kg.
     stiffness : float, optional
         Initial stiffness, N/m. Default: the stiffness that the law defines.
     dashpot : float
@@ -844,8 +842,6 @@ def simple_model(
 
     Parameters
     ----------
-    stories : sequence of Story
-        Stories from the ground up.
     displacement, velocity : sequence of float
         Initial state of the floors, m and m/s. Default: at rest.
     """
@@ -942,15 +938,7 @@ class Change(NamedTuple):
         return self.column >= FIRST_LAW_PARAMETER and not self.factor
 
     def check(self, name: str, *values: float) -> None:
-        """Raise UsageError if a value is outside the bounds that the law declares.
-
-        Parameters
-        ----------
-        name : str
-            Name of the parameter, for the message.
-        *values : float
-            Values of the parameter, SI units.
-        """
+        """Raise UsageError if a value is outside the bounds that the law declares."""
         if self.bounds:
             low, high = self.bounds.low, self.bounds.high
             low_allowed, high_allowed = self.bounds.low_allowed, self.bounds.high_allowed
@@ -968,8 +956,6 @@ class SpringColumns(NamedTuple):
 
     Attributes
     ----------
-    stiffness : int
-        Index of its initial stiffness.
     first, end : int
         Index of the first parameter of its law, and index after the last parameter.
     """

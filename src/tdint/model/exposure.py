@@ -60,8 +60,6 @@ class _ExposureModel:
         does not state them.
     fields : dict
         Column of a CSV file for each field of OpenQuake.
-    tags : list of str
-        Names of the tags.
     assets : list of (int, dict)
         Line and values of each asset in the file.
     files : str
@@ -78,11 +76,6 @@ class _ExposureModel:
 
 def read_mapping(source: str) -> CsvTable:
     """Read a mapping table, which contains the columns of an inventory for each taxonomy.
-
-    Parameters
-    ----------
-    source : str
-        Path of the CSV file.
 
     Raises
     ------
@@ -157,8 +150,6 @@ class _Assets:
     ----------
     source : str
         Name of the XML file, or of a CSV file with the assets alone.
-    model : _ExposureModel
-        Contents of the XML file.
     mapping : CsvTable
         Mapping table with the columns of an inventory for each taxonomy.
     reserved : collection of str
@@ -166,8 +157,6 @@ class _Assets:
 
     Attributes
     ----------
-    titles : tuple of str
-        Columns of the inventory.
     rows : list of (int, list of str)
         Line of each asset in its file, and the cells of its row.
 

@@ -51,8 +51,6 @@ def add_force_history(forces: Array, points: Array, time: Array, total: Array) -
     ----------
     forces, points : ndarray
         Arrays of `load_arrays`.
-    time : ndarray, shape (times,)
-        Times, s.
     total : ndarray, shape (times, floors)
         The forces are added to this array.
     """

@@ -96,8 +96,6 @@ class InventoryRow:
     ----------
     id : str
         Unique identifier.
-    facts : BuildingFacts or CapacityFacts
-        Properties of the building in the file.
     latitude, longitude : float | None
         Location, degrees; None if the file does not contain it.
     columns : tuple of str
@@ -253,8 +251,6 @@ class _Table:
 
     Attributes
     ----------
-    table : CsvTable
-        Name and header of the file.
     length, mass_only, classes, as_published
         Arguments of `read_inventory`.
     columns : list of TextColumn
@@ -369,8 +365,6 @@ class InventoryRows(LazySequence[InventoryRow]):
 
     Attributes
     ----------
-    table : _Table
-        Table that contains the rows.
     indices : ndarray of int
         Indices of the rows in the table.
     near : tuple of (sequence of str, ndarray of int, ndarray), or None
@@ -540,10 +534,6 @@ class _Row:
 
     Parameters
     ----------
-    table : _Table
-        Table that contains the row.
-    index : int
-        Index of the row in the table.
     faults : list of ModelFault
         List for the errors of the row, extended by this function.
     """
@@ -766,8 +756,6 @@ def derive_row(
     ----------
     row : InventoryRow
         Row with the id and the properties of the building.
-    rules : str
-        Name of the rules, one of `RULES`.
     stiffness, damping : float
         Standard deviations of the random factors on stiffness and damping ratio. Default: no
         scatter.

@@ -78,10 +78,6 @@ class _LawStory(NamedTuple):
 
     Attributes
     ----------
-    law : DriftLaw
-        Definition of the law.
-    functions : LawFunctions
-        Functions of the law.
     column : ndarray, shape (rows,)
         Number of the law, initial stiffness and parameters, as in `law_parameters`.
     guard : Guard
@@ -136,8 +132,6 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
     ----------
     law : DriftLaw
         The law; its functions are executed in plain Python.
-    where : str
-        Origin of the law, for messages.
 
     Raises
     ------

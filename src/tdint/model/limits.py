@@ -25,8 +25,6 @@ class LimitedQuantity:
 
     Attributes
     ----------
-    unit : str
-        SI unit; 1 for a ratio.
     text : str
         Name of the quantity in sentences.
     location : str
@@ -256,8 +254,6 @@ def chosen_limits(
         level of the model; None for all limits of the model.
     ratios : ndarray, shape (..., n)
         Peak drift ratios; nan for a story without a drift ratio.
-    name : str
-        Name of the building, for messages.
 
     Raises
     ------
@@ -288,13 +284,7 @@ def chosen_limits(
 
 
 def check_level(limits: Iterable[Limit], level: str, name: str) -> None:
-    """Raise UsageError if the limits of a building do not include a performance level.
-
-    Parameters
-    ----------
-    name : str
-        Name of the building, for the message.
-    """
+    """Raise UsageError if the limits of a building do not include a performance level."""
     levels = list(dict.fromkeys(limit.level for limit in limits if limit.level))
     if level not in levels:
         available = f"; its levels: {', '.join(levels)}" if levels else "; its model has no levels"

@@ -80,16 +80,10 @@ class DerivedBuilding:
         Design level and type of the table row with the parameters.
     rule_period : float
         Target fundamental period of the stiffness, without scatter, s.
-    period : float
-        Fundamental period of the shear building, s.
     damping_ratio : float
         Damping ratio with scatter.
     mass, height, stiffness, yield_force, ultimate_force, ultimate_drift : ndarray
         Values of each story, kg, m, N/m, N, N, m.
-    pinching, unloading : float
-        Parameters of the trilinear-pinching law.
-    damping : RayleighRatio or RayleighCoefficients
-        Damping of the building.
     """
 
     design_level: str

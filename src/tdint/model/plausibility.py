@@ -373,8 +373,6 @@ def period_range(count: int, height: float = math.nan) -> UsualRange:
 
     Parameters
     ----------
-    count : int
-        Number of stories.
     height : float
         Height of the building, m; nan if unknown. The range then follows from the number of
         stories.

@@ -431,10 +431,6 @@ def check_name(name: str, names: Any, noun: str, where: str) -> None:
     ----------
     name : str
         Name of the law, method or reference program.
-    noun : str
-        Noun for messages.
-    where : str
-        Origin for messages.
 
     Raises
     ------

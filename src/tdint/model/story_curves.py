@@ -82,10 +82,6 @@ class FittedLaw:
 
     Attributes
     ----------
-    type : str
-        Name of the law.
-    stiffness : float
-        Initial stiffness, N/m.
     parameters : tuple of (str, float, str)
         Name, value in SI units and dimension (`force`, `length` or empty) of each parameter.
     backbone : tuple of (float, float)
@@ -272,8 +268,6 @@ def type_model(
     ----------
     area : float
         Area of a single floor, m^2 or ft^2.
-    system : str
-        System of units, `si` or `us`.
     motion : str | None
         File of the record; None for free vibration.
     """
@@ -393,8 +387,6 @@ class CurveFit:
     ----------
     story : int
         Number of the story, from 1 at the ground.
-    law : FittedLaw
-        The law.
     misfit : float
         Root mean square of the differences of shear between law and curve, relative to the maximum
         shear of the curve.
@@ -409,11 +401,6 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     """Read the story curves of a building from a CSV file.
 
     The names of the columns contain the units, such as `drift_mm` and `shear_kN`.
-
-    Parameters
-    ----------
-    source : str
-        Path of the file.
 
     Returns
     -------
@@ -485,8 +472,6 @@ def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit
         Number of the story, from 1 at the ground.
     drift : array, shape (points,)
         Drifts, m, which do not decrease.
-    shear : array, shape (points,)
-        Story shear at each drift, N.
     law_type : str
         `bilinear`; `trilinear`: the law `trilinear-pinching` without pinching, with constant force
         after the ultimate point; or `multilinear`: the law `multilinear-pinching` without pinching,

@@ -56,8 +56,6 @@ def pushover_page(
     ----------
     targets : sequence of TargetDisplacement
         Target displacements under a design spectrum; may be empty.
-    units : OutputUnits
-        Units of the report; SI by default.
     """
     model, units = result.model, page_units(units)
     draw = partial(figures.comparison.pushover_picture, result, units)
@@ -107,13 +105,7 @@ _PUSHOVER_ASSUMPTIONS = (
 
 
 def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = SI) -> bytes:
-    """Return the report of a response spectrum analysis.
-
-    Parameters
-    ----------
-    units : OutputUnits
-        Units of the report; SI by default.
-    """
+    """Return the report of a response spectrum analysis."""
     model, units = result.model, page_units(units)
     draw = partial(figures.mode_shapes.modal_response_picture, result, units)
     # The table has only the CQC values, which are also valid for close modes. The text states the
@@ -198,10 +190,6 @@ def mode_page(
     ----------
     table : Table
         Modes, longest period first (`mode_table`).
-    draw : callable
-        Function that draws the shapes.
-    units : OutputUnits
-        Units of the report; SI by default.
     record : Record, optional
         Ground motion of the model, whose response spectrum shows the modes.
     """

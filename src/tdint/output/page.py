@@ -76,8 +76,6 @@ class Picture:
 
     Attributes
     ----------
-    draw : callable
-        Function that draws the figure.
     caption : str
         Text below the figure, which is also its description for screen readers.
     """
@@ -96,8 +94,6 @@ class Chapter:
 
     Attributes
     ----------
-    title : str
-        Heading.
     parts : sequence of Part
         Content; a chapter without content is omitted.
     """
@@ -117,8 +113,6 @@ class PageText:
     verdict : sequence of (bool or None, str)
         Headline sentences. True: the limit is met; False: the limit is exceeded or the building
         collapsed; None: no limit was requested.
-    warnings : sequence of str
-        Warnings about the results.
     head : sequence of (str, str)
         Names and texts of the first lines: project, author, date.
     inputs : sequence of mapping
@@ -317,8 +311,6 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     ----------
     about : str
         Introduction of a single sentence.
-    chapters : iterable of Chapter
-        Chapters; a chapter without content is omitted.
     page_text : PageText
         Verdict, warnings, lines of the head and input files.
     """
@@ -515,8 +507,6 @@ class _Column(NamedTuple):
     css_class : str
         Attribute of the cells: class t for text, d for digests, empty for numbers. Text and digests
         are left-aligned.
-    cells : list of str
-        Text of each cell.
     """
 
     heading: str

@@ -141,11 +141,6 @@ def _style_error(key: str, has_value: bool) -> str:
 def figure_width(text: str, of: str = "--style") -> float:
     """Return the width of a figure in m from a text with a unit, such as 90mm or 3.5in.
 
-    Parameters
-    ----------
-    of : str
-        Source of the text, for error messages.
-
     Raises
     ------
     UsageError

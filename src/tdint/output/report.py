@@ -64,8 +64,6 @@ def model_chapter(
 
     Parameters
     ----------
-    units : OutputUnits
-        Units of the table; SI by default.
     peaks : StoryPeaks, optional
         Peak responses of a run. If the building has isolators, the chapter also states the period
         with the secant stiffness of the isolators at these peak drifts.
@@ -202,8 +200,6 @@ def run_page(
         Result of the run, with its response history if the report has its figure.
     floors : sequence of FloorSpectrum
         Requested floor spectra; none by default.
-    units : OutputUnits
-        Units of the report; SI by default.
     """
     model, check, units = response.model, response.check, page_units(units)
     table = story_table(response.stories, check.errors if check else None).in_units(units)

@@ -237,8 +237,6 @@ def failure_summary(
         Error of the run, with the last time that it reached.
     record : Record | None
         Ground motion of the run; None without ground motion.
-    wall_time : float
-        Duration of the computation, s.
     settings : mapping, optional
         Options of the command line that are not part of the model.
     """

@@ -269,8 +269,6 @@ def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
     -------
     list of Fragility
         Function of each drift threshold and each damage of the building before the ground motions.
-    list of str
-        Sentences with the reasons for missing functions.
     """
     functions, failures = [], []
     for state in study.states:

@@ -77,8 +77,6 @@ def table_summary(
 
     Parameters
     ----------
-    settings : dict
-        Options of the command line and defaults.
     records : sequence of dict
         The `record_summary` of each record in the table.
     meanings : mapping
@@ -357,8 +355,6 @@ def chart_summary(
 
     Parameters
     ----------
-    target : str
-        Quantity whose error is compared.
     advice : sequence of Advice
         Recommended points for each error limit.
     meanings : mapping
@@ -521,14 +517,10 @@ def comparison_summary(
 
     Parameters
     ----------
-    model : Model
-        Model as read from its file.
     comparisons : sequence of Comparison
         The selected event first, then the events that were not used for the fit.
     fitted : Fit | None
         Result of the fit to the first event.
-    settings : mapping
-        Options of the command line.
     units : OutputUnits
         Units of the fitted values, which are included in their names; SI by default. Other keys are
         converted by `in_units`.

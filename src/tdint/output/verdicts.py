@@ -20,8 +20,6 @@ class Verdict(NamedTuple):
     ----------
     met : bool | None
         True if all limits of a performance level are met. None for a demand without a limit.
-    text : str
-        The result as a sentence.
     single_limit : bool
         True if only the drift has a limit. The sentence then starts with the drift, so that a
         report can write the result ("Limit met.") before the sentence.

@@ -67,8 +67,6 @@ class HardProblem:
     ----------
     name, about, source : str
         Name on the command line, description in a sentence, and publication.
-    model : Model
-        Building, load and initial state.
     steps : tuple of (float, int)
         Time steps (s) and the number of steps for each.
     energy : callable
@@ -79,8 +77,6 @@ class HardProblem:
         Description of the error that `error` returns, with its unit.
     error : callable
         Function of a history that returns the error as a number.
-    faults : tuple of Fault
-        Criteria for the judged quantity.
     by_energy : bool
         True if the judged quantity is the energy divided by `energy_scale`, False if it is the
         error. The default is False.
@@ -135,11 +131,6 @@ def hardening_motion(time: Array) -> Array:
 
     The oscillator has unit mass and the restoring force a u + b u^3 (Duffing's equation). Released
     at u = U, its displacement is u = U cn(w t | m) with w^2 = a + b U^2 and m = b U^2 / (2 w^2).
-
-    Parameters
-    ----------
-    time : ndarray, shape (k,)
-        Times after the release, s.
     """
     from scipy.special import ellipj
 
@@ -274,11 +265,6 @@ def soft_node_motion(time: Array) -> Array:
     """Return the displacement of the soft node for infinite stiffness of the stiff spring, m.
 
     It is the solution of u'' + u = sin 1.2 t from rest, shape (k,).
-
-    Parameters
-    ----------
-    time : ndarray, shape (k,)
-        Times, s.
     """
     return np.asarray(_NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time))
 
@@ -664,11 +650,6 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
     """Load the compiled time loops of all trials; loops that are not in the cache are compiled.
 
     They are compiled together, so that progress is reported once.
-
-    Parameters
-    ----------
-    integrators : sequence of Integrator
-        Methods that will be tested.
     """
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:

@@ -440,8 +440,6 @@ class MethodCheck:
 
     Attributes
     ----------
-    integrator : Integrator
-        The method with its parameters.
     order : float
         Minimum of the observed orders of displacement and velocity of a linear oscillator in free
         vibration and under a harmonic force; nan if all errors are rounding errors.

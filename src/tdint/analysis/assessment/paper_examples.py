@@ -63,8 +63,6 @@ class ExampleFigure:
 
     Attributes
     ----------
-    number : int
-        Number of the figure.
     floor : int
         Floor, from 1.
     is_error : bool
@@ -83,16 +81,10 @@ class Example:
 
     Attributes
     ----------
-    number : int
-        Number of the example in the paper.
-    about : str
-        Description in a sentence.
     model : Model
         The building and its forces. The building is initially at rest.
     duration, exact_dt : float
         Duration, and time step of the solution that the paper calls exact, s.
-    figures : tuple of ExampleFigure
-        Figures of the paper for this example.
     remark : str
         Comparison of the ranking of the methods with the ranking in the paper.
     drawn_as : int
@@ -115,8 +107,6 @@ class ExampleMotion:
 
     Attributes
     ----------
-    time : ndarray, shape (steps + 1,)
-        Times, s.
     displacement, velocity, acceleration : ndarray, shape (steps + 1, n)
         Motion of the floors, m, m/s and m/s^2.
     """
@@ -374,8 +364,6 @@ def run_example(
 
     Parameters
     ----------
-    dt : float
-        Time step, s.
     integrators : sequence of Integrator
         Methods. If a method has `VARIANTS`, they are run also.
 

@@ -754,13 +754,6 @@ def with_peers(
         Time steps of OpenSeesPy, s.
     repeats : int
         Number of times that each run is timed.
-
-    Returns
-    -------
-    chart : Chart
-        Chart with the additional points and programs.
-    notes : list of str
-        Notes on omitted points.
     """
     progress("openseespy", 0.0)
     opensees_points, notes = openseespy_points(

@@ -60,8 +60,6 @@ class FloorMotion:
     displacement, velocity, acceleration : ndarray, shape (rows, n)
         Motion of the floors: displacement (m) and velocity (m/s) relative to the ground, absolute
         acceleration (m/s^2) that satisfies equilibrium.
-    peak_drift : ndarray, shape (n,)
-        Maximum absolute drift of each story, m.
     """
 
     stride: int
@@ -305,11 +303,6 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
     A run with long steps may otherwise end later than a run with short steps. A longer motion can
     have larger peaks, so the difference of their peaks would not be an error. The problem is not
     extended if the common multiple of the steps exceeds the duration.
-
-    Parameters
-    ----------
-    dts : iterable of float
-        Time steps, s.
     """
     common_multiple = math.lcm(*(problem.steps(dt).stride for dt in dts))
     if common_multiple > problem.samples:
@@ -481,8 +474,6 @@ class Reference:
         Description of the second solution.
     gap : Errors
         Errors of the second solution relative to the reference; smaller errors cannot be measured.
-    motion : FloorMotion
-        Motion at all samples.
     """
 
     method: str

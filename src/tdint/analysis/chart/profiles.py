@@ -208,8 +208,6 @@ class Measured:
         ----------
         quantity : str
             Name of the error, for example `peak_drift`.
-        tolerance : float
-            Maximum relative error.
         """
         return self.gap.of(quantity) <= _SURE * tolerance
 
@@ -217,13 +215,6 @@ class Measured:
         """Return the minimum computing time with which each method meets a tolerance.
 
         A time step meets the tolerance only if all smaller time steps meet it also.
-
-        Parameters
-        ----------
-        quantity : str
-            Name of the error, for example `peak_drift`.
-        tolerance : float
-            Maximum relative error.
 
         Returns
         -------
@@ -245,13 +236,6 @@ class Measured:
 
         This is the case if no executed time step meets the tolerance, and smaller steps were not
         run, because the time limit of the program was reached.
-
-        Parameters
-        ----------
-        quantity : str
-            Name of the error, for example `peak_drift`.
-        tolerance : float
-            Maximum relative error.
         """
         line_profiles = [point for point in self.points if point.line == line]
         executed = [point for point in line_profiles if point.outcome != NOT_RUN]
@@ -776,8 +760,6 @@ def crossed(
 
     Parameters
     ----------
-    models : one or a sequence
-        Buildings, as in `run`.
     records : one or a sequence
         Ground motions, as in `run`. If empty, each building is used with the record of its model.
     """

@@ -151,8 +151,6 @@ class Timing:
 
     Attributes
     ----------
-    clock : str
-        Name of the clock, see `tdint.system.clock`.
     repeats : tuple of int
         Minimum and maximum number of times that each run was timed.
     load : float | None
@@ -216,10 +214,6 @@ class Peer:
     ----------
     name : str
         Name, which is also the first part of the names of its lines.
-    version : str
-        Version of the program.
-    settings : str
-        Description of its settings.
     timed : str
         Description of the part of the program that is timed.
     """
@@ -596,11 +590,6 @@ def alternative(points: Sequence[Point], quantity: str, limit: float, best: Poin
     Points of the same line with smaller steps must meet the tolerance also. The alternative costs
     at least as much as the recommended point: a cheaper point was not recommended, because it is
     less accurate and its cost is not measurably lower.
-
-    Parameters
-    ----------
-    quantity : str
-        Name of the error, for example `peak_drift`.
     """
     lines = dict.fromkeys(point.line for point in points if point.line != best.line)
     meeting = [point for line in lines for point in within(points, line, quantity, limit)]
@@ -617,10 +606,6 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
     ----------
     points : iterable of Point
         Points of all lines; those of a line are sorted by decreasing time step.
-    quantity : str
-        Name of the error, for example `peak_drift`.
-    limit : float
-        Maximum error.
     """
     line_points = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(line_points)))
@@ -655,8 +640,6 @@ class PerformanceProfile:
     ----------
     quantity, tolerance : str, float
         Quantity of the error, and its limit.
-    method : str
-        Name of the line of the chart.
     ratios : tuple of float
         Cost relative to the cheapest of our methods, one value per problem; infinite if the method
         does not meet the tolerance.

@@ -62,8 +62,6 @@ class Subject:
     ----------
     model : Model
         Building; its ground motion is not used.
-    method : str
-        Method specification: name and parameters.
     """
 
     model: Model
@@ -111,8 +109,6 @@ class Outcomes:
 
     Attributes
     ----------
-    stories : StoryPeaks
-        Peaks of shape (runs, n), SI units.
     elements : ndarray, shape (runs, 2, elements)
         Results of the elements, as in `BatchResult`, of runs that are not in `responses`.
     energy_error, steps : ndarray, shape (runs,)
@@ -239,8 +235,6 @@ def run_batch(
     ----------
     runs : sequence of (int, float, Steps)
         Number of the ground motion, scale factor and time steps of each run.
-    check : bool, default False
-        Estimate the errors of the peaks.
     to_rest : bool, default False
         Continue with the ground at rest until free vibration has decayed.
     history : bool, default False

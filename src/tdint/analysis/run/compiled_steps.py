@@ -185,13 +185,6 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
 
     Each matrix is measured by one step from a unit value in each row of the memory of the method.
 
-    Parameters
-    ----------
-    omega, damping : ndarray, shape (k,)
-        Circular frequencies (rad/s) and damping ratios.
-    h : float
-        Time step, s.
-
     Returns
     -------
     ndarray, shape (k, m, m)
@@ -281,10 +274,6 @@ class Instability:
 
     Attributes
     ----------
-    index : int
-        Index of the oscillator.
-    h : float
-        Time step, s.
     stable : callable
         Function that receives a time step, s, and returns True if all oscillators are stable with
         it.
@@ -310,13 +299,6 @@ def find_instability(
 
     An oscillator is unstable if the spectral radius of its measured amplification matrix is above
     1. A method that declares no stability limit is not measured; the result is None.
-
-    Parameters
-    ----------
-    omega, damping : ndarray, shape (k,)
-        Circular frequencies (rad/s) and damping ratios.
-    h : float
-        Time step, s.
     """
     if integrator.stability_limit == math.inf:
         return None

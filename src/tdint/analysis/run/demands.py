@@ -96,11 +96,6 @@ class Demand(Quantity):
         If errors are taken into account, the maximum may be in any story whose value plus its error
         is at least the maximum. The result is the largest error of these stories; nan if no error
         is known.
-
-        Parameters
-        ----------
-        stories : StoryPeaks
-            Peaks of the run, shape (n,).
         """
         values, errors_of_stories = (
             self._story_values(source, stories.height) for source in (stories, errors)
@@ -351,13 +346,7 @@ RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.value_type 
 
 
 def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
-    """Return the columns of `RunValues` that are computed from the demands.
-
-    Parameters
-    ----------
-    stories : StoryPeaks
-        Peaks of the runs, shape (runs, n).
-    """
+    """Return the columns of `RunValues` that are computed from the demands."""
     largest = demands_of_runs(stories)
     return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
 

@@ -45,8 +45,6 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
 
     Returns
     -------
-    derivative : ndarray, shape (runs, parameters, ...)
-        Derivatives at the parameter values.
     kink : ndarray, shape (runs, parameters, ...)
         Half the absolute difference of the two one-sided difference quotients.
     """

@@ -26,13 +26,6 @@ def default_step(tables: Sequence[TableForce], period: float) -> tuple[float, st
     """Return the time step of a run without a record (s), and the note that describes it.
 
     It is a fiftieth of the first period, or the shortest interval of the tables if that is shorter.
-
-    Parameters
-    ----------
-    tables : sequence of TableForce
-        Forces from tables.
-    period : float
-        First period, s.
     """
     step = period / _STEPS_PER_PERIOD
     intervals = np.concatenate([np.diff(force.table.times) for force in tables])
@@ -53,8 +46,6 @@ def table_notes(tables: Sequence[TableForce], end: float) -> list[str]:
 
     Parameters
     ----------
-    tables : sequence of TableForce
-        Forces from tables.
     end : float
         End of the run, s.
     """

@@ -357,10 +357,6 @@ class RunSpec(NamedTuple):
         Number of the run, which is its row in the results.
     model, draw, record : int
         Indices of its building, of the sample of its varied parameters, and of its record.
-    scale : float
-        Factor on the ground motion.
-    steps : Steps
-        Time steps.
     """
 
     number: int

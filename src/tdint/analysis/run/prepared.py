@@ -112,10 +112,6 @@ class RunSpec(NamedTuple):
     ----------
     start, size : int
         First sample and number of samples of the ground motion in the concatenated samples.
-    scale : float
-        Factor on the ground motion.
-    steps : Steps
-        Time steps.
     """
 
     start: int
@@ -443,8 +439,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        ground : ndarray
-            Ground acceleration at the samples, m/s^2.
         firsts : sequence of int
             Number of steps before each part, increasing from 0. Parts that would start at or after
             the end of the run (`steps.count`) are omitted.
@@ -714,8 +708,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        h : float
-            Time step, s.
         row_count : int
             Number of rows of the history; 0 for no history.
 

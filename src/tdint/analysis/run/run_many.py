@@ -581,8 +581,6 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
         Building, ground motion and method of the run.
     response : Response
         Result of the run. Errors of the derivatives are estimated if it has error estimates.
-    names : sequence of str
-        Parameters, as in `vary` of `run_many`.
 
     Raises
     ------

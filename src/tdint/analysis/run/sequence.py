@@ -174,13 +174,7 @@ def run_sequence(
 def event_responses(
     joined: Case, sequence: EventSequence, steps: Steps, *, check: bool = False
 ) -> tuple[EventResponse, ...]:
-    """Integrate a sequence again, and return the peaks of each event that starts before its end.
-
-    Parameters
-    ----------
-    check : bool, default False
-        Estimate the errors by an additional run.
-    """
+    """Integrate a sequence again, and return the peaks of each event that starts before its end."""
     events = _parts(joined, sequence, steps)
     if not check:
         return events

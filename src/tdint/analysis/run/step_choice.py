@@ -161,8 +161,6 @@ class _Search:
 
     Attributes
     ----------
-    tolerance : float
-        Maximum relative error of any peak drift.
     coarsest : Steps
         Time steps of level 0.
     power : int

@@ -219,8 +219,6 @@ def number_of_stories(
 
     Parameters
     ----------
-    heights : ndarray, shape (k,)
-        Heights of the buildings, m.
     stories : int | None
         Number of stories of all buildings; None to divide the heights by `story_height`.
     story_height : float
@@ -307,8 +305,6 @@ class _Beam:
     ----------
     period, height : float
         Fundamental period, s, and height H, m.
-    modes : int
-        Number of included modes.
     """
 
     period: float

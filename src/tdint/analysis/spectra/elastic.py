@@ -89,10 +89,6 @@ def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "")
 
     Parameters
     ----------
-    periods : ndarray
-        Periods, s.
-    dt : float
-        Sampling interval, s.
     least : float
         Minimum period in sampling intervals.
     otherwise : str, optional
@@ -427,12 +423,6 @@ class OscillatorMotion:
 
     Attributes
     ----------
-    record : Record
-        Ground motion.
-    damping : float
-        Damping ratio.
-    periods : float
-        Natural period, s.
     displacement, velocity : ndarray
         Motion relative to the ground, m and m/s.
     acceleration : ndarray
@@ -646,12 +636,8 @@ class FirstMode:
 
 
 def first_mode(building: Building, record: Record | None) -> FirstMode:
-    """Return the first mode of a building, and the pseudo-acceleration of a record at its period.
-
-    Parameters
-    ----------
-    record : Record | None
-        Ground motion; None without ground motion.
+    """Return the first mode of a building, and the pseudo-acceleration of a record at its
+    period.
     """
     period, damping, sa = building.first_period, building.first_mode()[1], None
     if record is not None:

@@ -579,14 +579,10 @@ class PublishedSpectrum:
 
     Attributes
     ----------
-    source : str
-        The file as the user specified it.
     quantity : str
         A key of `QUANTITIES`.
     periods, values : ndarray, shape (k,)
         Increasing periods, s, and spectral values in SI units.
-    input : Input
-        The file with its SHA-256 checksum.
     """
 
     source: str
@@ -625,10 +621,6 @@ class SpectrumDifference:
 
     Attributes
     ----------
-    spectrum : Spectrum
-        The computed spectrum.
-    published : PublishedSpectrum
-        The published spectrum.
     expected : ndarray
         The published values at the periods of the computed spectrum.
     """

@@ -506,16 +506,10 @@ class _Runs:
     ----------
     im, level : ndarray
         Intensity, and index of its intensity level, from 0.
-    drift : ndarray
-        Maximum drift ratio.
     collapsed, result : ndarray of bool
         True if the building collapsed; True if the run has a result.
-    motion : ndarray of int
-        Ground motion.
     names : tuple of str
         Name and unit of the intensity measure.
-    pairs : PairRule
-        Rule that combined the components of pairs.
     """
 
     im: Array

@@ -67,8 +67,6 @@ class TypeRuns:
 
     Attributes
     ----------
-    states : DamageStates
-        Damage states of the type.
     im, demand : ndarray
         Intensity, and demand of the damage states, SI units. After a collapse, the demand is the
         median of the heaviest state.
@@ -189,10 +187,6 @@ class _RunCollector:
 
     Attributes
     ----------
-    states : DamageStates
-        Damage states of the group.
-    failed : int
-        Number of runs without a result.
     periods : tuple of two floats
         Minimum and maximum first period of the buildings, s.
     im, demand, fallen, motion : array

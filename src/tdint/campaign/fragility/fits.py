@@ -209,8 +209,6 @@ class Points:
 
     Attributes
     ----------
-    im : ndarray, shape (k,)
-        Intensities.
     fraction : ndarray, shape (k,)
         Fraction of the records that exceed the threshold at each intensity.
     """
@@ -233,8 +231,6 @@ class Counted:
     ----------
     im : ndarray
         Intensity of each bin: geometric mean of its runs.
-    runs : ndarray
-        Number of runs.
     fraction : ndarray
         Fraction of the runs that exceed the state.
     fitted : ndarray
@@ -275,8 +271,6 @@ class CloudPoints:
 
     Attributes
     ----------
-    im, edp : ndarray, shape (n,)
-        Intensities and demands.
     censored, below : ndarray of bool, shape (n,)
         True for censored demands, and for demands that count only as below the lightest state.
     intercept, slope, sigma : float
@@ -1037,8 +1031,6 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
     ----------
     capacity : ndarray, shape (n,)
         Capacities. A censored capacity is only known to be above the specified value.
-    censored : ndarray of bool, shape (n,)
-        True for censored capacities.
 
     Returns
     -------
@@ -1080,8 +1072,6 @@ def fit_at_threshold(
     ----------
     threshold : float
         Demand that is exceeded; NaN if unknown.
-    names : tuple of two str
-        Name and unit of the intensity measure.
     """
     try:
         return fit().named(threshold, *names)

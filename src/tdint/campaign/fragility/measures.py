@@ -332,12 +332,8 @@ class RunIntensities:
 
     Parameters
     ----------
-    store : Store
-        Store of the campaign.
     folder : Path
         Directory of the campaign, which may contain measures.csv.
-    measure : RunMeasure
-        Intensity measure.
     pair_demand : str | None
         Rule that combines the components of pairs; None for the rule of the campaign.
 
@@ -479,8 +475,6 @@ class Dependence:
 
     Attributes
     ----------
-    characteristic : str
-        Name of the characteristic.
     slope : float
         Slope of the residuals over the characteristic.
     p_value : float
@@ -507,8 +501,6 @@ class MeasureFit:
     slope, slope_error, beta, r_squared : float
         Slope with its standard error, standard deviation about the line (n - 2), and squared
         correlation.
-    dependences : tuple of Dependence
-        Dependence of the residuals on characteristics.
     """
 
     im: str

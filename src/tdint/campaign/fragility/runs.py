@@ -58,20 +58,10 @@ class BuildingDamage:
 
     Attributes
     ----------
-    number : int
-        Index of the building.
-    building, type : str
-        Name and type of the building.
-    period : float
-        First period, s.
-    states : DamageStates
-        Damage states of the type.
     keys : list of Run
         Record, factor and sample of each run.
     rank : ndarray of int, shape (runs,)
         Index of the level in the sequence of the levels of the ground motion, from 0.
-    status : list of str
-        Status at the end of each run.
     demand : ndarray, shape (runs,)
         Demand of the damage states, SI units; nan for a run without a result. After a collapse, it
         is the demand that was reached.
@@ -126,11 +116,6 @@ class BuildingDamage:
 def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) -> Array:
     """Return the probability of each outcome after runs, shape (runs, outcomes).
 
-    Parameters
-    ----------
-    demand : ndarray, shape (runs,)
-        Demands, SI units.
-
     Returns
     -------
     ndarray, shape (runs, outcomes)
@@ -154,11 +139,6 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
 def exceedance(states: DamageStates, demand: Array) -> Array:
     """Return the probability of reaching or exceeding each damage state at the demand of each run,
     Phi(ln(demand / median) / dispersion).
-
-    Parameters
-    ----------
-    demand : ndarray, shape (runs,)
-        Demands, SI units.
 
     Returns
     -------
@@ -352,8 +332,6 @@ class TypeDamage:
         Event of a ground motion field; empty without events.
     level : float
         Value of the intensity measure (SI units), scale factor, or number of the level.
-    states : DamageStates
-        Damage states of the type.
     buildings, runs, failed : int
         Number of buildings, of runs, and of runs without a result, which do not contribute to the
         following values. Runs under a pair that counts as a single ground motion are one run.
@@ -398,8 +376,6 @@ class _Group:
 
     Attributes
     ----------
-    states : DamageStates
-        Damage states of the group.
     buildings, runs, failed : int
         Number of buildings, of runs, and of runs without a result.
     """

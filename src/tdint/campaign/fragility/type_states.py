@@ -326,13 +326,9 @@ class BuildingType(NamedTuple):
 
     Attributes
     ----------
-    type : str
-        Type of the building.
     divisor : float
         Divisor that converts a peak of the run to the demand of the damage states, for example the
         height for the roof drift ratio; 1 if the peak is the demand.
-    period : float
-        First period, s.
     """
 
     type: str

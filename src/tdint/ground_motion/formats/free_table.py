@@ -110,8 +110,6 @@ class FreeTable:
     ----------
     series : tuple of Series
         Components; empty if the table cannot be read.
-    notes : tuple of str
-        Notes about the layout.
     problem : str
         Error message; empty if the table can be read.
     is_record : bool

@@ -642,14 +642,12 @@ def at_equal_steps(
 
     Samples at equal steps are used unchanged. Otherwise the motion is interpolated linearly between
     its times, and a warning states the departure. The step is the last decimal of the times, so
-    that all times are samples and the motion does not change. It is at least a fraction
-    (`_FINEST`) of the mean interval, or the shortest interval if that is less; each time is then
-    rounded to a multiple of the step, so that no peak is lost.
+    that all times are samples and the motion does not change. It is at least a fraction (`_FINEST`)
+    of the mean interval, or the shortest interval if that is less; each time is then rounded to a
+    multiple of the step, so that no peak is lost.
 
     Parameters
     ----------
-    times, samples : ndarray, shape (samples,)
-        Printed times, s, and samples.
     slack : float
         Permitted departure from equal steps as a fraction of the duration; infinite for a format
         with samples at unequal times.

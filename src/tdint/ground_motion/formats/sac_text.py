@@ -46,11 +46,6 @@ def _matches(lines: list[str]) -> bool:
 def read_sac_text(file: Any, headonly: bool = False, **_: Any) -> Any:
     """Read an alphanumeric SAC file.
 
-    Parameters
-    ----------
-    headonly : bool
-        Omit the samples. Default False.
-
     Returns
     -------
     obspy.Stream

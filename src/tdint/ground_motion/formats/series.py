@@ -42,8 +42,6 @@ class StatedPeak:
     ----------
     value, rounding : float
         Stated value and value of its last decimal, in `units`.
-    units : str
-        Units in the header.
     factor : float
         Factor from the units of the samples to `units`.
     """
@@ -114,8 +112,6 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     ----------
     series : sequence of Series
         Components in the order of the file.
-    headonly : bool
-        Omit the samples. Default False.
 
     Raises
     ------

@@ -108,11 +108,6 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
     Names are separated by commas, semicolons, tabs or blanks; if this gives another number of
     names, by two or more blanks. A first column in seconds is a time, regardless of its name.
 
-    Parameters
-    ----------
-    text : str
-        Line of the header.
-
     Raises
     ------
     RecordError
@@ -346,11 +341,6 @@ class TableHeader:
 
 def read_header(lines: list[str], width: int) -> TableHeader:
     """Read the header of a table that was recognized without a user-specified layout.
-
-    Parameters
-    ----------
-    width : int
-        Number of columns of the table.
 
     Raises
     ------

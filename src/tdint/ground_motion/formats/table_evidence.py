@@ -53,8 +53,6 @@ class MeanRatio:
 
     Attributes
     ----------
-    ratio : float
-        First mean over the second mean.
     standard_errors : float
         Difference of the means over its standard error.
     """
@@ -91,8 +89,6 @@ class Continuity:
         Mean step between neighbors over the mean step between rows.
     scale, spread : float
         Maximum over minimum rms of the columns; maximum over minimum mean step between two columns.
-    rows : int
-        Number of rows.
     """
 
     row_ends: MeanRatio
@@ -192,11 +188,6 @@ def are_times(column: NDArray[np.float64]) -> bool:
 def paired(table: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return a table with a time and a value per row if the rows of `table` consist of such pairs;
     otherwise None.
-
-    Parameters
-    ----------
-    table : ndarray, shape (rows, columns)
-        Complete rows.
     """
     width = table.shape[1]
     if width < 4 or width % 2:

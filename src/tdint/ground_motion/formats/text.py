@@ -163,8 +163,6 @@ def read_text(
 
     Parameters
     ----------
-    headonly : bool
-        Omit the samples. Default False.
     layout : TextLayout
         Description of the table by the user. Default: none.
 

@@ -232,8 +232,6 @@ class Plugin:
 
     Attributes
     ----------
-    name : str
-        Name of the format.
     is_format : EntryPoint
         Function of a file that returns True if the file has this format.
     read_format : EntryPoint
@@ -256,8 +254,6 @@ class _Recognized:
 
     Attributes
     ----------
-    format : str
-        Name of the format.
     read : callable
         Function without arguments that returns the ObsPy stream of the file.
     """
@@ -272,12 +268,8 @@ class Contents:
 
     Attributes
     ----------
-    format : str
-        Name of the format.
     traces : list of obspy.Trace
         Numeric traces in the order of the file.
-    notes : tuple of str
-        Messages of the reader.
     compared : tuple of str
         Header values that were compared with the traces; empty if the file states none.
     """
@@ -296,8 +288,6 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 
     Parameters
     ----------
-    source : str or Path
-        File to check.
     layout : TextLayout
         Layout of text tables specified by the user. Default: none.
     """

@@ -34,16 +34,12 @@ class NamedTable:
 
     Attributes
     ----------
-    source : str
-        File name as specified by the user.
     names : tuple of str
         Column names in the first line.
     rows : tuple of (int, tuple of str)
         Line number, counted from 1, and cells of each row.
     comma : bool
         True if the decimal separator is a comma.
-    input : Input
-        File with its SHA-256.
     """
 
     source: str

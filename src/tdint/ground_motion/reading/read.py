@@ -71,12 +71,8 @@ class _Channel:
     ----------
     source : str
         Name of the file, or of the file in an archive.
-    contents : Contents
-        Format and all traces of the file.
     id : str
         Common id of the traces, NET.STA.LOC.CHA.
-    traces : tuple of obspy.Trace
-        Traces of the channel in file order.
     """
 
     source: str
@@ -179,13 +175,7 @@ def _check_continuity(before: Any, after: Any, label: str) -> None:
 
 
 def sample_notes(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return notes if a ground acceleration contains only zeros, or has a zero offset.
-
-    Parameters
-    ----------
-    acceleration : ndarray, shape (samples,)
-        Ground acceleration, m/s^2.
-    """
+    """Return notes if a ground acceleration contains only zeros, or has a zero offset."""
     peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
     notes = []
     if peak == 0.0:
@@ -205,10 +195,6 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
     ----------
     samples : array, shape (samples,)
         Samples of a component, in any unit.
-    dt : float
-        Sampling interval, s.
-    label : str
-        File and channel, for messages.
     """
     bad = np.flatnonzero(~np.isfinite(samples))
     if bad.size:
@@ -220,15 +206,7 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
 
 
 def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
-    """Raise RecordError if a ground acceleration is physically impossible.
-
-    Parameters
-    ----------
-    acceleration : ndarray, shape (samples,)
-        Ground acceleration, m/s^2.
-    label : str
-        File and channel, for messages.
-    """
+    """Raise RecordError if a ground acceleration is physically impossible."""
     peak = float(np.max(np.abs(acceleration)))
     if peak > _MAX_POSSIBLE_ACCELERATION:
         raise RecordError(
@@ -310,16 +288,10 @@ def read_records(
 
     Parameters
     ----------
-    source : str or Path
-        File name, or `-` for standard input.
     units : str or dict, optional
         Units of the samples in any form that `read_record` accepts.
-    component : str, optional
-        Component to read. Default: all components.
     inventory : str or Path, optional
         StationXML file; cannot be combined with units for all files.
-    layout : TextLayout
-        Layout of text tables. Default: none.
     """
     return _read_components(
         source, RecordChoice(units, component, inventory, layout=layout), single=False
@@ -487,8 +459,6 @@ def read_signal(
 
     Parameters
     ----------
-    source : str or Path
-        File name, or `-` for standard input.
     units : str, optional
         Units of the samples, required if the file does not state them.
     component : str, optional

@@ -55,8 +55,6 @@ class Declared:
 
     Attributes
     ----------
-    units : Units
-        Stated units.
     origin : str
         `format` if all files of the format have these units, otherwise `file`.
     factor : float
@@ -105,8 +103,6 @@ def to_acceleration(trace: Any, format_name: str, specified: Units | None, label
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
-    label : str
-        File and channel, for messages.
 
     Raises
     ------
@@ -127,13 +123,6 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
 
     Units are stated by the format, by the file or by the user. Otherwise `assumed_units` returns
     the only permitted assumption, or raises an error.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Unchanged samples of the file.
-    label : str
-        File and channel, for messages.
 
     Raises
     ------
@@ -203,13 +192,6 @@ def declared_units(
     Readers of tdint store the units in `trace.stats.tdint_units`, as text for `parse_units` (empty
     if the user must specify them). Recorder formats have a calibration factor, and text formats
     have units in their header.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Unchanged samples of the file.
-    label : str
-        File and channel, for messages.
 
     Raises
     ------
@@ -298,8 +280,6 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
     ----------
     samples : ndarray, shape (samples,)
         Samples, m/s or m.
-    dt : float
-        Sampling interval, s.
     quantity : str
         `velocity` or `displacement`.
 
@@ -364,13 +344,6 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
 
     `to_motion` has refused samples of integer type before, and `check_finite` samples that are not
     finite.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Unchanged samples of the file.
-    label : str
-        File and channel, for messages.
 
     Raises
     ------

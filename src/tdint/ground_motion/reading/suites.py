@@ -143,12 +143,8 @@ class Suite:
 
     Attributes
     ----------
-    motions : tuple of Record or of Horizontals
-        Single components, or pairs.
     failures : tuple of RecordError
         Errors of files that could not be used.
-    notes : tuple of str
-        Notes about omitted files and assumptions.
     """
 
     motions: tuple[GroundMotion, ...]
@@ -168,11 +164,6 @@ def components(motion: GroundMotion) -> tuple[Record, ...]:
 
 def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
     """Read the components of a file and apply the processing steps that the user selected.
-
-    Parameters
-    ----------
-    file : str
-        File name, or `-` for standard input.
 
     Raises
     ------
@@ -339,8 +330,6 @@ class SuiteMotion:
 
     Attributes
     ----------
-    record : Record
-        Ground motion.
     name, component : str
         Names in tables.
     ground_motion : Record or Horizontals

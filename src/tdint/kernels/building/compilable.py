@@ -56,10 +56,6 @@ class Variant:
     laws : tuple of str
         Names of the drift laws of the stories, in the order of `tdint.kernels.laws.LAWS`. Empty for
         all laws of tdint. The name of a law of a plug-in includes its number: `name@9`.
-    modal : bool
-        Modal damping.
-    forces : bool
-        Forces on floors.
     dashpots : bool
         Dashpots, linear or of a power law.
     elements : bool

@@ -38,8 +38,6 @@ class Compilation:
 
     Attributes
     ----------
-    kernel : Compilable
-        Kernel to compile.
     variant : Variant
         Features that the compiled code must support.
     targets : mapping of str to Target

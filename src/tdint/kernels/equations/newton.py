@@ -72,8 +72,6 @@ class DamperStep(NamedTuple):
 
     Attributes
     ----------
-    h : float
-        Length of the step, s.
     weight : float
         Position of equilibrium within the step, from 0 to 1.
     by_rise : float

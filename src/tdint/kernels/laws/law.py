@@ -239,13 +239,7 @@ class DriftLaw:
 
 
 def can_fall(law: DriftLaw, stiffness: float, values: Sequence[float]) -> bool:
-    """Return True if the tangent stiffness of a law can be negative.
-
-    Parameters
-    ----------
-    stiffness : float
-        Initial stiffness, N/m.
-    """
+    """Return True if the tangent stiffness of a law can be negative."""
     if law.falls(stiffness, values):
         return True
     after_yield = law.stiffness_after_yield

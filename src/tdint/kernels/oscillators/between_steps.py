@@ -51,8 +51,6 @@ class Vibration(NamedTuple):
         omega^2, 1/s^2.
     by_v : float
         2 xi omega, 1/s.
-    h : float
-        Length of a step, s.
     """
 
     by_u: float
@@ -62,15 +60,7 @@ class Vibration(NamedTuple):
 
 @outlined
 def interpolate_samples(samples, parts, ground):
-    """Interpolate a ground motion linearly between its samples.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-        Ground acceleration at the samples, m/s^2.
-    parts : int
-        Number of steps per sampling interval.
-    """
+    """Interpolate a ground motion linearly between its samples."""
     for i in range(samples.size - 1):
         increment = samples[i + 1] - samples[i]
         for k in range(parts):

@@ -130,8 +130,6 @@ def peaks(
 
     Parameters
     ----------
-    parts : int
-        Steps per sampling interval.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of `lanes`)
         Table of oscillators, one column each: rows A11 to B21, coefficients of the step, then
         BY_DISPLACEMENT, omega^2 (1/s^2), and BY_VELOCITY, 2 xi omega (1/s).

@@ -118,8 +118,6 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
 
     Parameters
     ----------
-    samples : ndarray, shape (2, n)
-        Ground accelerations of both components, m/s^2.
     parts : ndarray, shape (k,)
         Twice the number for `extremes`, because the distance has twice the frequency of the
         displacements. The cubics then have an error of 1e-5.

@@ -67,8 +67,6 @@ class _Sum(NamedTuple):
         Contributions of the modes to the columns (drift ratios of the stories).
     static : ndarray
         Static correction: flexibility that is not included in the modes, s^2/m.
-    h : float
-        Length of a step, s.
     """
 
     modes: Array
@@ -89,8 +87,6 @@ class _Steps(NamedTuple):
         Ground acceleration at the steps, m/s^2.
     drift : ndarray
         Drift ratios; one column per story, and a last column for the roof.
-    rows : int
-        Number of steps.
     """
 
     q: Array
@@ -357,8 +353,6 @@ def largest_drifts(
 
     Parameters
     ----------
-    parts : int
-        Steps per sampling interval.
     modes : ndarray, shape (MODE_ROWS, modes)
         Recursion coefficients, circular frequencies (rad/s) and damping ratios (below 1) of the
         modes.

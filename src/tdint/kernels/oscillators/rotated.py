@@ -159,8 +159,6 @@ def rotated_peaks(
     ----------
     first, second : ndarray
         Ground accelerations of both components at the samples, m/s^2.
-    dt : float
-        Sampling interval, s.
     parts : int
         Steps per sampling interval. The option `parts` of the decorator is a different quantity.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of LANES)

@@ -140,8 +140,6 @@ def follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, row):
 
     Parameters
     ----------
-    rise, bend : float
-        Coefficients of the drift, m.
     force_0 : float
         Force at the start of the step (BRACE_FORCE), N.
     row : int

@@ -508,11 +508,6 @@ def start(law_parameters, law_state, i, drift):
     state.
 
     The branch of the unloaded state is set first, and the branch at the initial drift last.
-
-    Parameters
-    ----------
-    drift : float
-        Initial drift, m.
     """
     enter(law_parameters, law_state, i)
     restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
@@ -569,8 +564,6 @@ def follow(law_parameters, i, drifts, law_state, result):
 
     Parameters
     ----------
-    drifts : ndarray
-        Drifts of the path, m.
     law_state : ndarray
         States of the laws; receives the state at the end of the path.
 

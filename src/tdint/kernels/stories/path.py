@@ -274,8 +274,6 @@ def has_certain_reversal(rise, first_rate, last_rate):
 
     Parameters
     ----------
-    rise : float
-        Change of drift in the step, m.
     first_rate, last_rate : float
         Drift rates at both endpoints times the step, m.
     """
@@ -341,8 +339,6 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
 
     Parameters
     ----------
-    rise, bend : float
-        Coefficients of d(t), m.
     no_reversal : bool
         True to ignore an extremum of the parabola, because the motion of the story has no reversal
         in the step. A piecewise-linear law does not change to an unloading branch; its force on the

@@ -58,15 +58,9 @@ class _PowerValues(NamedTuple):
 
     Attributes
     ----------
-    power : float
-        Power of the load, W.
     rate : float
         Rate of the power of the load without the contribution of the rate of the ground
         acceleration, W/s.
-    momentum : float
-        Momentum of all floors, N s.
-    viscous_power : float
-        Power of the dampers, W.
     viscous_rate : float
         Rate of the power of the dampers, W/s.
     """

@@ -86,13 +86,7 @@ _KEYS_OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
 def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityBuilding | None:
-    """Return the building derived from rules or a capacity curve; None after reporting an error.
-
-    Parameters
-    ----------
-    value : Value
-        Value of the key `building`.
-    """
+    """Return the building derived from rules or a capacity curve; None after reporting an error."""
     section = value.section(BUILDING)
     if section is None:
         return None

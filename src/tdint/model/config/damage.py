@@ -108,13 +108,7 @@ def read_damage_states(section: Section, demand: str, thresholds: Value) -> Dama
 
 
 def read_threshold(value: Value, demand: str) -> float:
-    """Return a threshold in SI units, or nan after reporting an error.
-
-    Parameters
-    ----------
-    demand : str
-        Response quantity, a key of `DEMANDS`.
-    """
+    """Return a threshold in SI units, or nan after reporting an error."""
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)

@@ -108,8 +108,6 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
 
     Parameters
     ----------
-    value : Value
-        Value of the key `limits`.
     stories : sequence of Story
         Stories of the model; empty after an error.
     """

@@ -687,11 +687,6 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
     their stories differ. Relative paths are changed so that they refer to the same files from the
     directory of the new file.
 
-    Parameters
-    ----------
-    original : Model
-        Model read from the file.
-
     Returns
     -------
     str | None

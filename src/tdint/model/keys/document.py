@@ -46,8 +46,6 @@ class SourceText:
         Default name of the model.
     folder : Path
         Directory to which relative paths in the file refer.
-    data : bytes
-        Content.
     """
 
     label: str
@@ -212,8 +210,6 @@ class _Composer:
 
     Parameters
     ----------
-    text : str
-        Content of the file.
     faults : Faults
         Collection of errors, extended by this function.
     """

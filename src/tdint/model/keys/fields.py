@@ -156,10 +156,6 @@ class EntriesOf:
 
     Attributes
     ----------
-    type : ValueType
-        Type of the entries.
-    least, most : int | None
-        Minimum and maximum number of entries.
     description : str
         Description of the list in messages.
     short : str
@@ -228,14 +224,8 @@ class Key:
 
     Attributes
     ----------
-    name : str
-        Name in the file.
-    type : ValueType
-        Type of its value.
     meaning : str
         Description in the JSON schema.
-    needed : bool
-        The key is required.
     advice : str
         Remedy in the message if the key is missing.
     """
@@ -679,8 +669,6 @@ class Value:
 
         Parameters
         ----------
-        expected : str
-            Description of the mapping in messages.
         empty : str
             Message for an empty mapping. Default: an empty mapping is allowed.
         """
@@ -745,10 +733,6 @@ class Section:
 
     Parameters
     ----------
-    value : Value
-        The mapping with its full key.
-    node : MappingNode
-        Node of the mapping.
     keys : collection of str
         Allowed keys; an instance of `Keys` also declares the types of their values.
 
@@ -856,8 +840,6 @@ class Section:
 
         Parameters
         ----------
-        name : str
-            Key of the entry.
         bounds : Bounds, optional
             Allowed range of the number in the file. Default: declared bounds.
         scale : float
@@ -890,15 +872,7 @@ class Section:
         )
 
     def refuse(self, names: Collection[str], reason: str) -> None:
-        """Report an error for each of the entries that the section contains.
-
-        Parameters
-        ----------
-        names : collection of str
-            Keys that the section must not contain.
-        reason : str
-            Message of the error.
-        """
+        """Report an error for each of the entries that the section contains."""
         for name in names:
             if entry := self.get(name):
                 entry.fault(reason)

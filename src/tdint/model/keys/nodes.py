@@ -77,17 +77,7 @@ class Faults:
     _faults: list[ModelFault] = field(default_factory=list)
 
     def add(self, location: Location, key: str, message: str) -> None:
-        """Add an error of `key` at a line and column.
-
-        Parameters
-        ----------
-        location : Location
-            Line and column of the error.
-        key : str
-            Full key with the error.
-        message : str
-            Description of the error.
-        """
+        """Add an error of `key` at a line and column."""
         self._faults.append(ModelFault(self.source, location.line, location.column, key, message))
 
     def error(self) -> ModelError:
@@ -110,8 +100,6 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
     ----------
     value : object
         Mapping, list, number, text, path, boolean or None.
-    faults : Faults
-        Collection to which errors are added.
     depth : int
         Nesting level of the value, from 0.
 

@@ -433,8 +433,6 @@ def sizes_picture(
     ----------
     charts : sequence of Chart
         Measurements of one building with different numbers of stories.
-    name : str
-        Name of the building, for the title.
     target : str
         Error that is shown, a key of `QUANTITIES`.
     highlight : str
@@ -490,8 +488,6 @@ class _Drawing:
 
     Attributes
     ----------
-    chart : Chart
-        Measurements.
     target : str
         Type of error, a key of `QUANTITIES`.
     versus : str
@@ -500,8 +496,6 @@ class _Drawing:
         Uncertainty of the reference solution. Smaller errors are not known.
     lines : dict of str to list of Point
         Points with a known error and cost, by the name of their line.
-    points : list of Point
-        Points of all lines.
     """
 
     def __init__(self, chart: Chart, target: str, versus: str = "time") -> None:

@@ -54,8 +54,6 @@ def footnote(
         Quantity whose error is shown, such as `peak-drift`.
     mark : str
         Symbol of the sampling interval in the diagram; empty if no point has this time step.
-    has_triangles : bool
-        True if the diagram contains triangles.
     """
     reference = chart.reference
     gap = reference.gap.of(target)

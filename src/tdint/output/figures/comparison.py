@@ -139,8 +139,6 @@ class _FloorRow(NamedTuple):
     ----------
     comparison : Comparison
         Comparison of a building with the recordings of an event.
-    floor : FloorComparison
-        Computed and recorded motion of a floor.
     spectra : FloorSpectra
         Response spectra of this floor: `periods` (s), `recorded` and `computed` (m/s^2).
     """
@@ -257,8 +255,6 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
 
     Parameters
     ----------
-    test : CyclicTest
-        A result of `tdint.analysis.static.cyclic_test`.
     units : OutputUnits
         Units of drifts, shears and energies; SI by default.
     """
@@ -530,8 +526,6 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
     ----------
     infos : sequence of RecordInfo
         Records with their intensity measures; at least one.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     infos = infos[:MOST_RECORDS]
     units = units.in_figures
@@ -557,8 +551,6 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     ----------
     matched : Match
         Result of the matching, with one or two components.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     from tdint.analysis.spectra.target import source_of
 
@@ -648,8 +640,6 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
     ----------
     spectra : sequence of FourierSpectrum
         Spectra with the same smoothing; at least one.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     figure = Figure(figsize=(7.5, 5.0), layout="constrained")
     axes = figure.subplots()

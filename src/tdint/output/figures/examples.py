@@ -33,8 +33,6 @@ def example_picture(
 
     Parameters
     ----------
-    about : str
-        Description of the example in one line.
     runs : sequence of ExampleRun
         Runs of a single example and one time step, of which at least one is completed. Variants are
         omitted.

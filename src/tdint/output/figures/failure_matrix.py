@@ -144,8 +144,6 @@ class _MatrixSize(NamedTuple):
     ----------
     width : float
         Width of the figure, inches.
-    columns : int
-        Number of columns of a panel.
     row_height : float
         Height of a row, inches.
     is_vertical : bool

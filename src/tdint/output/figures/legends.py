@@ -23,8 +23,6 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
 
     Parameters
     ----------
-    most : int
-        Maximum number of columns.
     width : float, optional
         Available width, inches; the printed width has precedence.
     """

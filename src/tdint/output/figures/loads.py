@@ -18,17 +18,7 @@ _MAX_LINES = 6
 
 
 def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
-    """Plot the forces from tables over the time of a run.
-
-    Parameters
-    ----------
-    model : Model
-        Building with forces from tables.
-    end : float
-        End of the run, s.
-    units : OutputUnits
-        Units of the figure; SI by default.
-    """
+    """Plot the forces from tables over the time of a run."""
     figure = Figure(figsize=(8.0, 3.0), layout="constrained")
     axes = figure.add_subplot()
     draw_loads(axes, model.excitation, end, units.in_figures)
@@ -46,10 +36,6 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
         Panel with the time on the x axis, s.
     excitation : Excitation
         Forces, at least one of which is a table.
-    end : float
-        End of the run, s.
-    units : OutputUnits
-        Units of the figure.
     """
     # Equal forces, from the top of the building to its bottom.
     groups: dict[tuple[LoadTable, int, float, float], list[TableForce]] = {}

@@ -36,8 +36,6 @@ def runs_picture(runs: Runs, units: OutputUnits = SI) -> Figure:
     ----------
     runs : Runs
         Results of many runs; at least one.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     return profile_picture(run_profiles(runs), units, member="run")
 
@@ -47,8 +45,6 @@ def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
 
     Parameters
     ----------
-    runs : Runs
-        Results of many runs; at least one.
     units : OutputUnits
         Unit of the drifts, if they are lengths.
     """

@@ -43,8 +43,6 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
     ----------
     modes : Modes
         Modes of the building; at most `_MAX_MODES` are shown.
-    name : str
-        Title of the figure.
     norm : str
         Normalization of the shapes: `roof` (1 at the roof, the default), or `participation` (a
         participation factor of 1).
@@ -88,8 +86,6 @@ class SpectrumAtModes(NamedTuple):
 
     Attributes
     ----------
-    label : str
-        Name of the spectrum.
     periods, psa : ndarray, shape (k,)
         Periods, s, and pseudo-accelerations, m/s^2.
     at_modes : ndarray, shape (n,)
@@ -115,8 +111,6 @@ def mode_spectrum_picture(
         Effective modal masses divided by the total mass.
     spectrum : SpectrumAtModes | None
         Spectrum in the upper panel; None for the masses only.
-    units : OutputUnits
-        Units of the accelerations; SI by default.
     """
     units = units.in_figures
     figure = Figure(figsize=(8.0, 2.4 if spectrum is None else 4.0), layout="constrained")
@@ -169,11 +163,6 @@ _MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
 def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:
     """Plot the peaks of a response spectrum analysis over the height: drifts, shears and
     displacements, each by SRSS and by CQC.
-
-    Parameters
-    ----------
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     figure = Figure(figsize=(8.8, 4.6), layout="constrained")
     drift, shear, displacement = figure.subplots(1, 3)

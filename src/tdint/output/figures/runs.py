@@ -73,8 +73,6 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     response : Response
         Result of the run. Without a response history, only the quantities over the height are
         shown.
-    units : OutputUnits
-        Units of the figure; SI by default.
     """
     units, history = units.in_figures, response.history
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
@@ -289,8 +287,6 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
         Result of the run, with its response history.
     story : int
         Story, from 1.
-    units : OutputUnits
-        Units of the figure; SI by default.
     """
     history, units = response.history, units.in_figures
     assert history is not None
@@ -570,8 +566,6 @@ def sensitivity_picture(
     ----------
     parameter_effects : sequence of ParameterEffect
         Results of `tdint.campaign.sensitivity.parameter_effects`; at least one.
-    units : OutputUnits
-        Units of the figure; SI by default.
     """
     parameters = len({effect.parameter for effect in parameter_effects})
     # In one column of a page, the four panels are below each other.

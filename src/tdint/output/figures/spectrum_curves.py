@@ -351,11 +351,6 @@ def draw_tripartite(
     """Plot tripartite spectra: pseudo-velocity over period on logarithmic axes.
 
     Displacement and pseudo-acceleration are scales along diagonal lines.
-
-    Parameters
-    ----------
-    spectra : sequence of Spectrum
-        Spectra; at least one.
     """
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
@@ -449,13 +444,7 @@ def _label_scale(
 
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods.
-
-    Parameters
-    ----------
-    spectra : sequence of Spectrum
-        Spectra; at least one.
-    """
+    """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods."""
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
@@ -526,8 +515,6 @@ def spectrum_picture(
         A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite`
         (pseudo-velocity over the period, with scales of the other two), or `adrs`
         (pseudo-acceleration over displacement).
-    units : OutputUnits
-        Units of the axes; SI by default.
     target : TargetSpectrum, optional
         Target spectrum, drawn if `axes` is `periods`.
     """
@@ -554,8 +541,6 @@ def low_picture(
 
     Parameters
     ----------
-    units : OutputUnits
-        Units of the axes; SI by default.
     periods : sequence of (str, float)
         Names and first periods of buildings, s, which are marked; none by default.
     """
@@ -611,11 +596,6 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
     """Plot pseudo-accelerations over the period in a panel, with a line per spectrum and a legend.
 
     The colors continue after the lines that the panel already contains.
-
-    Parameters
-    ----------
-    spectra : sequence of Spectrum
-        Response spectra; at least one.
     """
     for number, (spectrum, label) in enumerate(
         zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
@@ -655,8 +635,6 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     ----------
     spectra : sequence of InelasticSpectrum
         Spectra; at least one; all for ductilities or all for strengths.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     panels: list[Panel[InelasticSpectrum]] = [
         ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
@@ -733,8 +711,6 @@ def rotated_picture(
     ----------
     spectra : sequence of RotatedSpectrum
         Spectra with the same percentiles; at least one.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     units = units.in_figures
     # Each line shows one ground motion at a single damping ratio: a percentile over the horizontal
@@ -778,8 +754,6 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
     ----------
     spectra : sequence of DriftSpectrum
         Spectra of the same type of building; at least one.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     beam = spectra[0].stories[0] == 0  # the number of stories of a continuous shear beam is 0
     panels: list[Panel[DriftSpectrum]] = [
@@ -833,8 +807,6 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
     ----------
     lines : sequence of SpectrumDifference
         Comparisons of the same spectral quantity; at least one.
-    units : OutputUnits
-        Units of the axes; SI by default.
     """
     units = units.in_figures
     name, si = _NAMES[lines[0].published.quantity]

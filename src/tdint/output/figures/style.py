@@ -264,13 +264,7 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
 
 
 class ShownFigure(Figure):
-    """Figure that is shown as the result of a notebook cell, without pyplot.
-
-    Attributes
-    ----------
-    printed : PrintedAs
-        Settings with which the figure was drawn.
-    """
+    """Figure that is shown as the result of a notebook cell, without pyplot."""
 
     printed: PrintedAs
 
@@ -296,8 +290,6 @@ class Picture:
     ----------
     format : str
         File format: png, pdf or svg.
-    draw : callable
-        Function that draws the figure.
     """
 
     format: str
@@ -722,8 +714,8 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
     """Mark the first periods of buildings in a panel over the period; the legend states them.
 
     Up to `_MAX_PERIODS` distinct periods are marked by lines, more periods by a band from the
-    shortest to the longest period. The periods are in the legend, because a label at a line
-    could cover other text.
+    shortest to the longest period. The periods are in the legend, because a label at a line could
+    cover other text.
 
     Parameters
     ----------
@@ -731,8 +723,6 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
         Panel with the period on the x axis.
     periods : sequence of (str, float)
         Names and first periods, s. Periods outside of the axis are omitted.
-    color : str
-        Color of the marks; red by default.
     """
     low, high = axes.get_xlim()
     # Buildings have a common line if their periods are printed as the same number.

@@ -55,10 +55,6 @@ def profile_picture(
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        Statistics of each building and level.
-    units : OutputUnits
-        Units of the axes; SI by default.
     limit : float, optional
         Limit of the drift ratio, plotted as a line.
     title : str
@@ -129,8 +125,6 @@ def draw_drift_profiles(
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        Statistics of each building and level.
     member : str
         Noun for a motion of a profile.
     """
@@ -292,10 +286,6 @@ def floor_picture(
 
     Parameters
     ----------
-    units : OutputUnits
-        Units of the axes; SI by default.
-    title : str
-        Name of the building; empty by default.
     period : float
         First period of the building, s, which is marked; nan by default for no mark.
     """
@@ -329,8 +319,6 @@ def floor_suite_picture(
 
     Parameters
     ----------
-    units : OutputUnits
-        Units of the axes; SI by default.
     periods : sequence of (str, float)
         Names and first periods of the buildings, s, which are marked; none by default.
     """

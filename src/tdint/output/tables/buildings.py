@@ -589,11 +589,6 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
     """Return the table of a model with one row per story, from the ground up.
 
-    Parameters
-    ----------
-    units : OutputUnits
-        Units of the table; SI by default.
-
     Returns
     -------
     Table
@@ -672,8 +667,6 @@ def comparison_spectra_table(
     ----------
     comparisons : sequence of Comparison
         Comparisons of a computed with a recorded response, one for each event.
-    periods : ndarray
-        Periods, s.
     """
     return _by_event(
         COMPARISON_SPECTRA,

@@ -185,8 +185,6 @@ def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) 
 
     Parameters
     ----------
-    measures : sequence of RunMeasure
-        Intensity measures; each measure has a column.
     runs : iterable of MeasuredRun
         Runs with their intensities; each run has a row.
     """
@@ -376,8 +374,6 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
     ----------
     profiles : iterable of Profile
         Peak responses of a building at an intensity level under all ground motions.
-    units : OutputUnits
-        Units of the statistics; SI by default.
     """
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
@@ -593,8 +589,6 @@ def write_rows(
     ----------
     rows : iterable of list
         Rows in SI units; texts were formatted by `cell_text`.
-    units : OutputUnits
-        Units of the output; SI by default.
     """
     names_and_factors = [units.column(column.name, column.unit) for column in columns]
     stream.write(csv_bytes([[harmless(name) for name, _ in names_and_factors]]))

@@ -35,8 +35,6 @@ class Difference:
 
     Attributes
     ----------
-    file : str
-        Name of the file.
     row : int | None
         Row number from 1; None for a difference of the complete table.
     column : str
@@ -168,8 +166,6 @@ class _Scale:
     ----------
     file : Path
         The previous table.
-    header : sequence of str
-        Its columns.
     """
 
     file: Path
@@ -371,8 +367,6 @@ class _Scope:
     ----------
     has_same_keys : bool
         True if a key that only one file has is a difference.
-    ignored_keys : frozenset of str
-        Keys that are not compared.
     original_paths : mapping of str to str
         Paths in the file `before`, by the paths that replace them in the file `now`.
     """

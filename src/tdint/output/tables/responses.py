@@ -100,8 +100,6 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
 
     Parameters
     ----------
-    stories : StoryPeaks
-        Peak responses, arrays of shape (stories,).
     errors : StoryErrors, optional
         Estimated errors of the peaks. If they are specified, the columns of the peaks are followed
         by a column `<name>_error` for each peak.
@@ -218,8 +216,6 @@ def write_history(
 
     Parameters
     ----------
-    units : OutputUnits
-        Units of the columns; SI by default.
     header : bool
         True to write the header; true by default.
     """

@@ -384,12 +384,6 @@ class _CurveRows:
 
     Attributes
     ----------
-    record, component : str
-        File and component of the record.
-    study : IdaStudy
-        Study of the curve.
-    curve : IdaCurve
-        The curve.
     capacity : Capacity | None
         Capacity of the row; None for rows of runs.
     """

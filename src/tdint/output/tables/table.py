@@ -51,8 +51,6 @@ class Column:
 
     Attributes
     ----------
-    name : str
-        Name in the header.
     unit : str
         SI unit; 1 for a dimensionless number, `text` for text.
     value : str, callable or ndarray
@@ -233,8 +231,6 @@ class Table:
 
         Parameters
         ----------
-        results : iterable
-            Results in the order of the rows.
         heads : iterable of tuple
             Cells of the first columns for each result, which are the same in all its rows; the
             remaining columns are evaluated. By default all columns are evaluated.
