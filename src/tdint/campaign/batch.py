@@ -378,7 +378,6 @@ def building_step(
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
-            # Replace the events of a sequence by one record that joins them.
             sequence = sequence_of(case, record.events, rest=record.rest, dt=settings.dt)
             case = case.under(sequence.joined)
         # Runs that collapse or fail provide no time step: try other runs instead.
@@ -406,7 +405,6 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     different motions if possible. The motion of medium intensity is first, and the first run of
     each motion has its median scale factor.
     """
-    # The runs of each motion are in ascending order of their absolute scale factors.
     runs_by_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
         runs_by_motion.setdefault(run.motion, []).append(run)
@@ -417,7 +415,6 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
         return abs(strongest_run.scale) * records[motion].pga
 
     motions_by_pga = sorted(runs_by_motion, key=strongest_pga)
-    # Each round has one run of every motion; None if the motion has no more runs.
     rounds = zip_longest(
         *(_middle_first(runs_by_motion[motion]) for motion in _middle_first(motions_by_pga))
     )
@@ -495,8 +492,7 @@ class Batch:
             run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
         ]
         # The time step depends on the sampling interval of the motion, but not on the scale factor:
-        # compute it one time for each motion. If no time step meets the tolerance (None), the runs
-        # are not integrated; their rows contain the time step of the settings for information.
+        # compute it one time for each motion.
         step_limit = math.inf if max_step is None else max_step
         motions = dict.fromkeys(run.motion for run in single_runs)
         steps_of_motion = {motion: self._time_steps(motion, step_limit) for motion in motions}
@@ -504,8 +500,7 @@ class Batch:
         if max_step is None:
             results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
-        # Each pass integrates the jobs. Failed jobs are kept, with half the time step, for the next
-        # pass. The loop ends because the number of repetitions of a job is limited.
+        # Failed jobs are kept, with half the time step, for the next pass.
         while jobs:
             jobs_to_repeat: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -525,7 +520,6 @@ class Batch:
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
-        # The start times of events may depend on the decay of free vibration at this scale factor.
         sequence = sequence_of(case, record.events, rest=record.rest, dt=dt)
         # The joined record includes the scale factor, so it is run at the scale factor 1 with
         # scaled intensities.
@@ -608,7 +602,6 @@ class Batch:
                 jobs_to_repeat.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
                 results.runs.append(self._row(job, failure.status))
-        # Compute the demands of all runs as arrays, then create the rows.
         demands, statuses = demand_cells(outcomes.stories), outcomes.status
         for index, job in enumerate(jobs):
             if index in outcomes.failures:
@@ -662,7 +655,6 @@ def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
     """Return a row in which the demands of the run, and their errors, are replaced by the demands
     of a single event.
     """
-    # The peaks of an event have one run on their first axis, so there is one dictionary.
     (demands,) = demand_cells(event.stories)
     errors = demand_errors(event.stories, event.errors) if row.errors and event.errors else ()
     return row.changed(**demands)._replace(errors=errors)
@@ -714,7 +706,6 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
     spectral = _first_mode_accelerations(chunk, [subject.period for subject in subjects])
     rows = Rows()
-    # All runs of a building with the same time step are integrated by a single compiled call.
     for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(building_runs.number, subject, motions, sa_t1, chunk.settings)
         rows.extend(batch.results(building_runs.runs, building_runs.max_step))
@@ -733,7 +724,6 @@ def _first_mode_accelerations(
     for building, building_runs in enumerate(chunk.buildings):
         for motion in dict.fromkeys(run.motion for run in building_runs.runs):
             buildings_of_motion.setdefault(motion, []).append(building)
-    # Compute the values of a motion at the periods of all its buildings in a single call.
     for motion, buildings in buildings_of_motion.items():
         motion_periods = [periods[building] for building in buildings]
         values = spectral_accelerations(chunk.records[motion], motion_periods)

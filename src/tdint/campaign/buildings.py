@@ -211,7 +211,6 @@ class RowBuilding:
             p_delta=rules.p_delta,
             collapse_drift=rules.collapse_drift,
         )
-        # Apply the values of a parameter sweep, if there are any.
         return Subject(
             model.changed(dict(self.row.changes)) if self.row.changes else model, rules.method
         )

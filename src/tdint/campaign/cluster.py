@@ -169,7 +169,6 @@ def _connect(cluster: Cluster) -> Any:
     # Connect in a thread: Dask ignores its timeout if another program owns the port and does not
     # respond.
     threading.Thread(target=connect, daemon=True).start()
-    # Inform the user if the scheduler is slow to respond, and give up after the timeout.
     if not wait([connection], _NOTICE_AFTER).done:
         _log.info(
             "%s: no response from the scheduler yet; waiting up to ten seconds", cluster.address

@@ -131,7 +131,6 @@ def execute_plan(
     # Include the chunk in which the limit is reached, because incomplete chunks are never stored.
     if max_runs is not None:
         cumulative_runs = list(accumulate(map(plan.size, missing)))
-        # The chunk after the last chunk below the limit reaches the limit.
         chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
         missing = missing[: chunks_below_limit + 1]
     runs_after = runs_before + sum(map(plan.size, missing))
@@ -179,8 +178,7 @@ def cluster(scheduler: Cluster) -> Engine:
 def compile_for(plan: Plan) -> None:
     """Load the time loops for the buildings of a plan, and compile them if necessary, before
     several threads request them at the same time."""
-    # The keys of a dictionary are a list without duplicates. `integrate_many`, the loop over the
-    # runs of a batch, has a single variant for all buildings.
+    # `integrate_many`, the loop over the runs of a batch, has a single variant for all buildings.
     variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
@@ -574,11 +572,10 @@ def _warn_of_corrupt_chunks(name: str, count: int) -> None:
 def _copy(
     source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
 ) -> None:
-    """Copy rows of a table from a store to another store. Rows that the target already contains are
-    not replaced.
+    """Copy rows of a table from a store to another store.
 
     `accept` is the function that receives a row, a tuple of all columns, and returns True to copy
-    it. By default all rows are copied.
+    it.
     """
     rows = source.connection.execute(f"SELECT * FROM {table}")
     placeholders = ", ".join("?" * len(rows.description))
@@ -603,8 +600,7 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
                     _copy(source, target, "records")
                 for table in _BUILDING_TABLES:
                     _copy(source, target, table)
-                # Copy the reasons for which buildings or records could not be used. `category` is
-                # `building` or `record`.
+                # `category` is `building` or `record`.
                 for category, reasons in source.unused().items():
                     target.add_unused((category, reason) for reason in reasons)
         part_shards = [text for part in parts for text in part.shards]

@@ -292,7 +292,6 @@ def ida(
     settings = settings or IdaSettings()
     if isinstance(motions, Record | Horizontals | str):
         motions = [motions]
-    # Prepare the building, the suite and the intensity measure.
     subject, settings = _prepare(model_of(model), settings, method)
     suite = [motion_of(motion) for motion in motions]
     if check_pair_demand(pair_demand) != SEPARATE:
@@ -493,7 +492,7 @@ class _WorkItem:
     def integrate(self) -> tuple[ChunkResult, RecordRuns]:
         """Integrate the building under the record at increasing levels until the search for its
         capacities is complete. Return the rows for the store, and the runs in ascending order of
-        their levels. A failed run is repeated with half the time step.
+        their levels.
 
         Raises
         ------
@@ -538,7 +537,6 @@ class _WorkItem:
 
         `run` is the function that returns the results of the run at a scale factor.
         """
-        # The level of each run depends on the results of the preceding runs.
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
             runs.append(IdaRun.from_row(level, run(factor_to(level, self.measure, self.intensity))))

@@ -91,7 +91,6 @@ class IdaRun:
         for demand, row_name in _ROW_NAMES.items():
             values[demand] = getattr(row, row_name)
             values[f"{demand}_error"] = errors.get(row_name)
-        # A row contains None for missing values; replace it by NaN.
         float_values = {
             name: math.nan if value is None else float(value) for name, value in values.items()
         }

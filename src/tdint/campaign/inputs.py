@@ -319,8 +319,7 @@ def _assignment(
     if isinstance(motions, GridMotions):
         assert isinstance(records, GridFile) and rows is not None
         return GridSamples(rows, motions, records)
-    # Without sites, all buildings have the same ground motion in an event. A file without a column
-    # of sites has one site with an empty name.
+    # A file without a column of sites has one site with an empty name.
     if motions.sites == ("",):
         return SiteEvents(motions, np.zeros(len(rows) if rows else model_count, dtype=np.int64))
     # `near` has the names of the sites, the index of the nearest site of each building, and its
@@ -333,8 +332,7 @@ def _assignment(
             f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
             "key `sites` of the records, a file with the locations of the sites"
         )
-    # The locations of the sites are not specified, so the inventory must name the site of each
-    # building. All variations of a building, which are consecutive, have the same site.
+    # All variations of a building, which are consecutive, have the same site.
     site_numbers = {site: number for number, site in enumerate(motions.sites)}
     reason = (
         f"is not a site in {records.file}; its sites are "
@@ -416,7 +414,6 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
         )
     motions, failures = list[SuiteMotion](), list[TdintError]()
     notes: dict[str, None] = {}  # keys of a dictionary: each note once, in order
-    # Sequences that cannot be used are reported and skipped.
     for name, events in events_by_sequence.items():
         try:
             motions += _sequence(name, events, sequences, notes)

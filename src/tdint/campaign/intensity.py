@@ -104,8 +104,7 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
-        # Rotate the pair to each direction of half a circle, and compute the intensity of the
-        # resulting component. In the opposite direction only the sign of the motion differs.
+        # In the opposite direction only the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
         # The rotated records have no names (empty texts).

@@ -106,7 +106,6 @@ class FieldMotions:
         rows : tuple of four ndarray, shape (rows,)
             Index of the site, number of the event, index of the record, and value of each row.
         """
-        # The rows of site i are start[i] to start[i + 1] - 1 of the sorted rows.
         site, event, record, value = rows
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))

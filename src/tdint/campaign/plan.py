@@ -378,7 +378,6 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
             "damage states depend on residual drifts, but the building still vibrates at the end "
             "of the records; set until_rest of the analysis to continue until it is at rest"
         )
-    # The plan includes all messages before the runs: skipped inputs, notes and warnings.
     plan = Plan(
         name=campaign.name,
         buildings=buildings,
@@ -471,7 +470,6 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             "model files listed more than once, which are run repeatedly: "
             f"{abbreviate(list(dict.fromkeys(repeated)), _MOST_NAMES)}"
         )
-    # A method of the campaign replaces the methods of the models.
     subjects = []
     for model in inputs.models:
         method = analysis.method or model.analysis.method

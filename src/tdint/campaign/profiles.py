@@ -374,15 +374,11 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
     """Return the text of an intensity level.
 
     The text is `scale 2` if all motions have the same factor. Otherwise it is the intensity measure
-    and its value, such as `sa(T1) 2.94 m/s^2`, or the number of the level, `level 2`, if
-    motions have individual factors. It is empty if both `scale` and `level` are unknown.
+    and its value, such as `sa(T1) 2.94 m/s^2`, or the number of the level, `level 2`, if motions
+    have individual factors. It is empty if both `scale` and `level` are unknown.
 
     Parameters
     ----------
-    scale : float
-        Factor of all motions; NaN if they have different factors.
-    level : float
-        Value of the intensity measure, or number of the level; NaN if there is neither.
     measure : tuple of (str, str)
         Name and unit of the intensity measure; `level` without a unit for numbered levels.
     """

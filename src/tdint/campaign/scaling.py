@@ -359,8 +359,6 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
     """
     if rule == "mean":
         return fitted
-    # The rule ec8 also compares the mean of the peak ground accelerations with the target at the
-    # period 0.
     peak_factor = 1.0
     if rule == "ec8":
         assert fitted.target is not None
@@ -447,8 +445,8 @@ def scale_p695(
             "scaling of a set by the rule p695 requires both a period and a pseudo-acceleration, "
             f"or neither; got period {period} and value {value}"
         )
-    # Normalize by the peak velocities first. According to FEMA P-695, this removes the variation of
-    # the pairs due to magnitude and distance.
+    # According to FEMA P-695, this removes the variation of the pairs due to magnitude and
+    # distance.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
     if period is None or value is None:

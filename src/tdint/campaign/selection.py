@@ -123,7 +123,6 @@ def select(
     event_numbers, labels = _number_events(suite, events, per_event)
     pool_events, max_per_event = event_numbers[pool], per_event or len(suite)
     _check_pool_size(count, pool_events, event_numbers, per_event, excluded_counts)
-    # Compute the factors by least squares within the limits, then search the best selection.
     ln_target, ln_spectra = np.log(target_spectrum.at(compared_periods)), np.log(spectra)
     ln_fitted = np.mean(ln_target - ln_spectra, axis=1)  # ln of the factors without limits
     fitted = Scaling(
@@ -223,8 +222,7 @@ def _check_pool_size(
     pool.
     """
     motion_count = len(event_numbers)
-    # `bincount` returns the number of motions of each event in the pool. Of each event, at most
-    # `per_event` motions can be selected.
+    # Of each event, at most `per_event` motions can be selected.
     possible_by_event = np.minimum(np.bincount(pool_events), per_event or motion_count)
     possible = int(possible_by_event.sum()) if len(pool_events) else 0
     if possible >= count:
@@ -295,15 +293,13 @@ def _within_limits(
         if nearest is None or max_factor < float(np.max(nearest.factors)):
             nearest = scaling
         # If the upper limit is at or below the smallest individual factor, all limited factors are
-        # equal to this limit. A lower limit would only be compensated by a higher common factor. In
-        # this case, the search ends.
+        # equal to this limit. A lower limit would only be compensated by a higher common factor.
         if upper_limit <= float(np.min(fitted.factors)):
             break
         # The final factors are the limited factors times the common factor of the rule. With the
         # limit `high` divided by the present common factor, the final factors would be at most
         # `high` for an equal common factor. The next common factor may be larger, so that the limit
-        # is always reduced by at least 5 % (`_LIMIT_REDUCTION`). A limit below the smallest
-        # individual factor has no use.
+        # is always reduced by at least 5 % (`_LIMIT_REDUCTION`).
         common_factor = max_factor / float(np.max(factors[chosen]))
         upper_limit = max(
             min(high / common_factor, upper_limit * _LIMIT_REDUCTION), float(np.min(fitted.factors))
@@ -569,12 +565,9 @@ def _search(
 ) -> list[int]:
     """Search for the selection of `count` motions with the minimum score.
 
-    The score is the mean over the periods of (mean deviation)^2, plus half of (standard deviation -
-    target)^2. A deviation is the ln of the scaled spectrum divided by the target, for each motion
-    (row) and period. The search adds the best row repeatedly, and then exchanges rows as long as
-    the score decreases. It is repeated from many starting points. The first starting point is the
-    best single motion; later starting points alternate between half of the best selection so far
-    and random motions.
+    A deviation is the ln of the scaled spectrum divided by the target, for each motion (row) and
+    period. The first starting point is the best single motion; later starting points alternate
+    between half of the best selection so far and random motions.
 
     A selection with `count` rows must exist, as `_check_pool_size` checks. A row can then always be
     added to an incomplete selection.
@@ -586,8 +579,6 @@ def _search(
     scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
     start_count = int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))
     for start_number in range(start_count):
-        # Start 0 is the empty selection, odd starts are a random half of the best selection so far,
-        # and even starts are random rows.
         selection: list[int] = []
         if start_number % 2:
             selection = generator.permutation(best_selection)[: count // 2].tolist()
@@ -597,10 +588,9 @@ def _search(
                 # then omits the standard deviation, which is always finite.
                 possible_rows = np.flatnonzero(np.isfinite(scores(selection, 2)))
                 selection.append(int(generator.choice(possible_rows)))
-        # Complete the selection: add the row that results in the lowest score, repeatedly.
         while len(selection) < count:
             selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
-        # Exchange rows of `selection` in place. The result is its final score.
+        # The result is its final score.
         score = _exchange_rows(selection, scores)
         if score < best_score:
             best_selection, best_score = sorted(selection), score

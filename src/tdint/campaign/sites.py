@@ -172,7 +172,6 @@ def _rows_as_events(
     motion of event k at this site. Events are named by their numbers, from 1. ModelError is raised
     if the files have different numbers of rows.
     """
-    # An event is identified by its row, so that all files must have the same number of rows.
     event_count = len(point_motions[0])
     for (file, _), motions in zip(points, point_motions, strict=True):
         if len(motions) != event_count:
@@ -549,9 +548,8 @@ class _RowReader:
         value = number(value_text) if value_text else 1.0
         if error := self._row_error(event, record, site, value_text, value):
             return error
-        # Store numbers instead of names, because a row of numbers requires only 24 bytes. Sites and
-        # records are numbered from 0. Events are numbered from 1, because the number of an event
-        # becomes the sample number of its runs; 0 denotes a run without sampling.
+        # Events are numbered from 1, because the number of an event becomes the sample number of
+        # its runs; 0 denotes a run without sampling.
         rows = self.rows
         site_number = rows.sites.setdefault(site, len(rows.sites))
         event_number = rows.events.setdefault(event, len(rows.events) + 1)

@@ -74,8 +74,6 @@ class Identity:
         Inputs that could not be used: the category (`record` or `building`), and the reason.
     units : OutputUnits
         Output units that the models request.
-    damage : Damage | None
-        Definition of the damage states.
     files : mapping of str to str
         SHA-256 of the model files, or of the files of the inventory, by name.
     rates : mapping of str to float

@@ -345,8 +345,6 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     UsageError is raised if the table does not contain a requested threshold, or the requested rule
     for pairs of components is not the rule of the table.
     """
-    # The capacities were computed with the rule for pairs of components that the table states. They
-    # cannot be used for another rule.
     pair_demand = table.only("pair_demand") if table.has("pair_demand") else ""
     if pair_demand and request.pair_demand not in (None, pair_demand):
         raise UsageError(
@@ -357,8 +355,7 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     # It is omitted with a warning.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     has_capacity = np.isfinite(capacity)
-    # If the table specifies previous damage (a drift ratio), each state is fitted separately. The
-    # key nan represents a table without this column.
+    # The key nan represents a table without this column.
     rows_of_damage = {math.nan: has_capacity}
     if table.has("damage"):
         damage = np.array(table.numbers("damage"))
@@ -658,12 +655,10 @@ def _cloud(
     ground motions (`motion`).
     """
     _check_thresholds(table, request)
-    # Demands below the requested range are elastic and omitted. Demands above it are censored.
     low_edp, high_edp = request.edp_range
     is_kept = edp >= low_edp
     # For each threshold, `is_known` is True for the rows of which it is known whether they exceed
-    # the threshold. A censored demand below the threshold may or may not exceed it. `exceeding` is
-    # 1.0 for rows that exceed the threshold and 0.0 for other rows.
+    # the threshold. A censored demand below the threshold may or may not exceed it.
     is_known = [is_kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
     exceeding = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
     censored = censored | (edp >= high_edp)
@@ -680,7 +675,6 @@ def _cloud(
         ]
     except AnalysisError as error:
         return FragilityResult((), (error,))
-    # Add counts of the runs for which exceedance of the threshold is known.
     with_counts = [
         function.beside_counts(
             im[is_used], exceeding[is_used], motion=None if motion is None else motion[is_used]
@@ -701,7 +695,6 @@ def _by_threshold(
     column `threshold` is empty.
     """
     names = (table.only("im_name"), table.only("unit"))
-    # Without a column `threshold`, all rows refer to the same threshold.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(

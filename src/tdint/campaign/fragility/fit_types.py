@@ -100,16 +100,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
 
     For functions by building, the states can be thresholds of the maximum drift ratio.
 
-    Parameters
-    ----------
-    by : str
-        One of `BY`; default by type.
-
-    Returns
-    -------
-    FragilityResult
-        Functions, reasons why other functions cannot be fitted, and messages.
-
     Raises
     ------
     UsageError
@@ -132,7 +122,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         )
     measure = measure_named(request.measure or "sa")
     requested_states = _requested_states(request)
-    # Read the store one time, building by building. The fits follow after it is closed.
+    # Read the store one time, building by building.
     with open_existing(folder) as store:
         check_chunks(store)
         if not (store.damage() or requested_states):
@@ -224,7 +214,6 @@ class _RunCollector:
             motion_of_record[record] if motion_of_record else sample
             for record, _, sample in damage.keys
         ]
-        # A collapse exceeds all states. The demand at the end of the stopped run has no meaning.
         # The median threshold of the heaviest state replaces it; the fit treats the demand of a
         # collapse only as a lower limit.
         demand = np.where(fallen, damage.states.medians[-1], damage.demand)
@@ -325,7 +314,6 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
         return _type_cloud(runs, request, is_used)
 
     fits = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
-    # Add threshold, name and counts to the function of each state; errors are kept.
     probability_columns = _exceedance_probabilities(runs).T
     result: list[Fragility | AnalysisError] = []
     for state_fit, median, probabilities in zip(
@@ -356,7 +344,6 @@ def _type_stripes(
     # Number the levels of the selected runs without gaps, as `bincount` requires.
     level_number = np.unique(level[is_used], return_inverse=True)[1]
     total = np.bincount(level_number).astype(float)
-    # Intensities within a level differ by rounding errors only. Their geometric mean is used.
     im = np.exp(np.bincount(level_number, np.log(runs.im[is_used])) / total)
     fits: list[Fragility | AnalysisError] = []
     for probabilities in _exceedance_probabilities(runs)[is_used].T:

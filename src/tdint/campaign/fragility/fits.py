@@ -95,11 +95,6 @@ class Observations:
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
         """Return the gradient and the Hessian of the log-likelihood with respect to the parameters
         of the linear model. One of these is 1 / sigma, which must be positive.
-
-        Let z = design @ parameters be the standardized residual of each observation, and Phi the
-        standard normal distribution function. An observation adds, times its count, to the
-        log-likelihood: ln Phi(z) if only an upper bound of the value is known (`below`), ln Phi(-z)
-        if only a lower bound is known (`above`), and -z^2 / 2 + ln(1 / sigma) for a known value.
         """
         # The derivatives contain phi(z) / Phi(z), the density divided by the distribution function.
         # Compute the ratio from logarithms, because both functions underflow for large |z|.
@@ -114,7 +109,6 @@ class Observations:
             -hazard_below * (hazard_below + z),
             np.where(self.above, -hazard_above * (hazard_above - z), -1.0),
         )
-        # Each exact value adds ln(1 / sigma) to the log-likelihood.
         inverse_sigma, index = float(parameters[self.inverse_sigma]), self.inverse_sigma
         gradient = self.design.T @ (self.count * first)
         hessian = (self.design.T * (self.count * second)) @ self.design
@@ -140,8 +134,7 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
     parameters = np.asarray(start, float)
     log_likelihood = observations.log_likelihood(parameters)
     for _ in range(_MAX_ITERATIONS):
-        # The log-likelihood is concave, so that Newton's iteration converges to its maximum. If it
-        # has no curvature in some direction, it has no unique maximum.
+        # If it has no curvature in some direction, it has no unique maximum.
         gradient, hessian = observations.derivatives(parameters)
         if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or _is_flat(hessian):
             return None
@@ -629,7 +622,6 @@ def extrapolated(functions: Sequence[Fragility]) -> list[str]:
     Each reason for an extrapolation has one message, which lists the functions that the reason
     concerns.
     """
-    # The reason for an extrapolation is empty if the observations cover the median.
     names_by_reason: dict[str, list[str]] = {}
     for function in functions:
         if function.extrapolated:
@@ -967,8 +959,6 @@ def _line(
         raise AnalysisError(
             "demands do not increase with intensity: a line with positive slope cannot be fitted"
         )
-    # The parameters of the likelihood are the coefficients of the line divided by sigma, and
-    # 1 / sigma.
     (scaled_intercept, scaled_slope, inverse_sigma), covariance = solution
     return (
         float(scaled_intercept / inverse_sigma),

@@ -270,11 +270,9 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     # First period of a building by its number, s
     period = cache(lambda building: plan.buildings[building].subject().period)
 
-    # A measure that is proportional to a power of the scale factor is computed once for each
-    # record, and then multiplied. Other measures are computed for each scale factor.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
-        """Return a measure of an unscaled record. `measure` and `motion` are numbers."""
+        """Return a measure of an unscaled record."""
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
 
     def value(measure: int, motion: int, factor: float, first_period: float) -> float:
@@ -685,7 +683,6 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     # Without any variance, the points are exactly on the line.
     if not variance > 0.0:
         return 0.0
-    # Two-sided
     return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
 
 

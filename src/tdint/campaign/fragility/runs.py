@@ -114,12 +114,8 @@ class BuildingDamage:
 
 
 def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) -> Array:
-    """Return the probability of each outcome after runs, shape (runs, outcomes).
-
-    Returns
-    -------
-    ndarray, shape (runs, outcomes)
-        Probabilities in the order of `states.outcomes`; nan for a run without a result.
+    """Return the probability of each of `states.outcomes` after runs, shape (runs, outcomes); nan
+    for a run without a result.
     """
     # The probability of a state is the probability of reaching it minus the probability of reaching
     # the next state. The first outcome is no damage; the last outcomes are the types of collapse.
@@ -446,16 +442,14 @@ class _Group:
         level. `inventory_entry` is the entry of the inventory column that defines the groups.
         """
         outcome_count = len(self.states.outcomes)
-        # The sums have one row per ground motion, because the jackknife omits one ground motion at
-        # a time: runs under the same ground motion are correlated.
+        # The jackknife omits one ground motion (row) at a time.
         sum_rows = np.array(list(self._sums.values()))
         # Without any run with a result, all means and errors are nan.
         mean = _mean(sum_rows) if len(sum_rows) else Mean(*np.full((2, outcome_count), math.nan))
         probability = Mean(mean.value[:outcome_count], mean.error[:outcome_count])
         loss = money = Mean(*np.full((2, 1), math.nan))
         loss_sd = value = math.nan
-        # With losses, the last two sums are the loss ratio and its square (indices -2 and -1). The
-        # slice results in an array with a single value.
+        # With losses, the last two sums are the loss ratio and its square (indices -2 and -1).
         if self.states.losses and len(sum_rows):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
             loss_sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))

@@ -299,8 +299,6 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
     by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
         texts = {key: lines[row] for key, lines in cells.items()}
-        # In a file of capacity curves a class has a row for each point of its curve. Only one of
-        # these rows must contain the values of the class.
         if not any(text for _, text in texts.values()):
             continue
         values = {}
@@ -309,7 +307,6 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
             if math.isnan(values[key]) or values[key] < 0.0:
                 problem = number_error(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {problem}")
-        # If several rows contain values, they must be equal.
         first_values = by_class.setdefault(name, values)
         for key, value in values.items():
             if value != first_values[key]:
@@ -555,8 +552,7 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
     mode for the spectral displacement, and 1 for other demands. ModelError is raised if a drift
     ratio is required, but heights of stories are missing.
     """
-    # The roof drift ratio is divided (`per`) by the total height, and requires the heights of all
-    # stories. Other drift ratios require the height of at least one story.
+    # Other drift ratios require the height of at least one story.
     heights = [story.height for story in stories]
     lacks_height = None in heights if DEMANDS[demand].per else not any(heights)
     if "ratio" in demand and lacks_height:
