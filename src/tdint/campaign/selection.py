@@ -590,7 +590,7 @@ def _search(
                 selection.append(int(generator.choice(possible_rows)))
         while len(selection) < count:
             selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
-        # The result is its final score.
+        # `selection` is changed in place.
         score = _exchange_rows(selection, scores)
         if score < best_score:
             best_selection, best_score = sorted(selection), score

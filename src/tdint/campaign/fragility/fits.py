@@ -134,7 +134,7 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
     parameters = np.asarray(start, float)
     log_likelihood = observations.log_likelihood(parameters)
     for _ in range(_MAX_ITERATIONS):
-        # If it has no curvature in some direction, it has no unique maximum.
+        # A likelihood without curvature in some direction has no unique maximum.
         gradient, hessian = observations.derivatives(parameters)
         if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or _is_flat(hessian):
             return None
