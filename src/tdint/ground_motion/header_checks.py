@@ -45,13 +45,6 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
     """Return the number of samples that a SAC header states, and the floating-point values of the
     header.
 
-    Returns
-    -------
-    count : int
-        Stated number of samples.
-    values : tuple of 70 floats
-        Floating-point values of the header in the order of the file.
-
     Raises
     ------
     Damaged

@@ -159,8 +159,6 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     band : float
         Frequency, Hz, up to which amplitudes are kept with an error of 2e-5.
     """
-    # For a longer interval, the sinc is stretched to remove frequencies above the new Nyquist
-    # frequency.
     stretch = max(1.0, new / dt)
     # The transition band then ends at the new Nyquist frequency, which is 1 here.
     cutoff = 1.0 - 0.5 * _TRANSITION if new > dt else 1.0

@@ -450,8 +450,6 @@ class JoinedRecord(Record):
             not finite.
         """
         events, starts = at_one_interval(records), [0]
-        # Without a specified rest, the joined record has only the minimum of a single sampling
-        # interval between events.
         for event in events[:-1]:
             last_sample = starts[-1] + event.acceleration.size - 1
             starts.append(last_sample + rest_intervals(rest or 0.0, event.dt))

@@ -178,14 +178,10 @@ class _Flow:
         """
         self.scale = scale
         self.last_chapters = last_chapters
-        # Height of the largest blank area at the end of a completed page, mm
         self.blank = 0.0
-        self.body: list[str] = []  # HTML elements
-        # Estimated distance from the top of the current page, mm, and from the last page break with
-        # a known position, mm. The start of the first page is known.
+        self.body: list[str] = []
         self.position = 0.0
         self.distance = 0.0
-        # Figures that did not fit: attributes of the image, caption, height divided by width
         self.postponed: list[tuple[str, str, float]] = []
 
     @property
@@ -227,8 +223,7 @@ class _Flow:
         if _PAGE - self.position >= height:
             return ""
         self.blank = max(self.blank, _PAGE - self.position)
-        # The heights are estimates, so that the position is unknown far from the last known page
-        # break. A chapter that must start on a new page (infinite height) does not depend on it.
+        # A chapter that must start on a new page (infinite height) does not depend on the estimate.
         is_known = self.distance < _KNOWN_DISTANCE or math.isinf(height)
         self.position = 0.0
         if not is_known:
@@ -280,9 +275,8 @@ class _Flow:
         # `break_class` sets the position to 0 if the figure moves to a new page.
         page_class = "" if fits else self.break_class(_MAX_BLANK)
         height = min(full_height, _PAGE - self.position - _FIGURE)
-        # The position is estimated from the heights since the last known page break. The estimate
-        # is uncertain if their sum, `distance`, is large. A tall figure may then not fit and cause
-        # a large blank area, so that the height of the figure is limited.
+        # Far from the last known page break, a tall figure may not fit and cause a large blank
+        # area, so its height is limited.
         if self.distance >= _KNOWN_DISTANCE and not is_first:
             height = min(height, _MAX_BLANK)
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
@@ -331,9 +325,8 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
         flow = _Flow(scale, last_chapters)
         return _lay_out(title_text, about, chapter_list, page_text, software, flow, images)
 
-    # The layout with the lowest cost is selected. It has smaller figures if this avoids a nearly
-    # blank page. The cost of reduced figures is at most 1 - min(_SCALES). A higher cost means that
-    # a nearly blank page remains; then page breaks before the last chapters are tried as well.
+    # The cost of reduced figures is at most 1 - min(_SCALES). A higher cost means that a nearly
+    # blank page remains; then page breaks before the last chapters are tried as well.
     flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
     if flow.cost > 1.0 - _SCALES[-1]:
         with_break = (lay_out(scale, count) for count in _LAST_CHAPTERS for scale in _SCALES)

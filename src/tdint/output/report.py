@@ -608,7 +608,6 @@ def _with_state_columns(table: Table) -> Table:
     """
     keys: list[str] = [name for name in ("type", "level", "event") if name in table.columns]
     indices = [table.columns.index(name) for name in (*keys, "state", "probability")]
-    # The probabilities of all states are collected by type, level and event.
     probabilities: dict[tuple[Cell, ...], dict[str, Cell]] = {}
     states: dict[str, None] = {}  # an ordered set
     for row in table.rows:
@@ -628,11 +627,9 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
     """Return for each intensity level its unscaled records with their scale factors, smallest
     factors first. Levels that are equal for several buildings are returned once.
     """
-    # The factors are collected by building, ground motion and sample of the varied parameters.
     factors: dict[tuple[int, int, int], list[float]] = {}
     for building, motion, scale, sample, *_ in store.runs():
         factors.setdefault((building, motion, sample), []).append(scale)
-    # The ground motions and their factors are collected by building and level.
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
         # Levels are ranks, because each ground motion can have its own scale factors: the smallest
@@ -692,7 +689,6 @@ def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
         f"Scale factors: {factors}, computed by tdint scale",
         f"rule {settings['rule']} ({_RULES[settings['rule']]})",
     ]
-    # The target is a spectrum or the value of an intensity measure.
     if settings["target"]:
         facts.append(f"target {spectrum_text(settings['target'])}")
     elif settings["measure"]:

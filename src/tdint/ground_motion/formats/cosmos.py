@@ -121,8 +121,6 @@ def read_cosmos(lines: Lines) -> list[Series]:
     other_blocks: list[tuple[NDArray[np.float64], re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
-        # Groups of `block` (`_BLOCK`): 1 number of samples, 2 quantity, 4 name of the units,
-        # 5 number of the units.
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
             series.append(_series(samples, block, texts, integers, reals))
@@ -207,8 +205,7 @@ def _series(
             f"stated duration of {block[3]} s"
         )
 
-    # The unit is stated by name or by its number in the table of the format. Counts of a recorder
-    # have no units.
+    # The unit is stated by name or by its number in the table of the format.
     stated_quantity = block[2].lower().split()[0]
     quantity = stated_quantity if stated_quantity in _OTHER_QUANTITIES else "acceleration"
     units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")

@@ -214,7 +214,6 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
         return Series(
             lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4])
         )
-    # Older files contain pairs of time and acceleration; later files have equal steps.
     if not (equal := _EQUAL.match(line)):
         return read_pairs(lines, texts)
     lines.take()

@@ -419,7 +419,6 @@ def _series(
     if name.quantity != "acceleration":
         return component
 
-    # Columns of velocity and displacement supply the peaks if the columns have units.
     peaks: dict[str, float] = {}
     for other_name, column in zip(names, columns, strict=True):
         is_same_component = (
@@ -451,7 +450,6 @@ def _times(
             "the first column numbers the lines; specify the sampling interval by `step` (1 if the "
             "numbers are times in s)"
         )
-    # If the user specifies the sampling interval, the first column may contain data.
     if layout.step is not None and (
         not np.all(np.diff(first) > 0.0) or _counts_samples(first, layout.step)
     ):

@@ -68,7 +68,6 @@ def read_unam(lines: Lines) -> list[Series]:
         The file is cut off, or its content does not match its header.
     """
     texts = lines.take_until(_DATA.match, "start-of-data line")
-    # Each key has one line for the first six channels and one line for the remaining channels.
     steps, counts, peaks, names = (
         _values_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES)
     )

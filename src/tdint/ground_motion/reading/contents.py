@@ -147,8 +147,6 @@ def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
         The archive is corrupt or encrypted, contains more than 2000 files, or its total
         uncompressed size exceeds 256 MiB.
     """
-    # The budget is the remaining number of uncompressed bytes, in a list that all nested archives
-    # share. The depth is the nesting level of the archive.
     return _archive_files(data, source, budget=[MAX_FILE_BYTES], depth=1)
 
 

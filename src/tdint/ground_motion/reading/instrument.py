@@ -419,7 +419,6 @@ def _transition_band(response: Any, dt: float) -> tuple[float, float] | None:
         dt, _SPECTRUM, output="DEF", start_stage=min(digital), end_stage=max(digital)
     )
     amplitudes = np.abs(values) / np.max(np.abs(values))
-    # The band starts at the last frequency that the filters still pass.
     start = int(np.flatnonzero(amplitudes >= _BAND_START)[-1])
     if start == amplitudes.size - 1:
         return None

@@ -62,11 +62,6 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     A file that cannot be read is kept, so that reading it reports the error. With a layout, more
     text tables are recognized as records.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        Names of files and directories; `-` is standard input.
-
     Returns
     -------
     Sources

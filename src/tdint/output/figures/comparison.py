@@ -833,9 +833,8 @@ def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> No
     """Write the conditions of the measurement below performance profiles: clock, processor and
     versions of the programs.
 
-    The text is the title of the legend, because the layout reserves space for a legend. The height
-    of the figure increases by the lines of the text. A figure of a single method has no legend and
-    no such text.
+    The text is the title of the legend, because the layout reserves space for a legend. A figure of
+    a single method has no legend and no such text.
     """
     timing = chart.timing
     programs = [

@@ -120,7 +120,6 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
             problem, previous_problem = columns[first + x][0], columns[first + x - 1][0]
             if problem != previous_problem:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
-    # The legend explains the styles of cells; its title explains the numbers.
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
     explanation = "\n".join(wrap(_EXPLANATION, NARROW_FOOT)) if narrow else _EXPLANATION
     legend = figure.legend(

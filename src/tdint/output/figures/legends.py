@@ -59,8 +59,7 @@ def add_legend(
     columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
     labels = [" " + label for label in labels]  # matplotlib ignores labels that start with _
     legend = _legend_below(figure, lines, labels, columns)
-    # A legend that is wider than the figure is cut off at both sides. Use fewer columns, and break
-    # the labels if one column is still too wide.
+    # A legend that is wider than the figure is cut off at both sides.
     unbroken, longest = labels, max(map(len, labels))
     while (excess := _extent(figure, legend)[0]) > 1.0 and max(columns - 1, longest - narrow) > 0:
         legend.remove()

@@ -477,8 +477,8 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     over_stories(axes, shown_peaks, fill=True, color=INK, alpha=0.18)
     label = {"label": "all events"} if response.events else {}
     over_stories(axes, shown_peaks, color=INK, linewidth=1.4, **label)
-    # Each event of a sequence has a line, up to the number of colors. The factors convert drifts
-    # (m) to the unit of the axis; the factor of a story without drift is zero.
+    # The factors convert drifts (m) to the unit of the axis; the factor of a story without drift is
+    # zero.
     drifts = stories.peak_drift
     factors = np.divide(peaks, drifts, out=np.zeros_like(drifts), where=drifts > 0.0)
     for number, (event, color) in enumerate(
@@ -488,8 +488,6 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         over_stories(
             axes, values, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"event {number}"
         )
-    # Residual drifts, estimated errors and the collapse drift are drawn if they are large enough
-    # to be visible.
     residual = np.where(is_separate, 0.0, scale * np.abs(stories.residual_drift))
     if np.any(residual > _MIN_RESIDUAL * maximum):
         over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="residual drift")

@@ -660,8 +660,6 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         for spectrum, name in zip(spectra, names, strict=True)
     ]
     has_columns = 1 < len(set(components)) <= _MAX_COLUMNS
-    # With a separate column for each component, the label of a line needs only the damping ratio,
-    # because the title of the column names the component.
     first_labels = line_labels(spectra)
     if has_columns:
         has_several_ratios = len({spectrum.damping for spectrum in spectra}) > 1

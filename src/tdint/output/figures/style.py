@@ -1,7 +1,7 @@
 """Style shared by all figures: readable in black and white, as PNG, PDF or SVG.
 
-Only the modules of figures import matplotlib. They use its classes instead of pyplot, so that no
-window system is needed and figures do not share a state.
+They use its classes instead of pyplot, so that no window system is needed and figures do not share
+a state.
 """
 
 from __future__ import annotations
@@ -824,8 +824,6 @@ def over_stories(axes: Any, values: Array, **style: Any) -> None:
     ----------
     values : ndarray, shape (stories,)
         Values, from the first story.
-    **style
-        Keyword arguments of `Axes.stairs`.
     """
     # Story i extends from i - 0.5 to i + 0.5 on the y axis.
     axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)

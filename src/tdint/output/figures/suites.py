@@ -325,8 +325,7 @@ def floor_suite_picture(
     units = units.in_figures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     for suite in suites:
-        # Suites with equal keys have a common panel. An unknown scale factor or level is nan. Two
-        # values nan differ, but their texts are equal.
+        # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
         key = (suite.floor, repr(suite.scale), repr(suite.level), suite.damping)
         panels.setdefault(key, []).append(suite)
     shown = list(panels.values())[:_MAX_PANELS]

@@ -676,8 +676,8 @@ def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
 def numeric(store: Store) -> list[bool]:
     """Return a list with True for each copied inventory column that contains numbers and no other
     text. Empty cells are ignored; a column with only empty cells is not numeric."""
-    # `answers` has a set for each column. It contains True if the column has a cell with a number,
-    # and False if it has a cell with other text.
+    # Each set contains True if the column has a cell with a number, and False if it has a cell with
+    # other text.
     answers: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
         for column_answers, text in zip(answers, store.copied_cells(number), strict=False):

@@ -471,8 +471,8 @@ def _curve_cells(
     )
     annual_losses = event_rates * means
     for index, (mean_loss, event) in enumerate(curve):
-        # The loss in an event scatters. The exceedance rate with this scatter is computed for
-        # independent and for fully correlated buildings.
+        # The exceedance rate with this scatter is computed for independent and for fully correlated
+        # buildings.
         rates_with_scatter = []
         for assumption in range(len(_CORRELATIONS)):
             deviations = np.array([other.scatter[assumption] for _, other in curve])

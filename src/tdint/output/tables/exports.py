@@ -296,7 +296,6 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         imt, factor = _measure(first)
         params: list[str] = []
         limits: list[float] = []
-        # OpenQuake requires the mean and standard deviation of the intensity, not of its logarithm.
         for function, state in zip(group, group_states, strict=True):
             median, beta = function.theta * factor, function.beta_total
             limits += [median * math.exp(sign * _RANGE * beta) for sign in (-1.0, 1.0)]

@@ -167,7 +167,6 @@ def _inventory_names(store: Store) -> tuple[str, ...]:
     Each copied column of the inventory is a property with the name of the column, with a prefix if
     a computed property has the same name.
     """
-    # `other_names` are the names of all computed properties.
     demands = [
         f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
     ]
@@ -238,7 +237,6 @@ def _losses(
         properties[_VALUE] = digits(value)
         properties[_LOSS] = None if loss_ratio is None else digits(value * loss_ratio)
     if annual_losses:
-        # Without costs, annual losses are fractions of the value of the building.
         unit = value if has_value else 1.0
         event_loss = annual_losses.get((rank, event))
         total_loss = math.fsum(
@@ -290,10 +288,7 @@ def _districts(
 ) -> Iterator[Feature]:
     """Yield a GeoJSON feature for each district (value of the column `by`), event and level.
 
-    The properties are the numbers of buildings and runs, the mean loss, and with event rates the
-    annual loss due to the event and the average annual loss of the district over all events. The
-    geometry is the polygon of the district, or the points of the buildings. Without requested
-    events, all are written.
+    Without requested events, all are written.
     """
     positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
     groups = list(group_damages(store, by=by))
@@ -308,7 +303,6 @@ def _districts(
         """Return a number with 12 digits; None for NaN, which JSON does not have."""
         return None if math.isnan(value) else digits(value)
 
-    # The average annual loss of a district is the sum over all events, also those not written.
     annual_losses: dict[tuple[str, float], list[float]] = {}
     for group in groups:
         if rates and not math.isnan(mean_loss(group)):
