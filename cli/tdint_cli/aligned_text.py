@@ -74,15 +74,12 @@ def draw(
         Unit of each column name. The default unit is 1.
     """
     cells = [[_cell(value) for value in row] for row in rows]
-    # The following lists contain column indices.
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
     numeric = {
         i
         for i in filled
         if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))
     }
-    # A column with an equal text in all rows is printed above the table as a single line, except
-    # for the last column. The common directory of all files is printed in the same way.
     common = [
         i
         for i in filled[:-1]

@@ -180,7 +180,7 @@ def complain(text: str, settings: Settings | None = None) -> None:
         return f"{option} {shlex.quote(value)}" if value else option
 
     text = abridged(_SETTING.sub(setting_of_command, text))
-    # File names and headers may contain terminal control characters. Show these as text.
+    # File names and headers may contain terminal control characters.
     text = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
     try:
         clear_progress_bar = _EMPTY_LINE if settings.bar else ""
@@ -408,7 +408,6 @@ def _report_error(error: BaseException, settings: Settings) -> int:
     except Exception as error:
         if settings.debug:
             complain(traceback.format_exc().rstrip())
-        # Distinguish errors of tdint, errors that the user can correct, and bugs.
         if isinstance(error, TdintError):
             lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
         elif resource := _missing_resource(error, settings.options):

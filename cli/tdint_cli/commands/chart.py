@@ -216,7 +216,6 @@ def command(request: Request) -> None:
             from tdint.analysis.chart.problem import stretched
 
             # Compare the methods for each number of stories. Other programs are not run here.
-            # Therefore there are no notes about omitted programs.
             advice: list[Advice] = []
             charts, omissions = [], list[str]()
             share = 1.0 / len(request.stories)
@@ -655,7 +654,6 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
             f"time steps longer than {charts[0].interval:.6g} s skip samples of the record in "
             f"{', '.join(skipping_samples)}"
         )
-    # Write one note for each method and outcome, with the time steps of the failed runs.
     failed = [point for point in points if not point.errors]
     for line, outcome in dict.fromkeys((point.line, point.outcome) for point in failed):
         steps = dict.fromkeys(

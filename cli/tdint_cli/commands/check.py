@@ -165,7 +165,6 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 
     plugin_laws = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
     model = load_model(file)
-    # The stories with a plug-in law, each set of laws once
     story_of_law = {
         tuple(spring.law for spring in story.springs): number
         for number, story in enumerate(model.stories, start=1)

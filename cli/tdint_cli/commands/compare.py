@@ -160,7 +160,6 @@ def command(request: Request) -> None:
     from tdint.model.recorded import load_recording
     from tdint.output.tables.buildings import comparison_table
 
-    # Check the options and the output files before any computation.
     files = [request.recorded, *(request.blind or ())]
     if [request.model, *files].count(STDIN) > 1:
         raise UsageError(

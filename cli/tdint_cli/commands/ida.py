@@ -421,7 +421,6 @@ def _report(study: IdaStudy, precision: float) -> None:
         f"{study.model.name}: {records}, {pluralize(len(runs), 'run')} with {study.method}.",
         *map(_median, study.states),
     )
-    # Report runs that required a smaller time step, and resurrections above the first collapse.
     repeated = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if repeated:
         note(

@@ -124,8 +124,7 @@ def command(request: Request) -> None:
                 products.append(outcome)
                 notes |= dict.fromkeys(outcome.changes)
                 warnings |= dict.fromkeys(outcome.warnings)
-    # Write one table and one figure of all components. The figure shows only the first components,
-    # because its size is limited.
+    # The figure shows only the first components, because its size is limited.
     infos = [info for product in products for info in product.infos]
     if products:
         notes |= dict.fromkeys(_export(request, products))

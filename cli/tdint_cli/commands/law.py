@@ -138,7 +138,6 @@ def _report(
     """
     from tdint.model.definition import LAWS
 
-    # Describe the law, with the stiffness and yield drift of the model.
     formulas = "; ".join(LAWS[name].formula for name in test.law.split(" + "))
     subject = f"element {element}, " if element else ""
     text = f"{test.model.name}, story {test.story}, {subject}{test.law} law: {formulas}\n"

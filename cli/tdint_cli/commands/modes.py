@@ -158,7 +158,6 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
                 f"{count} modes with periods below the range of the target, {mass:.3g} % of the "
                 f"mass, {text}"
             )
-    # State the damping of the spectrum, and that the damping of the model is not used.
     damping, model_damping = result.target.damping, assemble(model).first_mode()[1]
     damping_text = f", with {100.0 * damping:g} % damping" if damping else ""
     damping_note = (

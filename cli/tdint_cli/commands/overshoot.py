@@ -72,8 +72,6 @@ def command(request: Request) -> None:
     integrators = options.analysis.integrators(request.methods)
     if request.law != "linear":
         integrators = options.analysis.for_nonlinear(integrators, request.law)
-    # Each method and damping ratio has two motions: from an initial displacement and from an
-    # initial velocity.
     pairs = {
         (integrator, ratio): [
             overshoot(integrator, start, request.dt_over_t, request.steps, ratio, request.law)

@@ -115,7 +115,6 @@ def command(request: Request) -> None:
     changes = _check_inputs(recorded, folder, request.changed)
     _check_plugins(recorded, folder, request.trust)
     with ExitStack() as stack:
-        # Outputs are written to the directory of -o, or to a temporary directory.
         if request.output is None:
             new_folder = Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
         else:

@@ -391,7 +391,6 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
         # `units` and `inventory` exclude each other: if the command line specifies one of them,
         # the other value of the model does not apply.
         choice = replace(choice, units=None, inventory=None)
-    # Settings of the command line have priority over settings of the model.
     choice = replace(
         choice,
         **specified,

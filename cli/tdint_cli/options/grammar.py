@@ -916,8 +916,6 @@ class Command(HelpAsData):
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
                 continue
-            # The text of `needs` has one of two forms. "--a or --b" means that one of the options
-            # --a and --b is required, "--a x or y" that --a with the value x or y is required.
             alternatives = needs.split(" or ")
             needed_option, _, value = alternatives[0].partition(" ")
             if value:

@@ -399,7 +399,6 @@ def _frequency_bound(
     shape = np.ones(stiffness.shape)
     bound = np.full(stiffness.shape[:-1], math.inf)
     for _ in range(iterations):
-        # Multiply x (`shape`) by the diagonal of K, then add the products with the neighbors.
         stiffness_times_shape = (story_stiffness[..., :-1] + stiffness_above) * shape
         stiffness_times_shape[..., 1:] += stiffness_below[..., 1:] * shape[..., :-1]
         stiffness_times_shape[..., :-1] += stiffness_above[..., :-1] * shape[..., 1:]
@@ -655,7 +654,6 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     # The keys are the index of the story and the index of the value in `story_numbers`.
     changed_values = _changed_numbers(model, values, draw_count)
 
-    # Copy the tables of the base and insert the changed numbers.
     linear_terms = np.repeat(base.linear_terms[None], draw_count, axis=0)
     law_parameters = np.repeat(base.law_parameters[None], draw_count, axis=0)
     heights = np.repeat(base.heights[None], draw_count, axis=0)

@@ -78,7 +78,6 @@ class CapacityCurve:
 
     def __post_init__(self) -> None:
         """Check the number of points and their values."""
-        # Both coordinates must have the same number of values, from two to four.
         if not 2 <= len(self.displacement) == len(self.acceleration) <= 4:
             raise UsageError(
                 f"a capacity curve must have two to four points, got {len(self.displacement)}"
@@ -241,7 +240,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     )
     if facts.soft_story:
         relative_stiffness[0] *= _SOFT_STORY_RATIO
-    links = np.minimum(story_index, 1.0)  # 0 for a story on the ground, 1 for the other stories
+    links = np.minimum(story_index, 1.0)
     shape = solve_modes(mass_fractions, relative_stiffness, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 

@@ -116,8 +116,6 @@ def add_damping(
             linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped_modes] * factors
         ).T
         return modal
-    # Convert the damping ratios of two modes to the coefficients a0 and a1 with the frequencies of
-    # the building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None and not all(story.rayleigh for story in model.stories):

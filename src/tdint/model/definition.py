@@ -1137,7 +1137,6 @@ def changes_of(model: Model, name: str) -> list[Change]:
             f"{pluralize(len(model.stories), 'story')}{hint}"
         )
     indices = [int(number) - 1] if number else range(len(model.stories))
-    # The parameters, and the indices of their values, depend on the law of the story.
     changes_by_story = {i: _changes_by_parameter(model.stories[i]) for i in indices}
     changes = [Change(i, *change) for i in indices for change in changes_by_story[i].get(key, ())]
     if changes:
@@ -1150,7 +1149,6 @@ def changes_of(model: Model, name: str) -> list[Change]:
             f"{name} has no effect: the law of {stories_without_strength} has no strength; use "
             "a law with a strength, or change another parameter"
         )
-    # List the parameters that can be changed in at least one of the stories.
     available: dict[str, None] = {}
     for story_changes in changes_by_story.values():
         available |= dict.fromkeys(

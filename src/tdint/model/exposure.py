@@ -195,8 +195,6 @@ class _Assets:
                 "exposure model; remove it from the mapping table"
             )
         self._tags = [tag for tag in dict.fromkeys(model.tags) if tag.lower() != TAXONOMY]
-        # If a tag has the name of a column from which the rules derive a building, the prefix
-        # `tag_` prevents that its text is used for that column.
         reserved_names = {*counts, *map(str.lower, reserved)}
         tags = [f"tag_{tag}" if tag.lower() in reserved_names else tag for tag in self._tags]
         self.titles = (*own_titles, *tags)

@@ -167,10 +167,7 @@ def read_inventory(
 
 
 def _check_mapping(mapping_table: _Table) -> None:
-    """Raise ModelError if a row of a mapping table does not define a building.
-
-    A mapping table contains the columns of an inventory for each taxonomy.
-    """
+    """Raise ModelError if a row of a mapping table does not define a building."""
     # Read the mapping table as an inventory: rename the column `taxonomy` to `id`.
     header = tuple("id" if name == TAXONOMY else name for name in mapping_table.table.header)
     mapping_table = replace(
@@ -214,7 +211,6 @@ def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]
                 "id for each building",
             )
         elif building:
-            # The first row with an id is valid, only further rows with this id are not.
             first_lines[building.id] = table.lines[index]
             valid[index] = True
     return InventoryRows(table, np.flatnonzero(valid)), sorted(
@@ -518,7 +514,6 @@ class InventoryRows(LazySequence[InventoryRow]):
                 separator = "\n" if part_number > 0 else ""
                 digest.update((separator + "\n".join(texts)).encode())
         if carried and self.near is not None:
-            # Names of all sites; for each row, the index and the distance of the nearest site.
             names, sites, distances = self.near
             digest.update(repr(names).encode() + sites.tobytes() + distances.tobytes())
         return digest.hexdigest()
@@ -770,12 +765,8 @@ def derive_row(
 
 
 def _sample_factor(random: np.random.Generator, deviation: float) -> float:
-    """Sample a positive factor with a normal distribution of mean 1.
-
-    `random`: generator of the samples; its state is changed by this function.
-    """
-    # A factor on a stiffness or a damping ratio must be positive. Other values of the normal
-    # distribution are sampled again.
+    """Sample a positive factor with a normal distribution of mean 1."""
+    # A factor on a stiffness or a damping ratio must be positive.
     factor = 0.0
     while factor <= 0.0:
         factor = 1.0 + deviation * random.standard_normal()

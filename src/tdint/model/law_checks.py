@@ -394,7 +394,6 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
             previous_drift = law_state[rows.DRIFT, 0]
             lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
             is_reversal = law_state[rows.RATE_SIGN, 0] * (drift - previous_drift) < 0.0
-            # A curved branch has an infinite SLOPE and does not determine the force.
             branch_force = math.nan
             if law_state[rows.SLOPE, 0] < math.inf:
                 follow_branches(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
@@ -453,7 +452,6 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
         functions.accumulate_dissipation(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
     if functions.keep is not None:
         functions.keep(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
-    # Row 0 (`rows.COMMITTED`) is the first row of the committed state.
     for row in range(rows.COMMON_ROWS):
         law_state[row, 0] = law_state[rows.FIRST_TRIAL + row, 0]
     if functions.keep is None:

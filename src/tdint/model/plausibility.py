@@ -561,7 +561,6 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     step = dt or interval
     if step is None or STEP.contains(period / step):
         return []
-    # Time steps up to the sampling interval need fewer steps in the period.
     if interval is not None and step <= interval and period / step >= _MIN_SAMPLES:
         return []
     return [

@@ -224,8 +224,7 @@ def _uniform_mode_stiffness(
     up, as determined by `units.load_key`.
     """
     masses = [_mass_factor(units) * load for load in loads]
-    # The inertia forces in the mode shape 1, 2, ..., n are divided by omega^2. The shear of a story
-    # is the sum of the forces above it.
+    # The inertia forces in the mode shape 1, 2, ..., n are divided by omega^2.
     inertia = [mass * floor for floor, mass in enumerate(masses, start=1)]
     inertia_above = [math.fsum(inertia[i:]) for i in range(len(inertia))]
     weight = math.fsum(masses) * STANDARD_GRAVITY / FORCE[units.force]

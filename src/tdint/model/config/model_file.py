@@ -801,7 +801,6 @@ def _end_index(node: Any) -> int:
     if is_scalar or node.flow_style:
         return int(node.end_mark.index)
     last_entry = node.value[-1]
-    # An entry of a mapping is a pair (key node, value node).
     return _end_index(last_entry[1] if isinstance(last_entry, tuple) else last_entry)
 
 
@@ -830,7 +829,6 @@ def _stiffness_edit(
     is_uniform = all(factor == factors[0] for factor in factors)
     stiffness, repeat = _find_node(entry, "stiffness"), _find_node(entry, "repeat")
     copies = []
-    # If all factors are equal, the entry keeps its `repeat`.
     for factor in factors[:1] if is_uniform else factors:
         replacements = []
         if stiffness is not None and factor != 1.0:
