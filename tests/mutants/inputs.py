@@ -114,7 +114,7 @@ def try_all(session: Session, inputs: list[Inputs], arguments: argparse.Namespac
     with TemporaryDirectory() as folder:
         mutants = ((each, mutant) for each in inputs for mutant in each.mutants())
         for number, (each, mutant) in enumerate(mutants):
-            if arguments.only not in str(mutant):
+            if not any(part in str(mutant) for part in arguments.only):
                 continue
             names = tests_of(mutant, measured, arguments.seconds)
             if not names:
@@ -148,7 +148,7 @@ def main() -> None:
     """Collect the tests, and try the mutants."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
     parser.add_argument("kinds", nargs="+", choices=list(TESTS))
-    parser.add_argument("--only", default="", help="part of the description of a mutant")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of names of mutants")
     parser.add_argument("--seconds", type=float, default=20.0, help="time of the tests of a mutant")
     parser.add_argument("--tests", nargs="+", help="files and directories of tests")
     parser.add_argument("--verbose", action="store_true", help="name the test that notices each")

@@ -57,7 +57,7 @@ class FileKeys:
         types = _types(keys, path)
         names = [key.text for key, _ in node.entries if isinstance(key, ScalarNode)]
         for name in [name for name in types if name in names]:
-            place = value.faults.file_type, f"{path}.{name}".lstrip(".")
+            place = _place(value.faults.file_type, path, name)
             self.specified.add(place)
             if place not in self._receivers:
                 following = list(types)[list(types).index(name) + 1 :]
@@ -70,11 +70,14 @@ class FileKeys:
         return node
 
     def mutants(self) -> Iterator[Mutant]:
-        """Yield the mutants of the keys that the tests specify, and of the other declared keys.
+        """Yield the mutants of the declared keys.
 
         An ignored required key is an error in every file, and no mutant.
         """
-        for place in sorted(self._receivers.keys() | set(_declared())):
+        declared = set(_declared())
+        schemas = {file_type for file_type, _ in declared}
+        others = {place for place in self._receivers if place[0] not in schemas}
+        for place in sorted(declared | others):
             if place not in self._needed:
                 yield Mutant(place)
             if receiver := self._receivers.get(place, ""):
@@ -137,7 +140,15 @@ def _paths(schema: Any, path: str) -> Iterator[str]:
                 yield place
             yield from _paths(inner, place)
         yield from _paths(schema.get("items"), f"{path}[]")
+        yield from _paths(schema.get("additionalProperties"), f"{path}.*")
         yield from _paths(schema.get("anyOf"), path)
+
+
+def _place(file_type: str, path: str, name: str) -> Place:
+    """Return the place of a key. Models inside of files of problems are model files."""
+    place = f"{path}.{name}".lstrip(".")
+    is_model = place.startswith(("law(", "problems[].model."))
+    return ("model file" if is_model else file_type), place.removeprefix("problems[].model.")
 
 
 def _mutated(node: MappingNode, name: str, receiver: str) -> MappingNode:

@@ -1,0 +1,120 @@
+"""The options that state how a record is read and processed have their effect in every command with
+these options: the results are those of a file with the same samples that requires no option."""
+
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+from tdint.ground_motion.processing_steps import process
+from tdint.ground_motion.reading.read import make_record
+from tdint_cli.main import COMMANDS, cli
+
+LINES = {
+    "info": "info motion.txt",
+    "spectrum": "spectrum motion.txt --period 0.5",
+    "drift-spectrum": "drift-spectrum motion.txt --period 0.5 --stories 1",
+    "run": "run shaken.yaml --record motion.txt",
+    "match": "match motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.4:0.5 --format csv "
+    "-o out --overwrite",
+    "scale": "scale motion.txt --sa 0.5g --at 0.5",
+    "ida": "ida shaken.yaml motion.txt --im pga --threshold 0.1% --max-im 0.3g",
+    "sensitivity": "sensitivity shaken.yaml motion.txt --vary stiffness_factor=0.9:1.1",
+    "chart": "chart shaken.yaml --record motion.txt --method newmark-average --dt 0.02",
+}
+LAYOUT = "--skip-lines 2 --column 2 --step 0.01 --units m/s^2"
+PROCESSING = (
+    "--trim 0.2:2.2 --baseline linear --pad 0.5:1 --highpass 0.4 --lowpass 20 --filter-order 2 "
+    "--resample 0.005 --units m/s^2"
+)
+
+
+def test_every_command_with_these_options_is_tried():
+    context = click.Context(cli)
+    with_rows = [
+        name
+        for name in COMMANDS
+        if {"rows", "trim"} <= {option.name for option in cli.get_command(context, name).params}
+    ]
+    assert sorted(with_rows) == sorted(LINES)
+
+
+@pytest.fixture
+def samples():
+    t = 0.01 * np.arange(300)
+    return np.random.default_rng(17).standard_normal(300) * np.exp(-t)
+
+
+@pytest.fixture
+def numbers(folder, tdint):
+    """Return a function that writes motion.txt, and returns the numbers that a command prints, or
+    the ground motion that it writes. The numbers of `chart` exclude the times."""
+
+    def numbers_of(command, text, options):
+        (folder / "motion.txt").write_text(text)
+        result = tdint(*LINES[command].split(), *options.split(), code=None)
+        assert result.exit_code in (0, 4), result.stderr
+        table = result.stdout
+        for file in sorted(Path("out").glob("*.csv")):
+            table += file.read_text()
+            file.unlink()
+        header, *lines = [line.split(",") for line in table.splitlines() if "," in line]
+        return [
+            number
+            for line in lines
+            for name, cell in zip(header, line, strict=False)
+            if not name.startswith("time_") and (number := _number(cell)) is not None
+        ]
+
+    return numbers_of
+
+
+def _number(cell):
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _plain(acceleration, dt):
+    return "".join(f"{i * dt!r} {float(a)!r}\n" for i, a in enumerate(acceleration))
+
+
+@pytest.mark.parametrize("command", LINES)
+def test_layout_of_a_table(numbers, samples, command):
+    """The second column below two lines, without times."""
+    backwards = samples[::-1]
+    table = "made by hand\n7 8\n" + "".join(
+        f"{float(b)!r} {float(a)!r}\n" for a, b in zip(samples, backwards, strict=True)
+    )
+    expected = numbers(command, _plain(samples, 0.01), "--units m/s^2")
+    assert len(expected) > 0
+    np.testing.assert_allclose(numbers(command, table, LAYOUT), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("command", LINES)
+def test_samples_in_rows(numbers, samples, command):
+    """Five samples of one ground motion in each line."""
+    lines = samples.reshape(-1, 5)
+    table = "".join(" ".join(repr(float(a)) for a in line) + "\n" for line in lines)
+    expected = numbers(command, _plain(samples, 0.01), "--units m/s^2")
+    found = numbers(command, table, "--rows --step 0.01 --units m/s^2")
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("command", LINES)
+def test_processing(numbers, samples, command):
+    record = process(
+        make_record(samples, dt=0.01, units="m/s^2"),
+        trim=(0.2, 2.2),
+        baseline="linear",
+        pad=(0.5, 1.0),
+        highpass=0.4,
+        lowpass=20.0,
+        filter_order=2,
+        resample=0.005,
+    )
+    expected = numbers(command, _plain(record.acceleration, record.dt), "--units m/s^2")
+    found = numbers(command, _plain(samples, 0.01), PROCESSING)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12)
