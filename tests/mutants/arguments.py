@@ -1,17 +1,17 @@
 """Mutants of the arguments of the public functions (see `inputs.py`).
 
-The functions that `tdint` provides are wrapped before the tests import them. An argument without a
-default is only exchanged: without it the call is an error.
+The public functions are replaced in the modules that define them, before the tests import them. An
+argument without a default is only exchanged: without it the call is an error.
 """
 
 import functools
 import inspect
+import sys
 from collections.abc import Callable, Iterator
 from types import FunctionType
 from typing import Any
 
 import tdint
-import tdint.validated_calls
 from mutants.places import Mutant, Place
 
 
@@ -21,36 +21,32 @@ class Arguments:
     def __init__(self) -> None:
         self.specified: set[Place] = set()
         self.mutant: Mutant | None = None
-        self._validated = tdint.validated_calls.validated_call
-        tdint.validated_calls.validated_call = self._wrap  # type: ignore[assignment]
+        for name, function in _functions():
+            home = sys.modules[function.__module__]
+            setattr(home, function.__name__, self._wrap(function, name))
 
-    @functools.cache  # noqa: B019
-    def _wrap(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    def _wrap(self, function: FunctionType, name: str) -> Callable[..., Any]:
         """Return a public function that records its arguments, and changes them."""
-        validated = self._validated(function, name)
         signature = inspect.signature(function)
 
-        @functools.wraps(validated)
+        @functools.wraps(function)
         def wrapper(*arguments: Any, **keywords: Any) -> Any:
             try:
                 bound = signature.bind(*arguments, **keywords)
             except TypeError:
-                return validated(*arguments, **keywords)
+                return function(*arguments, **keywords)
             self.specified |= {(f"tdint.{name}", argument) for argument in bound.arguments}
             mutant = self.mutant
             if mutant is None or mutant.place[0] != f"tdint.{name}":
-                return validated(*arguments, **keywords)
+                return function(*arguments, **keywords)
             _change(bound.arguments, mutant)
-            return validated(*bound.args, **bound.kwargs)
+            return function(*bound.args, **bound.kwargs)
 
         return wrapper
 
     def mutants(self) -> Iterator[Mutant]:
         """Yield the mutants of the arguments of all public functions."""
-        for name in tdint.__all__:
-            function = getattr(tdint, name)
-            if not isinstance(function, FunctionType):
-                continue
+        for name, function in _functions():
             parameters = list(inspect.signature(function).parameters.values())
             for index, parameter in enumerate(parameters):
                 place = f"tdint.{name}", parameter.name
@@ -63,6 +59,14 @@ class Arguments:
                 ]
                 if similar:
                     yield Mutant(place, similar[0])
+
+
+def _functions() -> Iterator[tuple[str, FunctionType]]:
+    """Yield the public names and the functions, without `validated_call`."""
+    for name in tdint.__all__:
+        function = getattr(tdint, name)
+        if isinstance(function, FunctionType):
+            yield name, inspect.unwrap(function, stop=lambda inner: inner.__module__ != "tdint")
 
 
 def _change(arguments: dict[str, Any], mutant: Mutant) -> None:
