@@ -2,13 +2,20 @@
 
 import io
 import math
+from typing import Any
 
 import pytest
 
 from facts import states
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
-from tdint.model.definition import Story
+from tdint.kernels.laws.law import LawParameter
+from tdint.model.config.sections import ModelUnits
+from tdint.model.config.stories import read_law
+from tdint.model.definition import LAWS, Story
+from tdint.model.keys.fields import Value
+from tdint.model.keys.nodes import Faults, nodes_of
+from tdint.units import OutputUnits
 
 TRILINEAR = (
     "type: trilinear-pinching, yield_force: 10, ultimate_force: 20, ultimate_drift: 100, pinching: "
@@ -19,6 +26,7 @@ IMK = (
     "residual_ratio: 0.2"
 )
 SIDE = (1e4, 0.05, 0.1, 1.1, 0.2, 0.4, 1.0)
+SI = ModelUnits(1.0, 1.0, 1.0, OutputUnits())
 NUMBERS = (
     "a positive number for all of strength, capping, reloading, unloading, a mapping of them, or "
     "none"
@@ -329,3 +337,42 @@ def test_strength_factor_of_multilinear_keeps_the_slopes() -> None:
     assert story.stiffness == model.stories[0].stiffness
     with pytest.raises(UsageError, match="rule"):
         model.replace(**{"stories.law.rule": 1.0})
+
+
+def own_values(parameter: LawParameter, number: int) -> list[float | str] | list[list[float]]:
+    """Return values of a parameter, within its bounds, that no other parameter has."""
+    low, high = max(parameter.low, -0.9), min(parameter.high, 1.5)
+    count = 2 * parameter.points or (3 if parameter.many else 1)
+    numbers = [
+        low + (high - low) * (number + (entry + 1) / (count + 1)) / 40.0 for entry in range(count)
+    ]
+    if parameter.choices:
+        return [parameter.choices[-1]]
+    if parameter.points:
+        return [numbers[i : i + 2] for i in range(0, count, 2)]
+    return list(numbers)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_each_parameter_is_read_from_its_own_key(name: str) -> None:
+    """All parameters of a law, with different values; relations between them are not checked."""
+    mapping: dict[str, Any] = {"type": name}
+    expected: list[float] = []
+    for number, parameter in enumerate(LAWS[name].parameters):
+        values = own_values(parameter, number)
+        group = mapping
+        for key in filter(None, parameter.group.split(".")):
+            group = group.setdefault(key, {})
+        group[parameter.name] = values if parameter.many or parameter.points else values[0]
+        expected += (
+            [float(parameter.choices.index(str(values[0])))]
+            if parameter.choices
+            else [
+                float(x)
+                for entry in values
+                for x in (entry if isinstance(entry, list) else [entry])
+            ]
+        )
+    faults = Faults("model.yaml")
+    found, _ = read_law(Value(nodes_of(mapping, faults), "law", faults), SI)
+    assert found.parameters == pytest.approx(expected, rel=1e-14)
