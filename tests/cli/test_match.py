@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,8 @@ def test_the_maximum_misfit(tdint):
     (row,) = rows("m/matched.csv")
     misfit = float(row["largest_misfit"])
     for limit, code in ((1.01 * misfit, 0), (0.99 * misfit, 5)):
-        result = tdint(*CALL, *TARGET, "--overwrite", "--require", "--max-misfit", limit, code=code)
+        shutil.rmtree("m")
+        result = tdint(*CALL, *TARGET, "--require", "--max-misfit", limit, code=code)
         assert (code == 5) == ("--max-misfit" in result.stderr)
 
 
