@@ -99,6 +99,8 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.kernels.stories.law_state import restoring_force_outlined as restoring_force_outlined
     from tdint.kernels.stories.law_state import resume as resume
     from tdint.kernels.stories.law_state import strain_energy as strain_energy
+    from tdint.methods.bathe import ImplicitTableau as ImplicitTableau
+    from tdint.methods.bathe import composite_method as composite_method
     from tdint.methods.method import Family as Family
     from tdint.methods.method import Method as Method
     from tdint.methods.method import Parameter as Parameter

@@ -10,7 +10,7 @@ from tdint.analysis.assessment.stability import critical_step
 from tdint.analysis.run.run import run
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
-from tdint.methods.noh_bathe import coefficients_of, stability_limit
+from tdint.methods.noh_bathe import stability_limit, tableau
 
 P = 0.54
 R = 1.0 - P
@@ -87,7 +87,7 @@ def test_story_laws_follow_path_through_end_of_first_substep():
 def test_coefficients_are_consistent(p):
     """A constant acceleration is integrated exactly, as are displacement and velocity under an
     acceleration that is linear in time."""
-    _, u_by_a0, u_by_ac, w_by_a0, w_by_ac, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
+    _, u_by_a0, u_by_ac, w_by_a0, w_by_ac, v_by_a0, v_by_ac, v_by_a1 = tableau(p)
     assert u_by_a0 + u_by_ac == pytest.approx(1.0 / 2.0, rel=1e-14)
     assert w_by_a0 + w_by_ac == pytest.approx(1.0, rel=1e-14)
     assert w_by_ac * p == pytest.approx(1.0 / 2.0, rel=1e-14)

@@ -27,6 +27,11 @@ from tdint_cli.main import cli
 RECIPES = Path(__file__).parent / "recipes"
 METHODS = {
     "rho_inf_bathe": ("rho-inf-bathe", "rho-inf-bathe:rho_inf=0.2,gamma=0.7"),
+    "two_parameter_bathe": (
+        "two-parameter-bathe",
+        "two-parameter-bathe:beta1=0.4",
+        "two-parameter-bathe:beta1=0.5:beta2=0.6",
+    ),
     "explicit_alpha": ("explicit-alpha", "explicit-alpha:rho_b=0.3"),
     "rosenbrock": ("ros2",),
     "sdirk3": ("sdirk3",),
@@ -80,6 +85,35 @@ def test_recipe_method_is_accurate_with_yielding_stories(name):
     others."""
     loaded(name)
     assert step_check.faults_with_yielding(methods.parse(METHODS[name][0]), ["bilinear"]) == {}
+
+
+def test_composite_method_is_defined_by_its_tableau():
+    """With beta1 = 1/3, beta2 = 2/3 and gamma = 1/2 the method is that of Bathe and Baig (2005).
+
+    The spectral radius at infinite frequency is measured at omega h = 1e5, where the remaining
+    difference is of the order of 1 / (omega h).
+    """
+    loaded("two_parameter_bathe")
+    own = methods.parse("two-parameter-bathe")
+    bathe = methods.parse("bathe:gamma=0.5")
+    np.testing.assert_allclose(
+        own.coefficients(None, None, 1.0), bathe.coefficients(None, None, 1.0), rtol=1e-15
+    )
+    assert (own.order, own.rho_inf) == (2, pytest.approx(0.0, abs=1e-15))
+    for text, order in (("beta1=0.4", 2), ("beta1=0.25", 2), ("beta1=0.5:beta2=0.6", 1)):
+        method = methods.parse(f"two-parameter-bathe:{text}")
+        assert method.order == order
+        measured = tdint.stability(method.label, np.array([1e5 / (2.0 * np.pi)]), damping=0.0)
+        assert measured.spectral_radius[0] == pytest.approx(method.rho_inf, abs=1e-4)
+    for text in ("bathe:rho_inf=0.3:gamma=0.4", "bathe:rho_inf=0.8"):
+        method = methods.parse(text)
+        assert methods.parse(text).family.step is own.family.step
+        assert tableau_of(method).rho_inf == pytest.approx(method.rho_inf, abs=1e-14)
+
+
+def tableau_of(integrator):
+    """Return the tableau of a composite method."""
+    return plugin.ImplicitTableau(*integrator.coefficients(None, None, 1.0))
 
 
 @pytest.mark.slow

@@ -10,11 +10,16 @@ Equilibrium is satisfied at the inner point and at the end (Noh and Bathe 2019).
 the coefficients are those of Bathe and Baig (2005) and Bathe (2007), with the three-point backward
 difference q0 = q1 = 1 / (2 (2 - gamma)), q2 = (1 - gamma) / (2 - gamma). With the default gamma,
 both substeps have the same matrix, which is factorized once.
+
+Another method of this kind is a function that returns its `ImplicitTableau` (`composite_method`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, kernel, outlined
@@ -36,11 +41,54 @@ from tdint.kernels.stories.law_state import (
 )
 from tdint.methods.method import Family, Method, Parameter
 
-# Indices of the coefficients of the step, the results of `coefficients`
-GAMMA = 0
-Q0 = 1
-Q1 = 2
-Q2 = 3
+
+class ImplicitTableau(NamedTuple):
+    """Tableau of a composite method with two implicit substeps.
+
+    The first substep is the trapezoidal rule over `inner` h. Over the complete step, the mean
+    velocity and the mean acceleration are weighted sums of their values at the start, at the inner
+    point and at the end.
+
+    Attributes
+    ----------
+    inner : float
+        Length gamma of the first substep divided by the length h of the step, between 0 and 1.
+    by_start, by_inner, by_end : float
+        Weights q0, q1 and q2 of the values at the start, at the inner point and at the end. Their
+        sum is 1; q2 is positive.
+    """
+
+    inner: float
+    by_start: float
+    by_inner: float
+    by_end: float
+
+    @property
+    def order(self) -> int:
+        """Order of displacement and velocity: 2 if gamma q1 + q2 = 1/2, otherwise 1."""
+        mean_time = self.inner * self.by_inner + self.by_end
+        return 2 if math.isclose(mean_time, 0.5, rel_tol=1e-12) else 1
+
+    @property
+    def rho_inf(self) -> float:
+        """Spectral radius at infinite frequency: abs(q1 - q0) / q2.
+
+        In this limit the first substep changes the sign of the displacement, and the weighted sum
+        of the accelerations is zero: q0 u0 - q1 u0 + q2 u1 = 0.
+        """
+        return abs(self.by_inner - self.by_start) / self.by_end
+
+    @property
+    def coefficients(self) -> ImplicitTableau:
+        """Tableau for `step`, which recognizes equal matrices of both substeps by q2 = gamma / 2:
+        if q2 equals gamma / 2 up to rounding, it is set to exactly this value."""
+        half_length = self.inner / 2.0
+        has_equal_matrices = math.isclose(self.by_end, half_length, rel_tol=1e-14)
+        return self._replace(by_end=half_length) if has_equal_matrices else self
+
+
+AT = ImplicitTableau(0, 1, 2, 3)
+"""Indices of the coefficients of the step."""
 
 # First scratch row of the factorization of the first substep; the factorization of the second
 # substep follows.
@@ -72,7 +120,7 @@ def step(
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     # The matrix of a substep depends only on the weight of the acceleration at its end.
-    has_equal_matrices = coefficients[Q2] == 0.5 * coefficients[GAMMA]
+    has_equal_matrices = coefficients[AT.by_end] == 0.5 * coefficients[AT.inner]
     # Otherwise, the rows after _FACTORS contain two factorizations of equal size.
     second_factors = _FACTORS if has_equal_matrices else (_FACTORS + scratch.shape[0]) // 2
     if step_status[rows.FACTORED_STEP] != h:
@@ -84,7 +132,7 @@ def step(
         if substep == 0:
             # Time of equilibrium as a fraction of the step, and change of the velocity for a unit
             # change of the acceleration, s
-            fraction = coefficients[GAMMA]
+            fraction = coefficients[AT.inner]
             by_v = 0.5 * fraction * h
             factors = _FACTORS
             previous = rows.COMMITTED
@@ -92,7 +140,7 @@ def step(
             _guess_inner(by_v, state, scratch, n)
         else:
             fraction = 1.0
-            by_v = coefficients[Q2] * h
+            by_v = coefficients[AT.by_end] * h
             factors = second_factors
             previous = rows.FIRST_TRIAL
             trial = rows.SECOND_TRIAL
@@ -144,9 +192,9 @@ def _guess_end(coefficients, h, state, scratch, n):
     """Store the first guess at the end of the second substep: the acceleration at the inner
     point.
     """
-    q0 = coefficients[Q0]
-    q1 = coefficients[Q1]
-    q2 = coefficients[Q2]
+    q0 = coefficients[AT.by_start]
+    q1 = coefficients[AT.by_inner]
+    q2 = coefficients[AT.by_end]
     for i in range(n):
         v = state[rows.VELOCITY, i] + h * (
             q0 * state[rows.ACCELERATION, i] + (q1 + q2) * scratch[ROW.A, i]
@@ -168,8 +216,8 @@ def _predict_tangent_damping(coefficients, substep, h, linear_terms, memory):
     law changes its stiffness.
     """
     scratch = memory.scratch
-    q0, q1, q2 = coefficients[Q0], coefficients[Q1], coefficients[Q2]
-    half_length = 0.5 * coefficients[GAMMA] * h
+    q0, q1, q2 = coefficients[AT.by_start], coefficients[AT.by_inner], coefficients[AT.by_end]
+    half_length = 0.5 * coefficients[AT.inner] * h
     for i in range(linear_terms.shape[1] - 1):
         coefficient = linear_terms[rows.TANGENT_DAMPING, i]
         force_0 = memory.state[rows.DAMPING_STATE, i]
@@ -192,7 +240,7 @@ def _commit_with_tangent_damping(coefficients, damper_step, i, scene, memory):
     slope = restoring_force_outlined(
         law_parameters, law_state, i, first, second, law_state[second + rows.DRIFT, i]
     )
-    length = coefficients[GAMMA] * damper_step.h
+    length = coefficients[AT.inner] * damper_step.h
     inner_force, inner_drift = law_state[first + rows.FORCE, i], law_state[first + rows.DRIFT, i]
     work = (inner_force - law_state[rows.FORCE, i]) * (inner_drift - law_state[rows.DRIFT, i])
     work /= length
@@ -212,34 +260,73 @@ def gamma_with_equal_matrices(rho_inf: float) -> float:
     return 2.0 / (2.0 + math.sqrt(2.0 + 2.0 * rho_inf))
 
 
-def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
-    """Return the coefficients gamma, q0, q1 and q2 of Noh and Bathe (2019) for a spectral radius
-    `rho_inf` at infinite frequency.
-
-    `step` compares q2 with gamma / 2 to recognize that both substeps have the same matrix. If q2
-    equals gamma / 2 up to rounding, it is therefore set to exactly this value.
-    """
+def published_tableau(rho_inf: float, gamma: float) -> ImplicitTableau:
+    """Return the tableau of Noh and Bathe (2019) for a spectral radius `rho_inf` at infinite
+    frequency."""
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
-    q0 = 0.5 - (1.0 - gamma) * q1
-    q2 = 0.5 - gamma * q1
-    return (gamma, q0, q1, gamma / 2.0 if math.isclose(q2, gamma / 2.0, rel_tol=1e-14) else q2)
+    return ImplicitTableau(gamma, 0.5 - (1.0 - gamma) * q1, q1, 0.5 - gamma * q1)
 
 
 FAMILY = Family("bathe", step, lambda modes: _FACTORS + 2 * factor_rows(modes))
 
-METHODS = (
-    Method(
-        name="bathe",
+
+def composite_method(
+    name: str,
+    tableau: Callable[..., ImplicitTableau],
+    parameters: tuple[Parameter, ...],
+    source: str,
+) -> Method:
+    """Return a method with two implicit substeps, which is defined by its tableau.
+
+    The compiled step, the order and the spectral radius at infinite frequency follow from the
+    tableau. The method must be stable for any time step.
+
+    Parameters
+    ----------
+    name : str
+        Name in a method specification.
+    tableau : callable
+        Parameter values -> `ImplicitTableau`.
+    parameters : tuple of Parameter
+        Parameters in the order in which `tableau` receives their values.
+    source : str
+        Publication of the method.
+
+    Returns
+    -------
+    Method
+        Entry of the catalogue of methods.
+    """
+    return Method(
+        name=name,
         family=FAMILY,
-        parameters=(
-            Parameter("rho_inf", 0.0, 0.0, 1.0),
-            Parameter(
-                "gamma", gamma_with_equal_matrices, 0.0, 1.0, low_allowed=False, high_allowed=False
+        parameters=parameters,
+        coefficients=lambda *values: tableau(*values).coefficients,
+        order=lambda *values: tableau(*values).order,
+        rho_inf=lambda *values: tableau(*values).rho_inf,
+        source=source,
+    )
+
+
+METHODS = (
+    replace(
+        composite_method(
+            "bathe",
+            published_tableau,
+            (
+                Parameter("rho_inf", 0.0, 0.0, 1.0),
+                Parameter(
+                    "gamma",
+                    gamma_with_equal_matrices,
+                    0.0,
+                    1.0,
+                    low_allowed=False,
+                    high_allowed=False,
+                ),
             ),
+            "Bathe and Baig (2005), Bathe (2007); rho_inf: Noh and Bathe (2019)",
         ),
-        coefficients=coefficients,
-        rho_inf=lambda rho_inf, gamma: rho_inf,
-        source="Bathe and Baig (2005), Bathe (2007); rho_inf: Noh and Bathe (2019)",
+        rho_inf=lambda rho_inf, gamma: rho_inf,  # without rounding
         tangent_damping=lambda rho_inf, gamma: True,
     ),
 )

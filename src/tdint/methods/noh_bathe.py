@@ -42,11 +42,35 @@ from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
 from tdint.methods.method import Family, Method
 
-# Offsets in the coefficients of `step`
-_P = 0  # p, length of the first substep divided by the length of the step
-_U1 = 1  # weights of a0 and ac in the displacement at the end
-_W1 = 3  # weights of a0 and ac in the velocity of the damping forces at the end
-_V1 = 5  # weights of a0, ac and a1 in the velocity at the end
+
+class ExplicitTableau(NamedTuple):
+    """Tableau of a method with two explicit substeps: weights of the accelerations a0 at the start,
+    ac at the end of the first substep and a1 at the end.
+
+    Attributes
+    ----------
+    inner : float
+        Length p of the first substep divided by the length of the step.
+    u_by_a0, u_by_ac : float
+        Weights in the displacement at the end, divided by h^2.
+    w_by_a0, w_by_ac : float
+        Weights in the velocity of the damping forces at the end, divided by h.
+    v_by_a0, v_by_ac, v_by_a1 : float
+        Weights in the velocity at the end, divided by h.
+    """
+
+    inner: float
+    u_by_a0: float
+    u_by_ac: float
+    w_by_a0: float
+    w_by_ac: float
+    v_by_a0: float
+    v_by_ac: float
+    v_by_a1: float
+
+
+_AT = ExplicitTableau(*range(8))
+"""Indices of the coefficients of the step."""
 
 _FIRST_SUBSTEP = 0.54  # recommended by the publication: dissipates modes near the stability limit
 
@@ -86,7 +110,7 @@ def step(
     (FIRST_TRIAL) and from this state to the end of the step (SECOND_TRIAL).
     """
     n = linear_terms.shape[1] - 1
-    elapsed = coefficients[_P] * h
+    elapsed = coefficients[_AT.inner] * h
     u_below = 0.0
     for i in range(n):
         v0 = state[rows.VELOCITY, i]
@@ -96,13 +120,15 @@ def step(
         drift = u - linear_terms[rows.LINK, i] * u_below
         restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
         u_below = u
-    ground = load[rows.GROUND_0] + coefficients[_P] * (load[rows.GROUND_1] - load[rows.GROUND_0])
+    ground = load[rows.GROUND_0] + coefficients[_AT.inner] * (
+        load[rows.GROUND_1] - load[rows.GROUND_0]
+    )
     floor_load(linear_terms, forces, load[rows.TIME] + elapsed, ground, scratch, _ROW.LOAD)
     _accelerate(linear_terms, modal, law_state, rows.FIRST_TRIAL, scratch)
-    u_by_a0 = coefficients[_U1] * h * h
-    u_by_ac = coefficients[_U1 + 1] * h * h
-    w_by_a0 = coefficients[_W1] * h
-    w_by_ac = coefficients[_W1 + 1] * h
+    u_by_a0 = coefficients[_AT.u_by_a0] * h * h
+    u_by_ac = coefficients[_AT.u_by_ac] * h * h
+    w_by_a0 = coefficients[_AT.w_by_a0] * h
+    w_by_ac = coefficients[_AT.w_by_ac] * h
     u_below = 0.0
     for i in range(n):
         v0 = state[rows.VELOCITY, i]
@@ -118,9 +144,9 @@ def step(
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     _accelerate(linear_terms, modal, law_state, rows.SECOND_TRIAL, scratch)
     # The energy is dissipated on both parts of the path.
-    v_by_a0 = coefficients[_V1] * h
-    v_by_ac = coefficients[_V1 + 1] * h
-    v_by_a1 = coefficients[_V1 + 2] * h
+    v_by_a0 = coefficients[_AT.v_by_a0] * h
+    v_by_ac = coefficients[_AT.v_by_ac] * h
+    v_by_a1 = coefficients[_AT.v_by_a1] * h
     for i in range(n):
         a0 = state[rows.ACCELERATION, i]
         a1 = scratch[_ROW.INNER_FORCE, i]
@@ -145,10 +171,8 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
         scratch[force_row, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
 
 
-def coefficients_of(p: float) -> tuple[float, ...]:
-    """Return the coefficients of a step with the first substep p: p and the weights of the
-    accelerations in u1, w1 and v1, in this order (8 values).
-    """
+def tableau(p: float) -> ExplicitTableau:
+    """Return the tableau of Noh and Bathe (2013) with the first substep `p`."""
     r = 1.0 - p
     q1 = (1.0 - 2.0 * p) / (2.0 * p * r)
     q2 = 0.5 - p * q1
@@ -156,15 +180,15 @@ def coefficients_of(p: float) -> tuple[float, ...]:
     # w1 is v0 plus h times the mean of an acceleration that is linear in time, with the values a0
     # and ac at t0 and t0 + p h.
     w_by_ac = 0.5 / p
-    return (
-        p,
-        0.5 * p,
-        0.5 * r,
-        1.0 - w_by_ac,
-        w_by_ac,
-        0.5 * p + r * q0,
-        0.5 * p + r * (0.5 + q1),
-        r * q2,
+    return ExplicitTableau(
+        inner=p,
+        u_by_a0=0.5 * p,
+        u_by_ac=0.5 * r,
+        w_by_a0=1.0 - w_by_ac,
+        w_by_ac=w_by_ac,
+        v_by_a0=0.5 * p + r * q0,
+        v_by_ac=0.5 * p + r * (0.5 + q1),
+        v_by_a1=r * q2,
     )
 
 
@@ -179,7 +203,7 @@ def stability_limit(p: float) -> float:
     """
     from numpy.polynomial import Polynomial  # imported here because no other function needs it
 
-    _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
+    _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = tableau(p)
     y = Polynomial([0.0, 1.0])
     # h^2 times an acceleration is -y times the displacement. Factors of u0 and of h v0 in uc, u1
     # and h v1
@@ -210,7 +234,7 @@ METHODS = (
     Method(
         name="noh-bathe",
         family=FAMILY,
-        coefficients=lambda: coefficients_of(_FIRST_SUBSTEP),
+        coefficients=lambda: tableau(_FIRST_SUBSTEP),
         implicit=lambda: False,
         stability_limit=lambda: stability_limit(_FIRST_SUBSTEP),
         rho_inf=lambda: math.nan,  # unstable for large omega h
