@@ -23,7 +23,7 @@ from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
-from tdint.model.definition import Model
+from tdint.model.definition import LINEAR, Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
 from tdint.number_parsing import number_text, parse_positive, pluralize
 from tdint.tabular import Tabular
@@ -585,7 +585,7 @@ def is_linear(model: Model) -> bool:
     All stories must be linear, and the model must not have forces on floors.
     """
     has_linear_stories = all(
-        story.power_dashpot is None and all(spring.law.name == "linear" for spring in story.springs)
+        story.power_dashpot is None and all(spring.law == LINEAR for spring in story.springs)
         for story in model.stories
     )
     return has_linear_stories and not model.excitation.has_forces

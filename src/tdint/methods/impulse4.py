@@ -894,6 +894,7 @@ METHODS = (
         rho_inf=lambda rho_inf: rho_inf,
         braces=True,
         tangent_damping=lambda *values: True,
+        variants=("rho_inf=0.5", "rho_inf=0"),
         source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is "
         "Radau IIA (Ehle 1969)",
     ),

@@ -156,6 +156,9 @@ class Method:
     tangent_damping : callable
         Parameter values -> True if the step integrates Rayleigh damping with the tangent stiffness;
         default False.
+    variants : tuple of str
+        Further parameter values, such as `theta=1.3`, that show behavior which the defaults do not
+        show. `tdint failures` tries them, too.
     estimating_coefficients : callable, optional
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
@@ -171,6 +174,7 @@ class Method:
     order: Callable[..., int] = lambda *values: 2
     implicit: Callable[..., bool] = lambda *values: True
     stability_limit: Callable[..., float] = lambda *values: math.inf
+    variants: tuple[str, ...] = ()
     estimating_coefficients: Callable[..., tuple[float, ...]] | None = None
     braces: bool = False
     tangent_damping: Callable[..., bool] = lambda *values: False

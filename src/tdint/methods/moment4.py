@@ -146,6 +146,7 @@ METHODS = (
         rho_inf=lambda rho_inf: rho_inf,
         braces=True,
         tangent_damping=lambda *values: True,
+        variants=("rho_inf=0.5", "rho_inf=0"),
         source="tdint: impulse and first moment; rho_inf = 1 is Hairer's energy-preserving "
         "collocation (2010), s = 2",
     ),

@@ -448,6 +448,7 @@ METHODS = (
         lambda theta: collocation(1.0 / 6.0, theta),
         "Wilson (1968), theta method; Bathe and Wilson (1973)",
         Parameter("theta", 1.4, 1.0, 10.0),
+        variants=("theta=1.3",),  # below the stability limit
         stability_limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
         # Equilibrium beyond the end of the step is unstable with a damper and a stiff brace
         # (spectral radius 1.4 to 3.7).

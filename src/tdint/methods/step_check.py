@@ -28,7 +28,7 @@ from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace, state_jumps, workspace
 from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from tdint.model.definition import LAWS, Law, simple_model, simple_story
 
 
 def faults_of_step(integrator: Integrator) -> list[str]:
@@ -337,9 +337,8 @@ def _order_fault(
     errors = {
         parts: _relative_error(arrays, parts, reference) for parts, arrays in integrations.items()
     }
-    # The force of the law tanh is smooth. An order above 4 is not required, because the reference
-    # is computed by a method of order 4.
-    expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
+    # An order above 4 is not required, because the reference is computed by a method of order 4.
+    expected_order = min(integrator.order, _KINK_ORDER if LAWS[law].kinked else 4)
     # If the error with _H / 4 is exactly zero, the order is infinite.
     observed_orders = [math.inf]
     if errors[4]:

@@ -15,7 +15,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
-from tdint.kernels.laws import OURS
+from tdint.kernels.laws import LINEAR, OURS
 from tdint.kernels.laws.law import can_fall
 from tdint.model.damping import (
     add_damping,
@@ -134,7 +134,7 @@ class Building:
         """True if every story has a linear law and no story has a power-law dashpot or a damper
         with a brace."""
         is_damped = self.power_damped | self.braced | self.tangent_damped
-        return not is_damped and self.law_codes <= {CODES["linear"]}
+        return not is_damped and self.law_codes <= {LINEAR}
 
     @cached_property
     def power_damped(self) -> bool:
@@ -923,7 +923,7 @@ def oscillators(omega: Array, damping: Array) -> Building:
     linear_terms[rows.INVERSE_MASS, :k] = 1.0
     linear_terms[rows.STORY_DAMPER, :k] = 2.0 * damping * omega
     law_parameters = np.zeros((rows.FIRST_PARAMETER, k + 1))
-    law_parameters[rows.CODE, :k] = CODES["linear"]
+    law_parameters[rows.CODE, :k] = LINEAR
     law_parameters[rows.STIFFNESS, :k] = omega**2
     # The links remain 0, because each oscillator is supported by the ground. Oscillators have no
     # height and do not yield.
@@ -954,7 +954,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     forces : ndarray, optional
         Table of `force_table`. Default: no forces.
     """
-    codes = {CODES["linear"], *building.law_codes}  # every kernel contains the linear law
+    codes = {LINEAR, *building.law_codes}  # every kernel contains the linear law
     # Codes from `OURS` on are laws of plug-ins. The code distinguishes a law from laws of other
     # plug-ins with the same name.
     names = (

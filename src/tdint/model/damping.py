@@ -14,6 +14,7 @@ from tdint.kernels.laws.law import can_fall
 from tdint.model.definition import (
     CODES,
     LAWS,
+    LINEAR,
     Damping,
     Element,
     ModalDamping,
@@ -139,10 +140,7 @@ def _add_stiffness_part(
     linear_terms[rows.TANGENT_DAMPING] = 0.0
     if damping.tangent:
         is_nonlinear = np.array(
-            [
-                any(spring.law.name != "linear" for spring in story.springs)
-                for story in model.stories
-            ]
+            [any(spring.law != LINEAR for spring in story.springs) for story in model.stories]
         )
         has_tangent = is_nonlinear & (dampers > 0.0)
         linear_terms[rows.TANGENT_DAMPING, :n] = np.where(has_tangent, damping.stiffness, 0.0)

@@ -521,15 +521,6 @@ BLOWS_UP = "blows up"
 NO_CONVERGENCE = "does not converge"
 REFUSED = "refused"
 
-_DISSIPATIVE = ("rho_inf=0.5", "rho_inf=0")
-_ADDITIONAL_PARAMETERS = {
-    "impulse4": _DISSIPATIVE,
-    "moment4": _DISSIPATIVE,
-    "wilson": ("theta=1.3",),
-}
-"""Additional parameter values that show behavior which the defaults of a method do not show:
-dissipation, and theta below its stability limit."""
-
 _VERDICT_OF_STATUS = {DIVERGED: BLOWS_UP, NOT_CONVERGED: NO_CONVERGENCE}
 
 
@@ -577,14 +568,26 @@ class Trial:
 
 
 def usual_methods() -> list[Integrator]:
-    """Return all methods with their default parameters, and the additional parameter values of
-    `_ADDITIONAL_PARAMETERS`. `newmark` is omitted because it equals `newmark-average`."""
+    """Return all methods with their default parameters and with their `variants`. A method with
+    parameters is omitted if its defaults equal another method, as those of `newmark`."""
     result: list[Integrator] = []
-    for name in catalogue():
-        if name != "newmark":
-            result.append(parse(name))
-        result += [parse(f"{name}:{values}") for values in _ADDITIONAL_PARAMETERS.get(name, ())]
+    for name, method in catalogue().items():
+        integrator = parse(name)
+        if not (method.parameters and _equals_method_without_parameters(integrator)):
+            result.append(integrator)
+        result += [parse(f"{name}:{values}") for values in method.variants]
     return result
+
+
+def _equals_method_without_parameters(integrator: Integrator) -> bool:
+    """Return True if a method without parameters has the same step and coefficients."""
+    own = integrator.method.coefficients(*integrator.values)
+    return any(
+        method.family is integrator.family
+        and not method.parameters
+        and method.coefficients() == own
+        for method in catalogue().values()
+    )
 
 
 def find_problems(names: Sequence[str]) -> list[HardProblem]:
