@@ -15,7 +15,7 @@ import pytest
 import tdint.plugin
 from source_lines import code_lines
 from tdint.kernels.laws import NAMES as LAW_NAMES
-from tdint.methods.catalogue import FAMILIES
+from tdint.methods.catalogue import FAMILIES, catalogue
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -327,6 +327,149 @@ def name_of_binding(node):
 def in_class(tree, node):
     """Return whether a node is in the body of a class."""
     return any(isinstance(other, ast.ClassDef) and node in other.body for other in ast.walk(tree))
+
+
+HOMES_OF_NAMES = {
+    "src/tdint/kernels/laws/": LAW_NAMES,
+    "src/tdint/methods/": tuple(catalogue()),
+    "src/tdint/ground_motion/formats/": tuple(
+        PROJECT["project"]["entry-points"]["obspy.plugin.waveform"]
+    ),
+}
+"""Names of laws, methods and formats by the directory that declares their properties."""
+
+NAMED_ELSEWHERE = {
+    "ordinary words": {
+        "cli/tdint_cli/commands/campaign.py": "TEXT",
+        "cli/tdint_cli/commands/overshoot.py": "linear",
+        "cli/tdint_cli/commands/spectrum_kinds.py": "exact linear",
+        "cli/tdint_cli/options/record.py": "linear",
+        "src/tdint/analysis/assessment/stability.py": "linear",
+        "src/tdint/analysis/spectra/elastic.py": "exact",
+        "src/tdint/ground_motion/choice.py": "linear",
+        "src/tdint/ground_motion/processing_steps.py": "linear",
+        "src/tdint/kernels/building/compiler.py": "tanh",
+        "src/tdint/output/figures/assessment.py": "linear",
+        "src/tdint/output/figures/spectrum_curves.py": "exact linear",
+        "src/tdint/output/summary.py": "gap",
+    },
+    "models with a law": {
+        "src/tdint/analysis/assessment/failures.py": "gauss4 polynomial tanh",
+        "src/tdint/analysis/assessment/order.py": "bilinear linear polynomial",
+        "src/tdint/analysis/run/compiled_steps.py": "linear",
+        "src/tdint/methods/step_check.py": "bilinear linear peak-oriented tanh",
+        "src/tdint/model/capacity.py": "multilinear-pinching",
+        "src/tdint/model/definition.py": "linear",
+        "src/tdint/model/mdof_lu.py": "trilinear-pinching",
+        "src/tdint/model/story_curves.py": (
+            "bilinear multilinear multilinear-pinching trilinear-pinching"
+        ),
+    },
+    "options that `test_choices_of_options_are_names_of_the_library` compares": {
+        "cli/tdint_cli/commands/init.py": "bilinear multilinear",
+        "cli/tdint_cli/commands/order.py": "linear polynomial",
+    },
+    "methods of references, and of buildings for which they are exact": {
+        "cli/tdint_cli/commands/examples.py": "gauss4 impulse impulse4 linear moment4 rk5",
+        "src/tdint/analysis/chart/problem.py": "exact gap impulse4 newmark-average",
+        "src/tdint/analysis/compare.py": "exact",
+        "src/tdint/analysis/fit.py": "exact",
+        "src/tdint/analysis/run/error_estimate.py": "exact",
+    },
+    "published examples": {
+        "src/tdint/analysis/assessment/paper_examples.py": (
+            "central-difference impulse newmark-average newmark-linear polynomial rk5 u0v0 wilson"
+        ),
+        "src/tdint/validation.py": (
+            "bathe bilinear central-difference exact impulse4 moment4 newmark-average "
+            "newmark-linear polynomial wilson"
+        ),
+    },
+    "methods and laws that another program provides, too": {
+        "src/tdint/analysis/chart/peers.py": (
+            "bilinear bouc-wen gap generalized-alpha hht linear newmark-average polynomial tanh"
+        ),
+    },
+    "lines of a figure, in their order": {
+        "cli/tdint_cli/commands/overshoot.py": "central-difference",
+        "cli/tdint_cli/commands/stability.py": "impulse",
+        "cli/tdint_cli/options/analysis.py": (
+            "bathe central-difference generalized-alpha hht impulse impulse4 moment4 "
+            "newmark-average"
+        ),
+        "src/tdint/analysis/chart/profiles.py": (
+            "bathe central-difference exact gauss4 generalized-alpha hht impulse impulse4 moment4 "
+            "newmark-average newmark-linear noh-bathe wilson"
+        ),
+        "src/tdint/analysis/chart/work_precision.py": (
+            "bathe central-difference exact gauss4 generalized-alpha impulse impulse4 moment4 "
+            "newmark-average newmark-linear noh-bathe"
+        ),
+        "src/tdint/output/figures/comparison.py": "impulse4 moment4 newmark-average",
+        "src/tdint/output/figures/style.py": (
+            "bathe central-difference exact gauss4 generalized-alpha hht impulse impulse4 moment4 "
+            "newmark-average newmark-linear wilson"
+        ),
+    },
+    "format of files that no other format recognizes": {
+        "src/tdint/ground_motion/reading/contents.py": "TEXT",
+    },
+}
+"""Modules outside of the directories of `HOMES_OF_NAMES` with names, by the reason."""
+
+
+def names_in(tree):
+    """Return the names of laws, methods and formats among the texts of a module, without
+    docstrings. A name can be followed by parameters, as in `newmark:beta=0.25`."""
+    names = {name for found in HOMES_OF_NAMES.values() for name in found}
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    texts = [
+        re.sub(r":\w+=.*", "", node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and id(node) not in docstrings
+    ]
+    return names.intersection(texts)
+
+
+def test_names_of_laws_methods_and_formats_are_in_their_modules():
+    """A property of a law, method or format is a field of its declaration, not a table of names or
+    a comparison with a name in another module."""
+    allowed = defaultdict(set)
+    for files in NAMED_ELSEWHERE.values():
+        for path, names in files.items():
+            allowed[path].update(names.split())
+    found = {}
+    for _, path, (tree, *_) in trees():
+        elsewhere = {
+            name
+            for name in names_in(tree)
+            if not any(
+                path.startswith(home) and name in HOMES_OF_NAMES[home] for home in HOMES_OF_NAMES
+            )
+        }
+        if elsewhere:
+            found[path] = elsewhere
+    assert found == allowed
+
+
+def test_table_of_names_is_found():
+    lines = ('"""linear."""', 'STIFF = {"gap": 1}', 'law.name == "tanh"', '"newmark:beta=0"')
+    source = "\n".join([*lines, "DEFAULT = 'exact: '"])
+    assert names_in(ast.parse(source)) == {"gap", "tanh", "newmark"}
+
+
+def test_choices_of_options_are_names_of_the_library():
+    """These options name laws without the import of the modules that use them."""
+    from tdint.analysis.assessment.order import STORY_LAWS
+    from tdint.model.story_curves import FITTED_LAWS
+    from tdint_cli.main import cli
+
+    for command, known in (("order", STORY_LAWS), ("init", FITTED_LAWS)):
+        parameters = cli.get_command(None, command).params
+        (option,) = (parameter for parameter in parameters if parameter.name == "law")
+        assert list(option.type.choices) == list(known)
 
 
 def test_imported_packages_are_dependencies():

@@ -562,7 +562,7 @@ def _can_stiffen(story: Story) -> bool:
     springs = [(LAWS[spring.law.name], spring.law.parameters) for spring in story.springs]
     stiffens = any(law.stiffens(parameters) for law, parameters in springs)
     symmetric = all(
-        law.symmetric(parameters) or (law.name == "linear" and len(springs) > 1)
+        law.symmetric(parameters) or (CODES[law.name] == LINEAR and len(springs) > 1)
         for law, parameters in springs
     )
     return stiffens and not symmetric

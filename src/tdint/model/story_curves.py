@@ -476,7 +476,7 @@ def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit
         after the ultimate point; or `multilinear`: the law `multilinear-pinching` without pinching,
         with four points, whose forces may decrease.
     """
-    fit, make_law = _FITS[law_type]
+    fit, make_law = FITTED_LAWS[law_type]
     max_drift, max_shear = float(drift[-1]), float(np.max(shear))
     # Relative values make the search independent of the units. It starts from several drifts,
     # because the sum of squares has several minima.
@@ -642,7 +642,7 @@ def _multilinear_law(fitted: Array, max_drift: float, max_shear: float) -> Fitte
     return FittedLaw("multilinear-pinching", float(shears[0] / drifts[0]), (), backbone)
 
 
-_FITS: dict[
+FITTED_LAWS: dict[
     str,
     tuple[
         Callable[[Array, Array, float], FittedNumbers], Callable[[Array, float, float], FittedLaw]
