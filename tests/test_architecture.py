@@ -455,7 +455,7 @@ def test_names_of_laws_methods_and_formats_are_in_their_modules():
 
 
 def test_table_of_names_is_found():
-    lines = ('"""linear."""', 'STIFF = {"gap": 1}', 'law.name == "tanh"', '"newmark:beta=0"')
+    lines = ('"""linear."""', 'STIFF = {"gap": 1}', 'law.name == "tanh"', 'M = "newmark:beta=0"')
     source = "\n".join([*lines, "DEFAULT = 'exact: '"])
     assert names_in(ast.parse(source)) == {"gap", "tanh", "newmark"}
 
