@@ -380,14 +380,14 @@ def test_loaded_kernel_accepts_numbers_and_arrays():
     assert table.tolist() == [[1.0] * 4, [1.0, 3.0, 5.0, 1.0]]
     read_only = np.ones(3)
     read_only.flags.writeable = False
-    for wrong in (
-        np.arange(3),
-        np.ones((3, 1)),
-        np.ones(6)[::2],
-        read_only,
-        np.ones(3, dtype=np.float32),
+    for wrong, cause in (
+        (np.arange(3), "array of int64"),
+        (np.ones((3, 1)), "with 2 dimensions"),
+        (np.ones(6)[::2], "not in C order"),
+        (read_only, "got a read-only array"),
+        (np.ones(3, dtype=np.float32), "array of float32"),
     ):
-        with pytest.raises(TypeError, match="float64 in C order"):
+        with pytest.raises(TypeError, match=rf"^argument 2 must .* float64 in C order .*{cause}"):
             kernel(table, wrong, 2.0, 1)
 
 

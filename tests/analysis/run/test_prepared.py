@@ -67,6 +67,17 @@ def test_forces_are_not_scaled_with_ground_motion():
     )
 
 
+def test_read_only_samples_of_a_batch_are_named():
+    building, record = prepared.PreparedBuilding.of(ten_linear()), noise(samples=11)
+    runs = [prepared.RunSpec(0, 11, 1.0, Steps(record.dt, 10))]
+    samples = record.acceleration.copy()
+    batch = building.integrate_batch(parse("impulse4"), record.dt, samples, runs)
+    assert batch.ends[0, 1] == 10
+    samples.flags.writeable = False
+    with pytest.raises(UsageError, match=r"^samples is a read-only array, .*samples\.copy\(\)$"):
+        building.integrate_batch(parse("impulse4"), record.dt, samples, runs)
+
+
 def test_scaling_requires_ground_motion():
     with pytest.raises(UsageError, match="no ground motion to scale"):
         prepare(ten_linear(), method="impulse4").scaled(2.0)

@@ -27,7 +27,7 @@ from tdint.analysis.run.compiled_steps import (
 )
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
-from tdint.errors import AnalysisError
+from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import EVERYTHING, Variant
@@ -483,7 +483,7 @@ class PreparedBuilding:
         Parameters
         ----------
         samples : ndarray
-            Concatenated ground accelerations of all runs, m/s^2.
+            Concatenated ground accelerations of all runs, m/s^2; a writable array.
         criterion : RestCriterion
             Criterion for continuing with the ground at rest; by default, runs are not continued.
 
@@ -491,6 +491,8 @@ class PreparedBuilding:
         ------
         AnalysisError
             The method does not support this building.
+        UsageError
+            `samples` is read-only.
         """
         space = self._loaded_arrays(integrator, h)
         result = BatchResult.empty(len(runs), self.building)
@@ -569,6 +571,11 @@ class PreparedBuilding:
         `runs` contains all runs that the returned function may integrate. Only the maximum number
         of their samples is used, as the size of a work array.
         """
+        if not samples.flags.writeable:
+            raise UsageError(
+                "samples is a read-only array, which a compiled loop cannot receive; pass "
+                "samples.copy()"
+            )
         called = (
             integrate,
             integrator.family.step,

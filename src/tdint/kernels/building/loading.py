@@ -148,7 +148,7 @@ def _converters(
                 # number per dimension for the shape and for the strides
                 types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)
-                converters.append(_table(dimensions))
+                converters.append(_table(dimensions, len(converters) + 1))
             case Scalar(name):
                 c_type, python_type = _NUMBERS[name]
                 types.append(c_type)
@@ -159,9 +159,11 @@ def _converters(
     return types, converters
 
 
-def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
+def _table(dimensions: int, position: int) -> Callable[[Any, list[Any]], None]:
     """Return a function (array, flat) that appends the parts of an array argument that numba
     expects to the list `flat`.
+
+    `position` is the number of the argument in messages, counted from 1.
     """
     number = np.dtype(np.float64)
 
@@ -172,9 +174,12 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
         of dimensions of the signature.
         """
         if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
+            access = "a writable" if array.flags.writeable else "a read-only"
+            order = "in C order" if array.flags.c_contiguous else "not in C order"
             raise TypeError(
-                f"the argument must be a writable array of float64 in C order with {dimensions} "
-                f"dimensions, got {array.dtype} with {array.ndim} dimensions"
+                f"argument {position} must be a writable array of float64 in C order with "
+                f"{dimensions} dimensions, got {access} array of {array.dtype} {order} with "
+                f"{array.ndim} dimensions; np.array(values, dtype=np.float64, order='C') is one"
             )
         # An empty array has no buffer. The first two parts, meminfo and parent, are not used.
         data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None
