@@ -85,7 +85,7 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value
+from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value, power_damper
 from tdint.kernels.stepping import Ends
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
@@ -99,6 +99,15 @@ _MAX_ACCELERATION_DEVIATION = 1.0
 # Dimensionless. Ratio |tilt / bulge| above which both are ignored. They are fully used up to a
 # ratio of 1; the linear transition in between avoids jumps of peaks.
 _MAX_TILT_RATIO = 2.0
+
+# Number of points before and after the rest of a dashpot; even. The smallest distance from the rest
+# is 6e-4 of the part of the step.
+_POINTS_NEAR_REST = 12
+_BISECTIONS = 40
+# Dimensionless. Ratio of the drift rates at both endpoints below which the force of a dashpot with
+# an exponent below 1 is not smooth enough for the cubic of the accelerations.
+_RATE_NEAR_REST = 0.5
+_NO_REST = 2.0  # any value above 1
 
 _ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sum over no floors, above the roof
 _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
@@ -304,6 +313,7 @@ def find_interstep_peaks(
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     next_row = scene.forces.shape[0]
+    rest_above, story_above = _NO_REST, _ZERO_ENDS
     floor = _floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         # The link of story 0 is 0, so floor 0 is passed without effect.
@@ -364,6 +374,22 @@ def find_interstep_peaks(
                 )
             row = first_peak + rows.PEAK_TOTAL_SHEAR
             _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
+            if DASHPOTS and has_dashpots:
+                rest = _time_of_rest(span.h, linear_terms, i, story)
+                if rest != _NO_REST:
+                    part = -1.0, i, rest, story, linear_terms
+                    _raise_peaks_at_rest(span, inertia, mass_sum, part, peaks, row, i, floor_forces)
+                # Floor `i` is between this story and the story above.
+                row = first_peak + rows.PEAK_ACCELERATION
+                factor = linear_terms[rows.INVERSE_MASS, i]
+                if rest != _NO_REST and not span.kinked:
+                    part = -factor, i, rest, story, linear_terms
+                    _raise_peaks_at_rest(span, floor, 1.0, part, peaks, row, i, _ZERO_FORCES)
+                if rest_above != _NO_REST and not span.kinked:
+                    factor *= linear_terms[rows.LINK, i + 1]
+                    part = factor, i + 1, rest_above, story_above, linear_terms
+                    _raise_peaks_at_rest(span, floor, 1.0, part, peaks, row, i, _ZERO_FORCES)
+                rest_above, story_above = rest, story
         floor = floor_below
     return reversal_count
 
@@ -585,6 +611,112 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
         c1 = absolute_1 - absolute_0 + bulge + tilt
         extremum = _cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
         raise_peak(peaks, row, i, extremum)
+
+
+@inline
+def is_near_rest(linear_terms, i, v0, v1):
+    """Return True if a dashpot with an exponent below 1 comes to rest in a step or near it.
+
+    The force of such a dashpot is nearly discontinuous at rest. `v0` and `v1` are the drift rates
+    at both endpoints, m/s.
+    """
+    is_near = (v0 * v1 < 0.0) | (min(abs(v0), abs(v1)) < _RATE_NEAR_REST * max(abs(v0), abs(v1)))
+    return (linear_terms[rows.POWER, i] < 0.0) & is_near
+
+
+@inline
+def _time_of_rest(h, linear_terms, i, story):
+    """Return the time of the smallest rate of a dashpot that comes to rest in a step or near it, as
+    a fraction of the step; otherwise _NO_REST."""
+    if not is_near_rest(linear_terms, i, story.v0, story.v1):
+        return _NO_REST
+    if story.v0 * story.v1 >= 0.0:
+        return 0.0 if abs(story.v0) < abs(story.v1) else 1.0
+    return _zero_of_rate(h, story)
+
+
+@outlined
+def _zero_of_rate(h, story):
+    """Return the zero of the drift rate in a step, by bisection."""
+    lower, upper = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (lower + upper)
+        if _rate(h, story, middle) * story.v0 > 0.0:
+            lower = middle
+        else:
+            upper = middle
+    return 0.5 * (lower + upper)
+
+
+@inline
+def _rate(h, ends, s):
+    """Return the velocity at `s`, m/s, by the cubic Hermite interpolant of the velocity."""
+    change = ends.v1 - ends.v0
+    c2 = 3.0 * change - h * (2.0 * ends.a0 + ends.a1)
+    c3 = h * (ends.a0 + ends.a1) - 2.0 * change
+    return ends.v0 + s * (h * ends.a0 + s * (c2 + s * c3))
+
+
+@outlined
+def _raise_peaks_at_rest(span, ends, mass, part, peaks, peak_row, i, forces):
+    """Raise the peak of an absolute acceleration or total shear near the rest of a dashpot.
+
+    The force F of a dashpot with an exponent below 1 falls steeply to zero when its story comes to
+    rest. The story force has its maximum at the same time. Their sum has its maximum shortly before
+    the rest, which a cubic through the endpoints of the step does not show, whatever the length of
+    the step. `part` contains the factor of F in the quantity, the story of the dashpot, the time of
+    rest, the motion of the story, and the linear terms. The quantity without this part is
+
+        S0 + (S1 - S0) s + s (1 - s) B
+
+    B follows from the mean of the quantity, which is the change of velocity, and from the mean of
+    F. The sum is evaluated at points that are dense near the rest, and on the parabolas through
+    three of these points. The other arguments are those of `_raise_acceleration_peak`.
+    """
+    factor, _, rest, _, _ = part
+    absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
+    absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
+    smooth_0 = absolute_0 - factor * _force_near_rest(span.h, part, 0.0)
+    smooth_1 = absolute_1 - factor * _force_near_rest(span.h, part, 1.0)
+    # Mean force by Simpson's rule in x, with the distance length x^3 from the rest. It is exact up
+    # to a factor that is smooth in x.
+    mean = 0.0
+    for side in range(2):
+        length = -rest if side == 0 else 1.0 - rest
+        for k in range(1, _POINTS_NEAR_REST + 1):
+            x = k / _POINTS_NEAR_REST
+            weight = 1.0 if k == _POINTS_NEAR_REST else 4.0 if k % 2 == 1 else 2.0
+            force = _force_near_rest(span.h, part, rest + length * x * x * x)
+            mean += weight * abs(length) * x * x * force / _POINTS_NEAR_REST
+    bulge = 3.0 * (absolute_0 + absolute_1) - 3.0 * (smooth_0 + smooth_1)
+    bulge += acceleration_bulge(1.0 / span.h, ends) - forces[2] - 6.0 * factor * mean
+    is_resolved = _is_resolved(span, ends) and _is_near_line(
+        bulge, 0.0, abs(smooth_0) + abs(smooth_1)
+    )
+    row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
+    for side in range(2):
+        length = -rest if side == 0 else 1.0 - rest
+        if length == 0.0:
+            continue
+        # Values at three successive points, the last of which is `value`.
+        earlier = previous = absolute_0 if side == 0 else absolute_1
+        for k in range(_POINTS_NEAR_REST - 1, -1, -1):
+            x = k / _POINTS_NEAR_REST
+            s = rest + length * x * x * x
+            value = smooth_0 + (smooth_1 - smooth_0) * s + s * (1.0 - s) * bulge
+            value += factor * _force_near_rest(span.h, part, s)
+            raise_peak(peaks, row, i, value)
+            linear, quadratic = 0.5 * (value - earlier), 0.5 * (value + earlier) - previous
+            if k < _POINTS_NEAR_REST - 1 and abs(linear) < 2.0 * abs(quadratic):
+                raise_peak(peaks, row, i, previous - 0.25 * linear * linear / quadratic)
+            earlier, previous = previous, value
+
+
+@inline
+def _force_near_rest(h, part, s):
+    """Return the force of a dashpot at `s`, N; `part` is described in `_raise_peaks_at_rest`."""
+    _, story, _, story_ends, linear_terms = part
+    return power_damper(linear_terms, story, _rate(h, story_ends, s))[0]
 
 
 @inline

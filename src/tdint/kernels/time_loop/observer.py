@@ -34,6 +34,7 @@ from tdint.kernels.peaks_between_steps import (
     acceleration_bulge,
     element_force,
     find_interstep_peaks,
+    is_near_rest,
     limit_stiffness,
     may_exceed_acceleration_peak,
     may_exceed_floor_peaks,
@@ -402,6 +403,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
             0.0,
         )
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
+        # The accelerations have peaks before the rest of a dashpot with an exponent below 1.
+        may_exceed |= is_near_rest(linear_terms, i, ends.v0, rate)
         raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         linear_force = linear_terms[rows.DASHPOT, i] * rate
