@@ -82,6 +82,7 @@ Farin, G. (2002). Curves and Surfaces for CAGD, 5th ed.: convex hull property.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
@@ -107,7 +108,36 @@ _BISECTIONS = 40
 # Dimensionless. Ratio of the drift rates at both endpoints below which the force of a dashpot with
 # an exponent below 1 is not smooth enough for the cubic of the accelerations.
 _RATE_NEAR_REST = 0.5
-_NO_REST = 2.0  # any value above 1
+
+
+class _NearRest(NamedTuple):
+    """Power-law dashpot with an exponent below 1 that comes to rest in a step or near it.
+
+    Attributes
+    ----------
+    factor : float
+        Factor of its force in the searched quantity; 0 for no dashpot.
+    story : int
+        Story of the dashpot.
+    rest : float
+        Time of the smallest absolute drift rate, as a fraction of the step.
+    largest : float
+        Upper limit of the absolute force in the step, N.
+    v0, a0, v1, a1 : float
+        Drift rate (m/s) and its derivative (m/s^2) at both endpoints.
+    """
+
+    factor: float
+    story: int
+    rest: float
+    largest: float
+    v0: float
+    a0: float
+    v1: float
+    a1: float
+
+
+_NOT_NEAR_REST = _NearRest(0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 _ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sum over no floors, above the roof
 _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
@@ -313,7 +343,7 @@ def find_interstep_peaks(
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     next_row = scene.forces.shape[0]
-    rest_above, story_above = _NO_REST, _ZERO_ENDS
+    near_rest_above = _NOT_NEAR_REST
     floor = _floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         # The link of story 0 is 0, so floor 0 is passed without effect.
@@ -363,9 +393,23 @@ def find_interstep_peaks(
         # The third argument of `_raise_acceleration_peak` is the factor of the ground acceleration:
         # 1 for a floor, the mass of all floors above the story for the shear.
         if not span.cornered:
+            near_rest = _NOT_NEAR_REST
+            if DASHPOTS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
+                near_rest = _dashpot_near_rest(span.h, linear_terms, i, story)
             row = first_peak + rows.PEAK_ACCELERATION
             if not span.kinked:
-                _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
+                # Floor `i` is between this story and the story above.
+                factor = linear_terms[rows.INVERSE_MASS, i]
+                dashpots = (
+                    _times(-factor, near_rest),
+                    _times(factor * linear_terms[rows.LINK, i + 1], near_rest_above),
+                )
+                if dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0:
+                    _raise_peak_near_rest(
+                        span, floor, 1.0, dashpots, linear_terms, peaks, row, i, _ZERO_FORCES
+                    )
+                else:
+                    _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
@@ -373,23 +417,14 @@ def find_interstep_peaks(
                     span, scene.forces, link, i, floor_forces, next_row
                 )
             row = first_peak + rows.PEAK_TOTAL_SHEAR
-            _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
-            if DASHPOTS and has_dashpots:
-                rest = _time_of_rest(span.h, linear_terms, i, story)
-                if rest != _NO_REST:
-                    part = -1.0, i, rest, story, linear_terms
-                    _raise_peaks_at_rest(span, inertia, mass_sum, part, peaks, row, i, floor_forces)
-                # Floor `i` is between this story and the story above.
-                row = first_peak + rows.PEAK_ACCELERATION
-                factor = linear_terms[rows.INVERSE_MASS, i]
-                if rest != _NO_REST and not span.kinked:
-                    part = -factor, i, rest, story, linear_terms
-                    _raise_peaks_at_rest(span, floor, 1.0, part, peaks, row, i, _ZERO_FORCES)
-                if rest_above != _NO_REST and not span.kinked:
-                    factor *= linear_terms[rows.LINK, i + 1]
-                    part = factor, i + 1, rest_above, story_above, linear_terms
-                    _raise_peaks_at_rest(span, floor, 1.0, part, peaks, row, i, _ZERO_FORCES)
-                rest_above, story_above = rest, story
+            if near_rest.factor != 0.0:
+                dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
+                _raise_peak_near_rest(
+                    span, inertia, mass_sum, dashpots, linear_terms, peaks, row, i, floor_forces
+                )
+            else:
+                _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
+            near_rest_above = near_rest
         floor = floor_below
     return reversal_count
 
@@ -624,24 +659,34 @@ def is_near_rest(linear_terms, i, v0, v1):
     return (linear_terms[rows.POWER, i] < 0.0) & is_near
 
 
-@inline
-def _time_of_rest(h, linear_terms, i, story):
-    """Return the time of the smallest rate of a dashpot that comes to rest in a step or near it, as
-    a fraction of the step; otherwise _NO_REST."""
-    if not is_near_rest(linear_terms, i, story.v0, story.v1):
-        return _NO_REST
-    if story.v0 * story.v1 >= 0.0:
-        return 0.0 if abs(story.v0) < abs(story.v1) else 1.0
-    return _zero_of_rate(h, story)
-
-
 @outlined
+def _dashpot_near_rest(h, linear_terms, i, story):
+    """Return the dashpot of a story that comes to rest in a step or near it (`_NearRest`)."""
+    if story.v0 * story.v1 < 0.0:
+        rest = _zero_of_rate(h, story)
+    else:
+        rest = 0.0 if abs(story.v0) < abs(story.v1) else 1.0
+    # The Bezier points of the rate at 1/3 and 2/3 of the step, and the endpoints, limit the rate.
+    rate = max(abs(story.v0), abs(story.v1))
+    rate = max(rate, abs(story.v0 + h * story.a0 / 3.0), abs(story.v1 - h * story.a1 / 3.0))
+    largest = abs(power_damper(linear_terms, i, rate)[0])
+    return _NearRest(1.0, i, rest, largest, story.v0, story.a0, story.v1, story.a1)
+
+
+@inline
+def _times(factor, dashpot):
+    """Return a dashpot near rest with its force times a further factor."""
+    own, story, rest, largest, v0, a0, v1, a1 = dashpot
+    return _NearRest(factor * own, story, rest, largest, v0, a0, v1, a1)
+
+
+@inline
 def _zero_of_rate(h, story):
-    """Return the zero of the drift rate in a step, by bisection."""
+    """Return the zero of the drift rate in a step, by bisection, as a fraction of the step."""
     lower, upper = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (lower + upper)
-        if _rate(h, story, middle) * story.v0 > 0.0:
+        if _rate(h, story.v0, story.a0, story.v1, story.a1, middle) * story.v0 > 0.0:
             lower = middle
         else:
             upper = middle
@@ -649,74 +694,102 @@ def _zero_of_rate(h, story):
 
 
 @inline
-def _rate(h, ends, s):
+def _rate(h, v0, a0, v1, a1, s):
     """Return the velocity at `s`, m/s, by the cubic Hermite interpolant of the velocity."""
-    change = ends.v1 - ends.v0
-    c2 = 3.0 * change - h * (2.0 * ends.a0 + ends.a1)
-    c3 = h * (ends.a0 + ends.a1) - 2.0 * change
-    return ends.v0 + s * (h * ends.a0 + s * (c2 + s * c3))
+    change = v1 - v0
+    c2 = 3.0 * change - h * (2.0 * a0 + a1)
+    c3 = h * (a0 + a1) - 2.0 * change
+    return v0 + s * (h * a0 + s * (c2 + s * c3))
+
+
+@inline
+def _force_near_rest(h, linear_terms, dashpot, s):
+    """Return the force of a dashpot at `s` times its factor, N."""
+    _, story, _, _, v0, a0, v1, a1 = dashpot
+    return dashpot.factor * power_damper(linear_terms, story, _rate(h, v0, a0, v1, a1, s))[0]
+
+
+@inline
+def _forces_near_rest(h, linear_terms, dashpots, s):
+    """Return the sum of the forces of two dashpots at `s` times their factors, N."""
+    force = 0.0
+    for dashpot in dashpots:
+        if dashpot.factor != 0.0:
+            force += _force_near_rest(h, linear_terms, dashpot, s)
+    return force
 
 
 @outlined
-def _raise_peaks_at_rest(span, ends, mass, part, peaks, peak_row, i, forces):
-    """Raise the peak of an absolute acceleration or total shear near the rest of a dashpot.
+def _raise_peak_near_rest(span, ends, mass, dashpots, linear_terms, peaks, peak_row, i, forces):
+    """Raise the peak of an absolute acceleration or total shear near the rest of dashpots.
 
     The force F of a dashpot with an exponent below 1 falls steeply to zero when its story comes to
     rest. The story force has its maximum at the same time. Their sum has its maximum shortly before
     the rest, which a cubic through the endpoints of the step does not show, whatever the length of
-    the step. `part` contains the factor of F in the quantity, the story of the dashpot, the time of
-    rest, the motion of the story, and the linear terms. The quantity without this part is
+    the step. The quantity without the forces of both `dashpots` is
 
         S0 + (S1 - S0) s + s (1 - s) B
 
     B follows from the mean of the quantity, which is the change of velocity, and from the mean of
-    F. The sum is evaluated at points that are dense near the rest, and on the parabolas through
-    three of these points. The other arguments are those of `_raise_acceleration_peak`.
+    the forces. The sum is evaluated at points that are dense near the rests, and on the parabolas
+    through three of these points. The other arguments are those of `_raise_acceleration_peak`.
     """
-    factor, _, rest, _, _ = part
+    h = span.h
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
-    smooth_0 = absolute_0 - factor * _force_near_rest(span.h, part, 0.0)
-    smooth_1 = absolute_1 - factor * _force_near_rest(span.h, part, 1.0)
-    # Mean force by Simpson's rule in x, with the distance length x^3 from the rest. It is exact up
-    # to a factor that is smooth in x.
-    mean = 0.0
-    for side in range(2):
-        length = -rest if side == 0 else 1.0 - rest
-        for k in range(1, _POINTS_NEAR_REST + 1):
-            x = k / _POINTS_NEAR_REST
-            weight = 1.0 if k == _POINTS_NEAR_REST else 4.0 if k % 2 == 1 else 2.0
-            force = _force_near_rest(span.h, part, rest + length * x * x * x)
-            mean += weight * abs(length) * x * x * force / _POINTS_NEAR_REST
+    smooth_0 = absolute_0 - _forces_near_rest(h, linear_terms, dashpots, 0.0)
+    smooth_1 = absolute_1 - _forces_near_rest(h, linear_terms, dashpots, 1.0)
+    largest = abs(dashpots[0].factor) * dashpots[0].largest
+    largest += abs(dashpots[1].factor) * dashpots[1].largest
+    # Six times the mean of the quantity minus the straight line of its smooth part
     bulge = 3.0 * (absolute_0 + absolute_1) - 3.0 * (smooth_0 + smooth_1)
-    bulge += acceleration_bulge(1.0 / span.h, ends) - forces[2] - 6.0 * factor * mean
+    bulge += acceleration_bulge(1.0 / h, ends) - forces[2]
+    line = max(abs(smooth_0), abs(smooth_1))
+    # The parabola is at most B / 4; the mean of the forces changes B by at most 6 of them.
+    if line + 0.25 * abs(bulge) + 2.5 * largest <= peaks[peak_row, i]:
+        return
+    for dashpot in dashpots:
+        if dashpot.factor != 0.0:
+            bulge -= 6.0 * _mean_near_rest(h, linear_terms, dashpot)
     is_resolved = _is_resolved(span, ends) and _is_near_line(
         bulge, 0.0, abs(smooth_0) + abs(smooth_1)
     )
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
+    for dashpot in dashpots:
+        for side in range(2):
+            length = -dashpot.rest if side == 0 else 1.0 - dashpot.rest
+            if length == 0.0 or dashpot.factor == 0.0:
+                continue
+            # Values at three successive points, the last of which is `value`.
+            earlier = previous = absolute_0 if side == 0 else absolute_1
+            for k in range(_POINTS_NEAR_REST - 1, -1, -1):
+                x = k / _POINTS_NEAR_REST
+                s = dashpot.rest + length * x * x * x
+                value = smooth_0 + (smooth_1 - smooth_0) * s + s * (1.0 - s) * bulge
+                value += _forces_near_rest(h, linear_terms, dashpots, s)
+                raise_peak(peaks, row, i, value)
+                linear, quadratic = 0.5 * (value - earlier), 0.5 * (value + earlier) - previous
+                if k < _POINTS_NEAR_REST - 1 and abs(linear) < 2.0 * abs(quadratic):
+                    raise_peak(peaks, row, i, previous - 0.25 * linear * linear / quadratic)
+                earlier, previous = previous, value
+
+
+@outlined
+def _mean_near_rest(h, linear_terms, dashpot):
+    """Return the mean force of a dashpot over the step times its factor, N.
+
+    With the distance `length` x^3 from the rest, Simpson's rule in x is exact up to a factor that
+    is smooth in x.
+    """
+    mean = 0.0
     for side in range(2):
-        length = -rest if side == 0 else 1.0 - rest
-        if length == 0.0:
-            continue
-        # Values at three successive points, the last of which is `value`.
-        earlier = previous = absolute_0 if side == 0 else absolute_1
-        for k in range(_POINTS_NEAR_REST - 1, -1, -1):
+        length = -dashpot.rest if side == 0 else 1.0 - dashpot.rest
+        for k in range(1, _POINTS_NEAR_REST + 1):
             x = k / _POINTS_NEAR_REST
-            s = rest + length * x * x * x
-            value = smooth_0 + (smooth_1 - smooth_0) * s + s * (1.0 - s) * bulge
-            value += factor * _force_near_rest(span.h, part, s)
-            raise_peak(peaks, row, i, value)
-            linear, quadratic = 0.5 * (value - earlier), 0.5 * (value + earlier) - previous
-            if k < _POINTS_NEAR_REST - 1 and abs(linear) < 2.0 * abs(quadratic):
-                raise_peak(peaks, row, i, previous - 0.25 * linear * linear / quadratic)
-            earlier, previous = previous, value
-
-
-@inline
-def _force_near_rest(h, part, s):
-    """Return the force of a dashpot at `s`, N; `part` is described in `_raise_peaks_at_rest`."""
-    _, story, _, story_ends, linear_terms = part
-    return power_damper(linear_terms, story, _rate(h, story_ends, s))[0]
+            weight = 1.0 if k == _POINTS_NEAR_REST else 4.0 if k % 2 == 1 else 2.0
+            force = _force_near_rest(h, linear_terms, dashpot, dashpot.rest + length * x * x * x)
+            mean += weight * abs(length) * x * x * force / _POINTS_NEAR_REST
+    return mean
 
 
 @inline
