@@ -29,6 +29,11 @@ size of a1 - a0, so the tilt is not reliable. The weight w of B and D therefore 
     |B| < |D| < 2 |B|       w = 2 - |D / B|, so that peaks change continuously
     |D| >= 2 |B|            the interior is not searched: the maximum is the larger endpoint value
 
+The force of a power-law dashpot with an exponent below 1 is nearly discontinuous at rest, and no
+cubic. In a step in which such a dashpot comes to rest, and near it, its force is separated from the
+quantity: the force follows from the cubic Hermite interpolant of the drift rate, and the rest of
+the quantity is a parabola (`_raise_peak_near_rest`).
+
 Search criteria
 ---------------
 Only steps that may exceed a recorded peak are searched. The observer
@@ -86,7 +91,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value, power_damper
+from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, force_value, power_damper
 from tdint.kernels.stepping import Ends
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
@@ -101,8 +106,8 @@ _MAX_ACCELERATION_DEVIATION = 1.0
 # ratio of 1; the linear transition in between avoids jumps of peaks.
 _MAX_TILT_RATIO = 2.0
 
-# Number of points before and after the rest of a dashpot; even. The smallest distance from the rest
-# is 6e-4 of the part of the step.
+# Number of points before and after the rest of a dashpot. The smallest distance from the rest is
+# 6e-4 of the part of the step.
 _POINTS_NEAR_REST = 12
 _BISECTIONS = 40
 # Dimensionless. Ratio of the drift rates at both endpoints below which the force of a dashpot with
@@ -390,8 +395,8 @@ def find_interstep_peaks(
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
             _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
-        # The third argument of `_raise_acceleration_peak` is the factor of the ground acceleration:
-        # 1 for a floor, the mass of all floors above the story for the shear.
+        # The second value of a quantity is the factor of the ground acceleration: 1 for a floor,
+        # the mass of all floors above the story for the shear.
         if not span.cornered:
             near_rest = _NOT_NEAR_REST
             if DASHPOTS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
@@ -404,12 +409,8 @@ def find_interstep_peaks(
                     _times(-factor, near_rest),
                     _times(factor * linear_terms[rows.LINK, i + 1], near_rest_above),
                 )
-                if dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0:
-                    _raise_peak_near_rest(
-                        span, floor, 1.0, dashpots, linear_terms, peaks, row, i, _ZERO_FORCES
-                    )
-                else:
-                    _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
+                quantity = floor, 1.0, _ZERO_FORCES
+                _raise_absolute_peak(span, quantity, dashpots, linear_terms, peaks, row, i)
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
@@ -417,13 +418,9 @@ def find_interstep_peaks(
                     span, scene.forces, link, i, floor_forces, next_row
                 )
             row = first_peak + rows.PEAK_TOTAL_SHEAR
-            if near_rest.factor != 0.0:
-                dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
-                _raise_peak_near_rest(
-                    span, inertia, mass_sum, dashpots, linear_terms, peaks, row, i, floor_forces
-                )
-            else:
-                _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
+            dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
+            quantity = inertia, mass_sum, floor_forces
+            _raise_absolute_peak(span, quantity, dashpots, linear_terms, peaks, row, i)
             near_rest_above = near_rest
         floor = floor_below
     return reversal_count
@@ -617,6 +614,20 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
 
 
 @inline
+def _raise_absolute_peak(span, quantity, dashpots, linear_terms, peaks, peak_row, i):
+    """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
+    step: near the rest of `dashpots`, if one of them has a force there, otherwise of a cubic.
+
+    `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
+    """
+    if DASHPOTS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
+        _raise_peak_near_rest(span, quantity, dashpots, linear_terms, peaks, peak_row, i)
+    else:
+        ends, mass, forces = quantity
+        _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces)
+
+
+@inline
 def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
     step.
@@ -720,7 +731,7 @@ def _forces_near_rest(h, linear_terms, dashpots, s):
 
 
 @outlined
-def _raise_peak_near_rest(span, ends, mass, dashpots, linear_terms, peaks, peak_row, i, forces):
+def _raise_peak_near_rest(span, quantity, dashpots, linear_terms, peaks, peak_row, i):
     """Raise the peak of an absolute acceleration or total shear near the rest of dashpots.
 
     The force F of a dashpot with an exponent below 1 falls steeply to zero when its story comes to
@@ -731,10 +742,13 @@ def _raise_peak_near_rest(span, ends, mass, dashpots, linear_terms, peaks, peak_
         S0 + (S1 - S0) s + s (1 - s) B
 
     B follows from the mean of the quantity, which is the change of velocity, and from the mean of
-    the forces. The sum is evaluated at points that are dense near the rests, and on the parabolas
-    through three of these points. The other arguments are those of `_raise_acceleration_peak`.
+    the forces by Simpson's rule. This rule has a large error at a rest, but so has the impulse of
+    the dashpots in the step of the method, and both errors nearly cancel. The sum is evaluated at
+    points that are dense near the rests, and on the parabolas through three of these points. The
+    other arguments are those of `_raise_absolute_peak`.
     """
     h = span.h
+    ends, mass, forces = quantity
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     smooth_0 = absolute_0 - _forces_near_rest(h, linear_terms, dashpots, 0.0)
@@ -748,9 +762,10 @@ def _raise_peak_near_rest(span, ends, mass, dashpots, linear_terms, peaks, peak_
     # The parabola is at most B / 4; the mean of the forces changes B by at most 6 of them.
     if line + 0.25 * abs(bulge) + 2.5 * largest <= peaks[peak_row, i]:
         return
-    for dashpot in dashpots:
-        if dashpot.factor != 0.0:
-            bulge -= 6.0 * _mean_near_rest(h, linear_terms, dashpot)
+    # Six times the mean of the forces
+    bulge -= _forces_near_rest(h, linear_terms, dashpots, 0.0)
+    bulge -= 4.0 * _forces_near_rest(h, linear_terms, dashpots, 0.5)
+    bulge -= _forces_near_rest(h, linear_terms, dashpots, 1.0)
     is_resolved = _is_resolved(span, ends) and _is_near_line(
         bulge, 0.0, abs(smooth_0) + abs(smooth_1)
     )
@@ -775,34 +790,47 @@ def _raise_peak_near_rest(span, ends, mass, dashpots, linear_terms, peaks, peak_
 
 
 @outlined
-def _mean_near_rest(h, linear_terms, dashpot):
-    """Return the mean force of a dashpot over the step times its factor, N.
+def raise_velocity_peaks(span, scene, passage, point, peaks, i):
+    """Raise the peaks of the velocity of floor `i` and of the drift rates of the stories below and
+    above it at a time inside a kinked step; return the change of the damping force on the floor, N.
 
-    With the distance `length` x^3 from the rest, Simpson's rule in x is exact up to a factor that
-    is smooth in x.
+    `point` contains the time as a fraction of the step, and the deviation of the velocity from the
+    velocity under the lines of the forces, m/s. The change of the damping force does not include
+    tangent damping and dampers with braces.
     """
-    mean = 0.0
-    for side in range(2):
-        length = -dashpot.rest if side == 0 else 1.0 - dashpot.rest
-        for k in range(1, _POINTS_NEAR_REST + 1):
-            x = k / _POINTS_NEAR_REST
-            weight = 1.0 if k == _POINTS_NEAR_REST else 4.0 if k % 2 == 1 else 2.0
-            force = _force_near_rest(h, linear_terms, dashpot, dashpot.rest + length * x * x * x)
-            mean += weight * abs(length) * x * x * force / _POINTS_NEAR_REST
-    return mean
+    s, deviation = point
+    linear_terms, modal, _, _, flags = scene
+    below, above = max(i - 1, 0), min(i + 1, linear_terms.shape[1] - 2)
+    ends = _floor_ends(span.fast, passage, i)
+    v = _velocity_at(span, passage, i, s)
+    rate = v - linear_terms[rows.LINK, i] * _velocity_at(span, passage, below, s)
+    rate_above = _velocity_at(span, passage, above, s) - v
+    link_above = linear_terms[rows.LINK, i + 1] if above > i else 0.0
+    row = 0 if _is_resolved(span, ends) else rows.PEAK_ROWS
+    raise_peak(peaks, row + rows.PEAK_VELOCITY, i, v + deviation)
+    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
+        raise_peak(peaks, row + rows.PEAK_DRIFT_RATE, i, rate + deviation)
+        if link_above != 0.0:
+            raise_peak(peaks, row + rows.PEAK_DRIFT_RATE, above, rate_above - deviation)
+    coefficient = linear_terms[rows.FLOOR_DAMPER, i] + linear_terms[rows.STORY_DAMPER, i]
+    coefficient += link_above * linear_terms[rows.STORY_DAMPER, above]
+    if MODAL:
+        for j in range(modal.shape[0]):
+            coefficient += modal[j, i] * modal[j, i]
+    change = coefficient * deviation
+    change += power_damper(linear_terms, i, rate + deviation)[0]
+    change -= power_damper(linear_terms, i, rate)[0]
+    if link_above != 0.0:
+        change += power_damper(linear_terms, above, rate_above)[0]
+        change -= power_damper(linear_terms, above, rate_above - deviation)[0]
+    return change
 
 
 @inline
-def may_exceed_acceleration(span, passage, bound, peaks, i):
-    """Return True if the absolute acceleration of floor `i` may exceed its peak in a step in which
-    it deviates from the acceleration under lines of the forces by at most `bound`, m/s^2."""
+def _velocity_at(span, passage, i, s):
+    """Return the velocity of floor `i` at `s` under the lines of the forces, m/s."""
     ends = _floor_ends(span.fast, passage, i)
-    return may_exceed_acceleration_peak(
-        ends.a0 + span.ground_0,
-        ends.a1 + span.ground_1,
-        acceleration_bulge(1.0 / span.h, ends),
-        peaks[rows.PEAK_ACCELERATION, i] - bound,
-    )
+    return _rate(span.h, ends.v0, ends.a0, ends.v1, ends.a1, s)
 
 
 @outlined

@@ -18,9 +18,9 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import force_value
 from tdint.kernels.peaks_between_steps import (
-    may_exceed_acceleration,
     raise_acceleration_in_part,
     raise_peak,
+    raise_velocity_peaks,
 )
 from tdint.kernels.stepping import Passage
 
@@ -304,7 +304,7 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
     depend on them.
 
     The accelerations after the jump are peaks of the response, except in a kinked step, in which
-    they are those of the line (`raise_accelerations`).
+    they are those of the line (`raise_peaks_in_parts`).
     """
     linear_terms, _, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
@@ -345,12 +345,16 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
 
 
 @outlined
-def raise_accelerations(scene, points, span, memory, seen):
-    """Raise the peaks of the absolute accelerations in a step in which a table is not linear.
+def raise_peaks_in_parts(scene, points, span, memory, seen):
+    """Raise the peaks of the absolute accelerations, velocities and drift rates in a step in which
+    a table is not linear.
 
     The step is searched in parts between the points of the tables on the floor. In a part, the
     acceleration is the cubic of `peaks_between_steps`, which is valid for the line, plus the
-    deviation of the tables from their lines, divided by the mass.
+    deviation of the tables from their lines, divided by the mass. The integral of this deviation is
+    a deviation of the velocity, which is zero at both endpoints of the step. It changes the forces
+    of the dampers and therefore, again, the acceleration: after a jump of a table inside the step,
+    by a part that is proportional to the length of the step.
     """
     linear_terms, forces = scene.linear_terms, scene.forces
     passage = Passage(
@@ -371,9 +375,8 @@ def raise_accelerations(scene, points, span, memory, seen):
         after = first
         while after < forces.shape[0] and forces[after, rows.FLOOR] == i:
             after += 1
-        bound = seen.observer_state[rows.DEVIATION_BOUND, i]
-        if not may_exceed_acceleration(span, passage, bound, seen.peaks, i):
-            continue
+        inverse_mass = linear_terms[rows.INVERSE_MASS, i]
+        velocity = damping = 0.0  # deviations of the velocity and of the damping force at `begin`
         begin = start
         while begin < last:
             # The part ends at the next point of a table on the floor, or at the end of the step.
@@ -390,11 +393,17 @@ def raise_accelerations(scene, points, span, memory, seen):
                 deviation_0 -= force_value(forces, j, begin)
                 deviation_1 += _before(forces, points, j, k, end)
                 deviation_1 -= force_value(forces, j, end)
+            deviation_0 -= damping
+            velocity += 0.5 * (end - begin) * inverse_mass * (deviation_0 + damping + deviation_1)
+            s = (end - start) / span.h
+            damping = 0.0
+            if end < span.t:
+                damping = raise_velocity_peaks(span, scene, passage, (s, velocity), seen.peaks, i)
             part = (
                 (begin - start) / span.h,
-                (end - start) / span.h,
-                linear_terms[rows.INVERSE_MASS, i] * deviation_0,
-                linear_terms[rows.INVERSE_MASS, i] * deviation_1,
+                s,
+                inverse_mass * deviation_0,
+                inverse_mass * (deviation_1 - damping),
             )
             raise_acceleration_in_part(span, passage, part, seen.peaks, i)
             begin = end

@@ -29,7 +29,7 @@ from tdint.kernels.stepping import (
     take_step,
 )
 from tdint.kernels.stories.law_state import store_step_start
-from tdint.kernels.time_loop.force_tables import initialize_lines, raise_accelerations, start_step
+from tdint.kernels.time_loop.force_tables import initialize_lines, raise_peaks_in_parts, start_step
 from tdint.kernels.time_loop.ground import fitted_line, fitted_line_between_samples, ground_at
 from tdint.kernels.time_loop.observer import (
     INITIALIZE_LAWS,
@@ -127,7 +127,7 @@ def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
     """
     may_exceed = observe(scene, span, slope, memory, seen)
     if span.kinked and may_exceed:
-        raise_accelerations(scene, points, span, memory, seen)
+        raise_peaks_in_parts(scene, points, span, memory, seen)
     # The laws are evaluated only at reversals that may cause a new peak shear.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
         update_reversal_shears(update_shear_peaks, scene, memory, seen)
