@@ -329,7 +329,11 @@ HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law, with o
 KEEPS_START = 7  # 1 if the law states at the start of a step are kept in block STEP_START
 HAS_BRACES = 8  # 1 if a story has a damper with a brace or tangent damping
 HAS_TANGENT_DAMPING = 9  # 1 if a story has Rayleigh damping with the tangent stiffness
-FLAGS_SIZE = 10
+# Rule of the mean over a step (`Family.mean_rule`): weight of two points, and their distance from
+# the middle as a fraction of the step
+MEAN_WEIGHT = 10
+MEAN_DISTANCE = 11
+FLAGS_SIZE = 12
 
 # Values of flags[BRANCHES]
 NO_BRANCHES = 0

@@ -112,7 +112,7 @@ _POINTS_NEAR_REST = 12
 _BISECTIONS = 40
 # Dimensionless. Ratio of the drift rates at both endpoints below which the force of a dashpot with
 # an exponent below 1 is not smooth enough for the cubic of the accelerations.
-_RATE_NEAR_REST = 0.5
+_RATE_NEAR_REST = 0.2
 
 
 class _NearRest(NamedTuple):
@@ -410,7 +410,7 @@ def find_interstep_peaks(
                     _times(factor * linear_terms[rows.LINK, i + 1], near_rest_above),
                 )
                 quantity = floor, 1.0, _ZERO_FORCES
-                _raise_absolute_peak(span, quantity, dashpots, linear_terms, peaks, row, i)
+                _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
@@ -420,7 +420,7 @@ def find_interstep_peaks(
             row = first_peak + rows.PEAK_TOTAL_SHEAR
             dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
             quantity = inertia, mass_sum, floor_forces
-            _raise_absolute_peak(span, quantity, dashpots, linear_terms, peaks, row, i)
+            _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
             near_rest_above = near_rest
         floor = floor_below
     return reversal_count
@@ -614,14 +614,14 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
 
 
 @inline
-def _raise_absolute_peak(span, quantity, dashpots, linear_terms, peaks, peak_row, i):
+def _raise_absolute_peak(span, quantity, dashpots, scene, peaks, peak_row, i):
     """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
     step: near the rest of `dashpots`, if one of them has a force there, otherwise of a cubic.
 
     `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
     """
     if DASHPOTS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
-        _raise_peak_near_rest(span, quantity, dashpots, linear_terms, peaks, peak_row, i)
+        _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i)
     else:
         ends, mass, forces = quantity
         _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces)
@@ -731,7 +731,7 @@ def _forces_near_rest(h, linear_terms, dashpots, s):
 
 
 @outlined
-def _raise_peak_near_rest(span, quantity, dashpots, linear_terms, peaks, peak_row, i):
+def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
     """Raise the peak of an absolute acceleration or total shear near the rest of dashpots.
 
     The force F of a dashpot with an exponent below 1 falls steeply to zero when its story comes to
@@ -742,12 +742,13 @@ def _raise_peak_near_rest(span, quantity, dashpots, linear_terms, peaks, peak_ro
         S0 + (S1 - S0) s + s (1 - s) B
 
     B follows from the mean of the quantity, which is the change of velocity, and from the mean of
-    the forces by Simpson's rule. This rule has a large error at a rest, but so has the impulse of
-    the dashpots in the step of the method, and both errors nearly cancel. The sum is evaluated at
+    the forces. The mean is computed by the rule of the method (`Family.mean_rule`): at a rest, the
+    rule has a large error, but so has the change of velocity. The sum is evaluated at
     points that are dense near the rests, and on the parabolas through three of these points. The
     other arguments are those of `_raise_absolute_peak`.
     """
     h = span.h
+    linear_terms = scene.linear_terms
     ends, mass, forces = quantity
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
@@ -762,10 +763,11 @@ def _raise_peak_near_rest(span, quantity, dashpots, linear_terms, peaks, peak_ro
     # The parabola is at most B / 4; the mean of the forces changes B by at most 6 of them.
     if line + 0.25 * abs(bulge) + 2.5 * largest <= peaks[peak_row, i]:
         return
-    # Six times the mean of the forces
-    bulge -= _forces_near_rest(h, linear_terms, dashpots, 0.0)
-    bulge -= 4.0 * _forces_near_rest(h, linear_terms, dashpots, 0.5)
-    bulge -= _forces_near_rest(h, linear_terms, dashpots, 1.0)
+    weight, distance = scene.flags[rows.MEAN_WEIGHT], scene.flags[rows.MEAN_DISTANCE]
+    mean = (1.0 - 2.0 * weight) * _forces_near_rest(h, linear_terms, dashpots, 0.5)
+    mean += weight * _forces_near_rest(h, linear_terms, dashpots, 0.5 - distance)
+    mean += weight * _forces_near_rest(h, linear_terms, dashpots, 0.5 + distance)
+    bulge -= 6.0 * mean
     is_resolved = _is_resolved(span, ends) and _is_near_line(
         bulge, 0.0, abs(smooth_0) + abs(smooth_1)
     )

@@ -76,7 +76,7 @@ from tdint.kernels.stories.law_state import (
     step_start,
     store_step_start,
 )
-from tdint.methods.method import Family, Method, Parameter
+from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 
 # Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
 # drift at its end differs from the limit of the branch by no more than this tolerance.
@@ -882,6 +882,7 @@ FAMILY = Family(
     step,
     lambda modes: FACTORS + 2 * factor_rows(modes),
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
+    mean_rule=SIMPSON_MEAN,
 )
 
 METHODS = (

@@ -62,6 +62,13 @@ class Parameter:
         return f"{opening}{self.low:g}, {self.high:g}{closing}"
 
 
+SIMPSON_MEAN = (1.0 / 6.0, 0.5)
+"""`Family.mean_rule`: Simpson's rule."""
+
+GAUSS_MEAN = (0.5, math.sqrt(3.0) / 6.0)
+"""`Family.mean_rule`: rule of Gauss with two points."""
+
+
 @dataclass(frozen=True)
 class Family:
     """Methods that share one compiled step.
@@ -101,6 +108,10 @@ class Family:
     parabolic : bool
         True if the displacements are parabolic within the step, with rates that change linearly
         between its ends.
+    mean_rule : tuple of float
+        Rule that is nearest to the mean of the damping forces in the change of velocity over a
+        step: weight of two points, and their distance from the middle of the step as a fraction of
+        the step. The middle has the rest of the weight. The default is the trapezoidal rule.
     prepare : callable, optional
         (building, forces, h) -> coefficients of the step, if they depend on the building.
     moments : callable, optional
@@ -121,6 +132,7 @@ class Family:
     own_work: bool = False
     shifts: tuple[float, ...] = (0.0, 0.0, 1.0)
     parabolic: bool = False
+    mean_rule: tuple[float, float] = (0.5, 0.5)
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
     moments: Callable[[Building, float], int] | None = None
 

@@ -59,7 +59,7 @@ from tdint.kernels.equations.moment4 import (
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP, Memory, Scene
-from tdint.methods.method import Family, Method, Parameter
+from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 
 
 @kernel(STEP)
@@ -134,6 +134,7 @@ FAMILY = Family(
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
     own_work=True,
     parabolic=True,
+    mean_rule=SIMPSON_MEAN,
 )
 METHODS = (
     Method(

@@ -72,7 +72,7 @@ from tdint.kernels.stepping import STEP, Factors, Memory, Scene
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, commit_brace, follow_brace
 from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
-from tdint.methods.method import Family, Method
+from tdint.methods.method import GAUSS_MEAN, SIMPSON_MEAN, Family, Method
 
 Table = tuple[tuple[float, ...], ...]
 
@@ -742,12 +742,14 @@ EXPLICIT = Family(
     lambda modes: _EXPLICIT_ROWS,
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
     halvable=False,  # an explicit step never returns NOT_CONVERGED
+    mean_rule=SIMPSON_MEAN,
 )
 IMPLICIT = Family(
     "runge-kutta",
     implicit_step,
     lambda modes: _MODAL_STORE + 6 * modes + 1,  # rows for modal damping: see `factor_blocks`
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
+    mean_rule=GAUSS_MEAN,
 )
 
 METHODS = (

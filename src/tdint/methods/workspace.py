@@ -116,6 +116,7 @@ def workspace(
     flags[rows.HAS_TANGENT_DAMPING] = building.tangent_damped
     flags[rows.OWN_WORK] = family.own_work
     flags[rows.PARABOLIC] = family.parabolic
+    flags[rows.MEAN_WEIGHT], flags[rows.MEAN_DISTANCE] = family.mean_rule
     flags[rows.HAS_DASHPOTS] = building.damped_by_devices
     # The observer evaluates a law at a reversal within a step from the state at the end of the
     # step. A curved hysteretic law reloads on another curve and needs the state at the start.
