@@ -339,3 +339,39 @@ def test_each_step_with_forces_on_floors_is_searched(count):
     seen.peaks[rows.PEAK_SHEAR] = 1e300
     building = building._replace(forces=forces)
     assert bool(observe(building, span, 0.0, memory, seen)) == (count > 0)
+
+
+def test_total_shear_near_the_rest_of_a_dashpot():
+    """One story with constant drift acceleration comes to rest within the step. The rest of the
+    total shear is the parabola for which Simpson's rule gives the change of velocity; the maximum
+    of the sum is inside the step, before the rest, and the line between its ends has none."""
+    coefficient, exponent, threshold = 2.0, 0.35, 1e-3
+    v0, v1 = 0.1, -0.03
+
+    def dashpot(s):
+        rate = v0 + (v1 - v0) * s
+        return coefficient * rate * (rate * rate + threshold**2) ** (0.5 * (exponent - 1.0))
+
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
+    linear_terms[rows.MASS, 0] = linear_terms[rows.INVERSE_MASS, 0] = 1.0
+    linear_terms[rows.POWER_DAMPER, 0] = coefficient
+    linear_terms[rows.POWER, 0] = 0.5 * (exponent - 1.0)
+    linear_terms[rows.THRESHOLD, 0] = threshold**2
+    old, state, law_state = np.zeros((5, 2)), np.zeros((3, 2)), np.zeros((rows.LAW_STATE_ROWS, 2))
+    old[1, 0], state[rows.VELOCITY, 0] = v0, v1
+    old[2, 0] = state[rows.ACCELERATION, 0] = v1 - v0
+    smooth_0, smooth_1 = 3.0, 4.5  # N; the ground acceleration gives the total shear at both ends
+    shear_0, shear_1 = smooth_0 + dashpot(0.0), smooth_1 + dashpot(1.0)
+    span = Span(1.0, 1.0, v0 - v1 - shear_0, v0 - v1 - shear_1, False, False, False, False)
+    peaks = np.zeros((2 * rows.PEAK_ROWS, 1))
+    search = arguments(
+        span, linear_terms, np.ones((3, 2)), old, state, law_state, np.zeros((1, 2)), peaks
+    )
+    search[1].flags[rows.MEAN_WEIGHT], search[1].flags[rows.MEAN_DISTANCE] = 1.0 / 6.0, 0.5
+    find_interstep_peaks(*search)
+    s = np.linspace(0.0, 1.0, 100001)
+    bulge = 2.0 * (dashpot(0.0) + dashpot(1.0)) - 4.0 * dashpot(0.5)
+    shears = smooth_0 + (smooth_1 - smooth_0) * s + bulge * s * (1.0 - s) + dashpot(s)
+    assert shears.max() > 1.01 * max(shear_0, shear_1)
+    assert peaks[rows.PEAK_TOTAL_SHEAR, 0] == pytest.approx(shears.max(), rel=1e-4)
+    assert peaks[rows.PEAK_ACCELERATION, 0] == pytest.approx(shears.max(), rel=1e-4)

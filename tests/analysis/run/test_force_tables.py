@@ -347,6 +347,23 @@ def test_peak_acceleration_at_a_jump(method):
         assert result.stories.peak_absolute_acceleration[0] == pytest.approx(STIFFNESS, rel=1e-3)
 
 
+@pytest.mark.parametrize("time", [0.113, 0.107, 0.119])
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "gauss4"])
+def test_peaks_at_a_jump_inside_a_step_of_a_damped_story(method, time):
+    """The velocity of the line of a step differs from the velocity at a jump inside the step, and
+    so does the damping force. Immediately after the jump, the acceleration is force / mass. Without
+    damping, the velocity at a change of the sign of a force p from rest is p / (m omega) sin(omega
+    t)."""
+    force, h = 10.0, 0.02
+    rising = one_story([(time, force), (1.0, force)], dashpot=8.0)
+    stories = tdint.run(rising, method=method, dt=h, duration=1.0, check=False).stories
+    assert stories.peak_absolute_acceleration[0] == pytest.approx(force, rel=2e-5)
+    points = [(0.0, force), (time, force), (time, -force), (0.2, -force)]
+    stories = tdint.run(one_story(points), method=method, dt=h, duration=0.18, check=False).stories
+    velocity = force / OMEGA * math.sin(OMEGA * time)
+    assert stories.peak_velocity[0] == pytest.approx(velocity, rel=1e-4)
+
+
 @pytest.mark.parametrize("loads", [LATE_BLAST, RAMP, wind(0.03)], ids=["jump", "ramp", "wind"])
 def test_peaks_of_long_steps(loads):
     """Peaks with kinks inside the steps agree with those of short steps."""
