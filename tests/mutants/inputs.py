@@ -12,6 +12,7 @@ of each mutant.
 import argparse
 import gc
 import os
+import re
 import resource
 import signal
 import sys
@@ -107,15 +108,26 @@ def tests_of(mutant: Mutant, measured: dict[str, Measured], seconds: float) -> l
     return found
 
 
+def noticed_before(reports: list[str]) -> set[str]:
+    """Return the mutants that earlier reports name with the test that noticed them."""
+    lines = (line for report in reports for line in Path(report).read_text("utf-8").splitlines())
+    found = (re.match(r"[.FEsx]*(.+: .+): (tests/.*|None|interrupted)$", line) for line in lines)
+    return {match[1] for match in found if match}
+
+
 def try_all(session: Session, inputs: list[Inputs], arguments: argparse.Namespace) -> None:
     """Try all mutants, and print the report."""
     measured = measure(session, inputs)
+    known = noticed_before(arguments.known)
     found, survivors, untested = 0, [], set()
     gc.freeze()  # a copy would otherwise copy the memory of all objects
     with TemporaryDirectory() as folder:
         mutants = ((each, mutant) for each in inputs for mutant in each.mutants())
         for number, (each, mutant) in enumerate(mutants):
             if not any(part in str(mutant) for part in arguments.only):
+                continue
+            if str(mutant) in known:
+                found += 1
                 continue
             names = tests_of(mutant, measured, arguments.seconds)
             if not names:
@@ -157,6 +169,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="time of the tests of a mutant")
     parser.add_argument("--tests", nargs="+", help="files and directories of tests")
     parser.add_argument("--verbose", action="store_true", help="name the test that notices each")
+    parser.add_argument("--known", nargs="+", default=[], help="outputs of earlier --verbose runs")
     arguments = parser.parse_args()
     os.environ.update(OPENBLAS_NUM_THREADS="1", TDINT_COMPILE="wait")
     os.chdir(ROOT)
