@@ -216,6 +216,15 @@ def test_selected_methods_and_steps(tdint):
     assert "The paper:" not in result.stderr
 
 
+def test_the_format_of_the_figures(working_directory, tdint):
+    starts = {"pdf": b"%PDF", "svg": b"<?xml"}
+    for name, start in starts.items():
+        tdint("examples", "1", "--method", "impulse", "--format", name, "-o", name, code=0)
+        figures = sorted((working_directory / name).glob(f"figure-*.{name}"))
+        assert [figure.stem for figure in figures] == ["figure-07", "figure-08"]
+        assert all(figure.read_bytes().startswith(start) for figure in figures)
+
+
 def test_a_run_without_a_result_has_empty_cells_and_no_figure(working_directory, tdint):
     result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out", code=0)
     (row,) = rows(result.stdout)
