@@ -1,7 +1,7 @@
 """Mutants of the keys of YAML files (see `inputs.py`).
 
-The entries of a mapping are changed before their values are converted. The parameters of a law,
-and the keys of an element with this law, are `law(gap).stiffness` in all places.
+The entries of a mapping are changed before their values are converted. A parameter of a law is, for
+example, `law(gap).gap` in stories and in elements.
 """
 
 import re
@@ -137,7 +137,7 @@ def _paths(schema: Any, path: str) -> Iterator[str]:
         for name, inner in properties.items():
             place = f"{path}.{name}".lstrip(".")
             if name != "type":
-                yield place
+                yield _common(place)
             yield from _paths(inner, place)
         yield from _paths(schema.get("items"), f"{path}[]")
         yield from _paths(schema.get("additionalProperties"), f"{path}.*")
@@ -148,7 +148,17 @@ def _place(file_type: str, path: str, name: str) -> Place:
     """Return the place of a key. Models inside of files of problems are model files."""
     place = f"{path}.{name}".lstrip(".")
     is_model = place.startswith(("law(", "problems[].model."))
-    return ("model file" if is_model else file_type), place.removeprefix("problems[].model.")
+    owner = "model file" if is_model else file_type
+    return owner, _common(place.removeprefix("problems[].model."))
+
+
+def _common(place: str) -> str:
+    """Return the common place of keys that one function reads: those of elements with any law, and
+    the distributions of any parameter."""
+    place = re.sub(
+        r"^law\(\S+\)\.(name|stiffness|factor|angle)$", r"stories[].elements[].\1", place
+    )
+    return re.sub(r"^vary\.[a-z_]+\.", "vary.*.", place)
 
 
 def _mutated(node: MappingNode, name: str, receiver: str) -> MappingNode:
