@@ -1,6 +1,8 @@
 """The options that state how a record is read and processed have their effect in every command with
-these options: the results are those of a file with the same samples that requires no option."""
+these options, and the keys of the same names in models and campaigns: the results are those of a
+file with the same samples that requires no option."""
 
+import re
 from pathlib import Path
 
 import click
@@ -23,6 +25,9 @@ LINES = {
     "sensitivity": "sensitivity shaken.yaml motion.txt --vary stiffness_factor=0.9:1.1",
     "chart": "chart shaken.yaml --record motion.txt --method newmark-average --dt 0.02",
 }
+FILES = {"model file": "run model.yaml", "campaign file": "campaign study.yaml -o out --overwrite"}
+"""Commands with a file that contains the options as keys of the record."""
+
 LAYOUT = "--skip-lines 2 --column 2 --step 0.01 --units m/s^2"
 PROCESSING = (
     "--trim 0.2:2.2 --baseline linear --pad 0.5:1 --highpass 0.4 --lowpass 20 --filter-order 2 "
@@ -40,6 +45,20 @@ def test_every_command_with_these_options_is_tried():
     assert sorted(with_rows) == sorted(LINES)
 
 
+def write_files(folder, options):
+    """Write the options as keys of the record of a model and of the records of a campaign."""
+    words = re.findall(r"--([a-z-]+)(?: (?!--)(\S+))?", options)
+    keys = ", ".join(f"{name.replace('-', '_')}: {value or 'true'}" for name, value in words)
+    shaken = (folder / "shaken.yaml").read_text()
+    (folder / "model.yaml").write_text(
+        shaken.replace("file: motion.mseed, component: HNE", f"file: motion.txt, {keys}")
+    )
+    (folder / "study.yaml").write_text(
+        f"buildings: {{models: [shaken.yaml]}}\nrecords: {{files: [motion.txt], {keys}}}\n"
+        "analysis: {method: newmark-average}\n"
+    )
+
+
 @pytest.fixture
 def samples():
     t = 0.01 * np.arange(300)
@@ -53,7 +72,11 @@ def numbers(folder, tdint):
 
     def numbers_of(command, text, options):
         (folder / "motion.txt").write_text(text)
-        result = tdint(*LINES[command].split(), *options.split(), code=None)
+        if command in FILES:
+            write_files(folder, options)
+            result = tdint(*FILES[command].split(), code=None)
+        else:
+            result = tdint(*LINES[command].split(), *options.split(), code=None)
         assert result.exit_code in (0, 4), result.stderr
         table = result.stdout
         for file in sorted(Path("out").glob("*.csv")):
@@ -81,7 +104,7 @@ def _plain(acceleration, dt):
     return "".join(f"{i * dt!r} {float(a)!r}\n" for i, a in enumerate(acceleration))
 
 
-@pytest.mark.parametrize("command", LINES)
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_layout_of_a_table(numbers, samples, command):
     """The second column below two lines, without times."""
     backwards = samples[::-1]
@@ -93,7 +116,7 @@ def test_layout_of_a_table(numbers, samples, command):
     np.testing.assert_allclose(numbers(command, table, LAYOUT), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("command", LINES)
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_samples_in_rows(numbers, samples, command):
     """Five samples of one ground motion in each line."""
     lines = samples.reshape(-1, 5)
@@ -103,7 +126,7 @@ def test_samples_in_rows(numbers, samples, command):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("command", LINES)
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_processing(numbers, samples, command):
     record = process(
         make_record(samples, dt=0.01, units="m/s^2"),

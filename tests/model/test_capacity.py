@@ -151,6 +151,15 @@ def test_model_with_capacity_curve(curve):
     assert assemble(model).modes().omega[0] == pytest.approx(2.0 * math.pi / DEMO.period, rel=1e-13)
 
 
+@pytest.mark.parametrize("key", ["degradation", "soft_story", "as_published"])
+def test_each_key_of_a_building_with_capacity_curve(curve, key):
+    (curve / "model.yaml").write_text(MODEL % f"{key}: true")
+    facts = CapacityFacts(DEMO, 3, 9.0, 3e5, **{key: True})
+    assert load_model(curve / "model.yaml").stories == derive_capacity(facts).stories
+    (curve / "model.yaml").write_text(MODEL % f"{key}: false")
+    assert load_model(curve / "model.yaml").stories != derive_capacity(facts).stories
+
+
 @pytest.mark.parametrize(
     ("more", "text"),
     [

@@ -1,0 +1,69 @@
+"""Arguments of public functions have their effect: numbers that they change."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import tdint
+from building_cases import noise, ten_bilinear
+
+MOTION = noise(samples=201, peak=6.0)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return tdint.prepare(ten_bilinear(), MOTION, method="newmark-average")
+
+
+def once(case, **wishes):
+    return tdint.run_case(case, **wishes)
+
+
+def twice(case, **wishes):
+    return tdint.run_sequence(case, [MOTION, MOTION], rest=1.0, **wishes)
+
+
+@pytest.mark.parametrize("run", [once, twice])
+def test_tolerance_history_and_check(case, run):
+    coarse, fine = (run(case, tolerance=tolerance) for tolerance in (0.2, 0.005))
+    assert fine.dt < coarse.dt
+    assert coarse.history is None
+    assert run(case, history=True, check=False).history.displacement.shape[1] == 10
+    assert run(case, check=False).check is None
+    assert run(case, check=True).check.errors.peak_drift.shape == (10,)
+
+
+def test_a_sequence_continues_until_rest(case):
+    short, long = (
+        twice(case, until_rest=rest, check=False, history=True).history.time[-1]
+        for rest in (False, True)
+    )
+    assert short == pytest.approx(5.0)
+    assert long > short + 1.0
+
+
+def test_name_of_a_record():
+    assert tdint.make_record(np.ones(9), dt=0.1, units="g", name="mine").source == "mine"
+
+
+def test_plot_into_axes_and_in_units():
+    """Pseudo-accelerations in g are those in m/s^2 over 9.80665."""
+    spectrum = tdint.spectrum(MOTION, np.array([0.2, 0.5, 1.0]))
+    lines = []
+    for units in ("g", "m/s^2"):
+        axes = Figure().subplots()
+        assert tdint.plot(spectrum, axes, units) is axes
+        lines.append(axes.lines[0].get_ydata())
+    assert lines[1] == pytest.approx(9.80665 * np.asarray(lines[0]), rel=1e-12)
+
+
+@pytest.mark.parametrize("points", [4, 9])
+def test_points_of_a_cyclic_test(points):
+    found = tdint.cyclic_test(ten_bilinear(), 1, ["1%"], points=points)
+    assert found.path.drift.size == 1 + 4 * points
+
+
+def test_gradient_of_many_runs():
+    runs = tdint.run_many(ten_bilinear(), MOTION, method="impulse4", gradient="stiffness_factor")
+    alone = tdint.run(ten_bilinear(), MOTION, method="impulse4", gradient="stiffness_factor")
+    assert runs.gradient.peak_drift[0] == pytest.approx(alone.gradient.peak_drift, rel=1e-6)
