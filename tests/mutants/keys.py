@@ -30,6 +30,7 @@ class FileKeys:
         self.mutant: Mutant | None = None
         self._receivers: dict[Place, str] = {}
         self._needed: set[Place] = set()
+        self._mutated: list[MappingNode] = []  # a mapping that is read twice is changed once
         self._unchanged = fields.Section.__init__
         fields.Section.__init__ = self._start()  # type: ignore[method-assign]
 
@@ -66,7 +67,11 @@ class FileKeys:
             if _is_needed(name, keys, path):
                 self._needed.add(place)
             if self.mutant is not None and self.mutant.place == place:
-                return _mutated(node, name, self.mutant.receiver)
+                if not any(node is mutated for mutated in self._mutated):
+                    node = _mutated(node, name, self.mutant.receiver)
+                    self._mutated.append(node)
+                    object.__setattr__(value, "node", node)  # for `Value.peek`
+                return node
         return node
 
     def mutants(self) -> Iterator[Mutant]:
