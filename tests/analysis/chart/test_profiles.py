@@ -263,6 +263,20 @@ def test_all_errors_of_problem_file_have_positions(tmp_path):
         assert part in message, message
 
 
+def test_units_of_a_record_of_a_problem_file(tmp_path):
+    np.savetxt(tmp_path / "plain.txt", noise(samples=97).acceleration, header="dt = 0.01 s")
+    peaks = []
+    for units in ("m/s^2", "g"):
+        (tmp_path / "own.yaml").write_text(
+            f"records: {{a: {{file: plain.txt, units: {units}}}}}\n"
+            "problems: [{name: one, model: {stories: [{mass: 1, stiffness: 9}]}, scales: {a: 2}}]\n"
+        )
+        (problem,) = read_problems(tmp_path / "own.yaml")
+        peaks.append(np.abs(problem.posed.record.acceleration).max())
+    assert peaks[0] == pytest.approx(2.0 * noise(samples=97).pga)
+    assert peaks[1] == pytest.approx(9.80665 * peaks[0])
+
+
 def test_models_and_problems_exclude_each_other():
     for arguments in ({}, {"models": [ten_linear()], "problems": STANDARD}):
         with pytest.raises(UsageError, match="either models"):
