@@ -152,13 +152,6 @@ _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without 
 def raise_peak(peaks, row, i, value):
     """Raise a recorded peak (maximum absolute value) to the absolute value of a response, if it is
     larger.
-
-    Parameters
-    ----------
-    row, i : int
-        Row of the quantity and column of the floor or story.
-    value : float
-        Response in the unit of the row, of either sign.
     """
     size = abs(value)
     if size > peaks[row, i]:

@@ -275,8 +275,6 @@ def commit_brace(linear_terms, i, h, rates, state, scratch, row):
     rates : tuple of float
         Drift rates at both ends of the step, and the rate d' for a stiff damper, m/s. The last is
         the mean rate if the method does not damp its rates at the ends.
-    state : ndarray
-        State of the method, whose last rows are updated.
     row : int
         First row of the results of `follow_brace` or `follow_brace_at_midpoint`.
     """

@@ -562,11 +562,6 @@ def follow(law_parameters, i, drifts, law_state, result):
     committed, as a time step commits the drift at its end. Columns of the result: SHEAR (force, N),
     TANGENT (N/m), STRAIN_ENERGY and HYSTERETIC_ENERGY (stored and dissipated, J).
 
-    Parameters
-    ----------
-    law_state : ndarray
-        States of the laws; receives the state at the end of the path.
-
     Returns
     -------
     int

@@ -118,12 +118,8 @@ def observe(scene, span, slope, memory, seen):
     steps no bound exceeds a peak; only in the other steps the peaks are updated. The results of the
     comparisons are combined without branches (`|=`), because this is faster.
 
-    At the start of a run, the function is called with a span of zero length.
-
-    Parameters
-    ----------
-    slope : float
-        Rate of the ground acceleration in the step, m/s^3.
+    `slope` is the rate of the ground acceleration in the step, m/s^3. At the start of a run, the
+    function is called with a span of zero length.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state = memory.state, memory.law_state
