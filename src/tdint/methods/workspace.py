@@ -171,41 +171,13 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     limits[rows.FAILED] = [
         1.0 if code <= rows.ELEMENTS else LAWS[int(code)].failed for code in codes
     ]
-    limits[rows.HIGH_LIMIT] = [_resistance_limit(building, i, 1.0) for i in range(len(codes))]
-    limits[rows.LOW_LIMIT] = [-_resistance_limit(building, i, -1.0) for i in range(len(codes))]
+    limits[rows.HIGH_LIMIT], limits[rows.LOW_LIMIT] = building.resistance_limits
     # A story without height (nan) has no limit of the drift ratio.
     limits[rows.SMALLEST_LIMIT] = np.fmin(
         limits[rows.LIMIT] * limits[rows.HEIGHT],
         np.minimum(limits[rows.HIGH_LIMIT], -limits[rows.LOW_LIMIT]),
     )
     return limits
-
-
-def _resistance_limit(building: Building, i: int, side: float) -> float:
-    """Return the drift on a side beyond which a story has no resistance, m.
-
-    The last lines of its law, or of all its elements, and P-delta have no force together there. It
-    is infinite if no line falls, or if a law has no last line.
-    """
-    table = building.law_parameters
-    columns = (
-        range(
-            int(table[rows.FIRST_ELEMENT, i]),
-            int(table[rows.END_ELEMENT, i]),
-        )
-        if table[rows.CODE, i] <= rows.ELEMENTS
-        else (i,)
-    )
-    force, slope, has_falling_line = 0.0, float(building.linear_terms[rows.GEOMETRIC, i]), False
-    for column in columns:
-        code, stiffness, *values = table[:, column].tolist()
-        line = LAWS[int(code)].last_line(stiffness, values, side)
-        if line is None:
-            return math.inf
-        force += line[0]
-        slope += line[1]
-        has_falling_line |= line[1] < 0.0
-    return force / -slope if has_falling_line and slope < 0.0 else math.inf
 
 
 def history_width(building: Building) -> int:

@@ -230,6 +230,40 @@ class Building:
         return any(law.curved and law.kinked for law in laws)
 
     @cached_property
+    def resistance_limits(self) -> tuple[Array, Array]:
+        """Maximum and minimum drift of each story beyond which it has no resistance, m, shape (n,);
+        infinite without such a drift."""
+        stories = range(self.stories)
+        return (
+            np.array([self._resistance_limit(i, 1.0) for i in stories]),
+            np.array([-self._resistance_limit(i, -1.0) for i in stories]),
+        )
+
+    def _resistance_limit(self, i: int, side: float) -> float:
+        """Return the drift on a side beyond which a story has no resistance, m.
+
+        The last lines of its law, or of all its elements, and P-delta have no force together there.
+        It is infinite if no line falls, or if a law has no last line.
+        """
+        table = self.law_parameters
+        columns = (
+            range(int(table[rows.FIRST_ELEMENT, i]), int(table[rows.END_ELEMENT, i]))
+            if table[rows.CODE, i] <= rows.ELEMENTS
+            else (i,)
+        )
+        force, slope = 0.0, float(self.linear_terms[rows.GEOMETRIC, i])
+        has_falling_line = False
+        for column in columns:
+            code, stiffness, *values = table[:, column].tolist()
+            line = NUMBERED_LAWS[int(code)].last_line(stiffness, values, side)
+            if line is None:
+                return math.inf
+            force += line[0]
+            slope += line[1]
+            has_falling_line |= line[1] < 0.0
+        return force / -slope if has_falling_line and slope < 0.0 else math.inf
+
+    @cached_property
     def fastest(self) -> float:
         """Upper bound of the circular frequencies of the initial stiffness, rad/s.
 

@@ -397,6 +397,11 @@ class Case:
         )
         return tuple(text for text in unusual if text not in reported)
 
+    @cached_property
+    def _baseline_notes(self) -> tuple[str, ...]:
+        """Notes on the start and the baseline of the ground motion."""
+        return baseline_notes(self.record) if self.record else ()
+
     def _long_step_warnings(self, steps: Steps) -> list[str]:
         """Return the warning that the time step is long for the building, if this applies.
 
@@ -814,8 +819,7 @@ class Case:
         record, end = self.record, response.steps * response.dt
         ended_by_collapse = response.collapse is not None and response.collapse.ended
         notes = [*model_notes(self.model), *self.remarks, *(record.notes if record else ())]
-        if record:
-            notes += baseline_notes(record)
+        notes += self._baseline_notes
         # The tolerance 1e-9 excludes the rounding of a number of steps times their length.
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(
