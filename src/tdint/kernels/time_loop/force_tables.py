@@ -28,6 +28,10 @@ from tdint.kernels.stepping import Passage
 # the endpoint: rounding of times such as 7 * 0.01 and 0.07.
 _STEP_TOLERANCE = 1e-12
 _TIME_TOLERANCE = 1e-15
+# Columns of harmonic forces, which tables do not use: value (N) and rate (N/s) of the line of the
+# last step at the start of the step
+_OLD_VALUE = rows.COSINE
+_OLD_RATE = rows.SINE
 # Fraction of the largest value. Smaller deviations from the line and jumps between lines are
 # rounding errors.
 _ROUNDING = 1e-11
@@ -56,17 +60,33 @@ def _tolerance(end, h):
 
 
 @inline
+def _share(forces, points, j, k, t):
+    """Return the position of time `t` between the points `k` - 1 and `k` of table `j`, from 0 to 1;
+    0 before the first and after the last point (`k` 0 and number of points)."""
+    if k <= 0 or k >= int(forces[j, rows.POINTS]):
+        return 0.0
+    t_0 = _time(forces, points, j, k - 1)
+    return (t - t_0) / (_time(forces, points, j, k) - t_0)
+
+
+@inline
+def _between(forces, points, j, k, share):
+    """Return the force of table `j` on the line between the points `k` - 1 and `k` at the position
+    `share` (`_share`), N; 0 before the first and after the last point."""
+    if k <= 0 or k >= int(forces[j, rows.POINTS]):
+        return 0.0
+    value_0 = _value(forces, points, j, k - 1)
+    rise = _value(forces, points, j, k) - value_0
+    return value_0 + rise * share
+
+
+@inline
 def _before(forces, points, j, k, t):
     """Return the force of table `j` at time `t` on the line between the points `k` - 1 and `k`, N.
 
     It is 0 before the first and after the last point (`k` 0 and number of points).
     """
-    if k <= 0 or k >= int(forces[j, rows.POINTS]):
-        return 0.0
-    t_0 = _time(forces, points, j, k - 1)
-    value_0 = _value(forces, points, j, k - 1)
-    rise = _value(forces, points, j, k) - value_0
-    return value_0 + rise * ((t - t_0) / (_time(forces, points, j, k) - t_0))
+    return _between(forces, points, j, k, _share(forces, points, j, k, t))
 
 
 @inline
@@ -113,7 +133,7 @@ def _locate_step(forces, points, j, t, h):
 @inline
 def _copy_line(forces, points, j, position):
     """Set the line of table `j` to the table in a step without points inside; `position` is the
-    result of `_locate_step`. Return the value of the line at the start of the step, N.
+    result of `_locate_step`.
     """
     k, _, share, by_length = position
     start = rate = 0.0
@@ -126,52 +146,71 @@ def _copy_line(forces, points, j, position):
     forces[j, rows.LINE_RATE] = rate
     for column in range(rows.FORCE_COLUMNS, forces.shape[1]):
         forces[j, column] = 0.0
-    return start
 
 
 @outlined
-def _fit_line(forces, points, j, t, h):
-    """Fit the line of table `j` over the step [t, t + h] with points inside, and store its largest
-    deviation. NEXT_POINT is the number of points until the start of the step.
+def _fit_lines(forces, points, first, after, t, h):
+    """Fit the lines of the tables `first` to `after` - 1, which have the same times, over the step
+    [t, t + h] with points inside, and store their largest deviations. NEXT_POINT is the number of
+    points until the start of the step.
 
     The sums over the pieces between points have no cancellation, unlike differences of sums from
-    the start of the table.
+    the start of the table. The positions of the points in the step are computed once for all
+    tables. LINE_VALUE, LINE_RATE and DEVIATION contain impulse, first moment about the middle and
+    largest value of a table until the last piece is added. The result is the number of points
+    until the end of the step, and the position of the end (`_share`).
     """
-    count = int(forces[j, rows.POINTS])
-    k = int(forces[j, rows.NEXT_POINT])
+    count = int(forces[first, rows.POINTS])
+    k = int(forces[first, rows.NEXT_POINT])
     last = t + h - _tolerance(t + h, h)  # points from this time on are not inside the step
-    # Impulse and first moment about the middle. Times of this loop are relative to the start of the
-    # step.
-    impulse = moment = largest = begin = 0.0
-    value = _before(forces, points, j, k, t)
+    for j in range(first, after):
+        forces[j, rows.LINE_VALUE] = forces[j, rows.LINE_RATE] = forces[j, rows.DEVIATION] = 0.0
+    # Times of this loop are relative to the start of the step.
+    begin, is_first = 0.0, True
+    share, end_share = _share(forces, points, first, k, t), 0.0
     while True:
-        at_end = k == count or _time(forces, points, j, k) >= last
+        at_end = k == count or _time(forces, points, first, k) >= last
         if at_end:
-            end = h
-            end_value = _before(forces, points, j, k, t + h)
+            end, end_share = h, _share(forces, points, first, k, t + h)
         else:
-            end = _time(forces, points, j, k) - t
-            end_value = _value(forces, points, j, k) if k > 0 else 0.0
-        area = 0.5 * (end - begin) * (value + end_value)
-        impulse += area
-        moment += (0.5 * (begin + end - h)) * area + (end - begin) ** 2 / 12.0 * (end_value - value)
-        largest = max(largest, abs(value), abs(end_value))
+            end = _time(forces, points, first, k) - t
+        center = 0.5 * (begin + end - h)
+        by_rise = (end - begin) ** 2 / 12.0
+        for j in range(first, after):
+            if is_first:
+                value = _between(forces, points, j, k, share)
+            else:
+                value = _value(forces, points, j, k - 1) if k < count else 0.0
+            if at_end:
+                end_value = _between(forces, points, j, k, end_share)
+            else:
+                end_value = _value(forces, points, j, k) if k > 0 else 0.0
+            area = 0.5 * (end - begin) * (value + end_value)
+            forces[j, rows.LINE_VALUE] += area
+            forces[j, rows.LINE_RATE] += center * area + by_rise * (end_value - value)
+            forces[j, rows.DEVIATION] = max(forces[j, rows.DEVIATION], abs(value), abs(end_value))
         if at_end:
             break
-        k = _points_until(forces, points, j, k, _time(forces, points, j, k))
-        begin = end
-        value = _value(forces, points, j, k - 1) if k < count else 0.0
-    half_rise = 6.0 * moment / (h * h)
-    forces[j, rows.LINE_VALUE] = impulse / h - half_rise
-    forces[j, rows.LINE_RATE] = 2.0 * half_rise / h
-    deviation = _largest_deviation(forces, points, j, t, h)
-    forces[j, rows.DEVIATION] = deviation if deviation > _ROUNDING * largest else 0.0
+        k = _points_until(forces, points, first, k, _time(forces, points, first, k))
+        begin, is_first = end, False
+    for j in range(first, after):
+        half_rise = 6.0 * forces[j, rows.LINE_RATE] / (h * h)
+        forces[j, rows.LINE_VALUE] = forces[j, rows.LINE_VALUE] / h - half_rise
+        forces[j, rows.LINE_RATE] = 2.0 * half_rise / h
+    for j in range(first, after):
+        largest = forces[j, rows.DEVIATION]
+        deviation = _largest_deviation(forces, points, j, t, h, share, k, end_share)
+        forces[j, rows.DEVIATION] = deviation if deviation > _ROUNDING * largest else 0.0
+    return k, end_share
 
 
 @inline
-def _largest_deviation(forces, points, j, t, h):
+def _largest_deviation(forces, points, j, t, h, share, end, end_share):
     """Return the maximum absolute deviation of table `j` from its line in a step, N, and store its
     Legendre coefficients, if the table of forces has columns for them.
+
+    `share` is the position of the start of the step in its interval, `end` the number of points
+    until the end of the step, and `end_share` the position of the end (`_share`).
 
     With x from -1 to 1 over the step, the coefficient of degree k from 2 on is (2 k + 1) / 2 times
     the integral of p P_k. Integration by parts reduces the integral to the points inside the step,
@@ -182,12 +221,11 @@ def _largest_deviation(forces, points, j, t, h):
         II = (I_(k+1) - I_(k-1)) / (2 k + 1)             integral of I
     """
     count = int(forces[j, rows.POINTS])
-    last = t + h - _tolerance(t + h, h)
     k = int(forces[j, rows.NEXT_POINT])
     for column in range(rows.FORCE_COLUMNS, forces.shape[1]):
         forces[j, column] = 0.0
-    largest = abs(_before(forces, points, j, k, t) - force_value(forces, j, t))
-    while k < count and _time(forces, points, j, k) < last:
+    largest = abs(_between(forces, points, j, k, share) - force_value(forces, j, t))
+    while k < end:
         time = _time(forces, points, j, k)
         after = _points_until(forces, points, j, k, time)
         left = _value(forces, points, j, k) if k > 0 else 0.0
@@ -198,7 +236,9 @@ def _largest_deviation(forces, points, j, t, h):
             kink = 0.5 * h * (_slope(forces, points, j, after) - _slope(forces, points, j, k))
             _add_moments(forces, j, 2.0 * (time - t) / h - 1.0, right - left, kink)
         k = after
-    return max(largest, abs(_before(forces, points, j, k, t + h) - force_value(forces, j, t + h)))
+    return max(
+        largest, abs(_between(forces, points, j, end, end_share) - force_value(forces, j, t + h))
+    )
 
 
 @inline
@@ -254,41 +294,28 @@ def start_step(scene, points, h, load, shifts, memory, seen):
         observer_state[rows.DEVIATION_BOUND, i] = 0.0
     is_kinked = has_jumps = False
     power = rate = 0.0
-    # Position of the step in the tables with the same times, which usually are those of a file
-    position = (0, True, 0.0, 0.0)
+    # Position of the end of the step in the tables with the same times
+    last, end_share = 0, 0.0
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] == 0.0:
             continue
-        i = int(forces[j, rows.FLOOR])
-        old_rate = forces[j, rows.LINE_RATE]
-        old_value = forces[j, rows.LINE_VALUE] + old_rate * (t - forces[j, rows.LINE_TIME])
         if forces[j, rows.NEW_TIMES] != 0.0:
-            position = _locate_step(forces, points, j, t, h)
-        k, is_linear, _, _ = position
-        forces[j, rows.NEXT_POINT] = k
-        forces[j, rows.LINE_TIME] = t
-        if is_linear:
-            forces[j, rows.DEVIATION] = 0.0
-            value = _copy_line(forces, points, j, position)
-        else:
-            _fit_line(forces, points, j, t, h)
-            value = forces[j, rows.LINE_VALUE]
+            last, end_share = _fit_tables_with_same_times(forces, points, j, t, h)
+        i = int(forces[j, rows.FLOOR])
+        inverse_mass = scene.linear_terms[rows.INVERSE_MASS, i]
+        value = forces[j, rows.LINE_VALUE]
         observer_state[rows.START_FORCE, i] += value
-        jump = value - old_value
-        if abs(jump) > _ROUNDING * (abs(value) + abs(old_value)):
+        jump = value - forces[j, _OLD_VALUE]
+        if abs(jump) > _ROUNDING * (abs(value) + abs(forces[j, _OLD_VALUE])):
             has_jumps = True
-            observer_state[rows.ACCELERATION_JUMP, i] += (
-                scene.linear_terms[rows.INVERSE_MASS, i] * jump
-            )
+            observer_state[rows.ACCELERATION_JUMP, i] += inverse_mass * jump
         velocity = state[rows.VELOCITY, i]
         power += jump * velocity
-        rate += (forces[j, rows.LINE_RATE] - old_rate) * velocity
+        rate += (forces[j, rows.LINE_RATE] - forces[j, _OLD_RATE]) * velocity
         rate += jump * observer_state[rows.A_PREVIOUS, i]
-        if not is_linear and forces[j, rows.DEVIATION] > 0.0:
+        if forces[j, rows.DEVIATION] > 0.0:
             is_kinked = True
-            inverse_mass = scene.linear_terms[rows.INVERSE_MASS, i]
-            last = _points_until(forces, points, j, k, t + h - _tolerance(t + h, h))
-            end = _before(forces, points, j, last, t + h) - force_value(forces, j, t + h)
+            end = _between(forces, points, j, last, end_share) - force_value(forces, j, t + h)
             observer_state[rows.ACCELERATION_DEVIATION, i] += inverse_mass * end
             observer_state[rows.DEVIATION_BOUND, i] += inverse_mass * forces[j, rows.DEVIATION]
     totals[rows.POWER_INPUT] += power
@@ -296,6 +323,32 @@ def start_step(scene, points, h, load, shifts, memory, seen):
     if has_jumps:
         _shift_accelerations(scene, load, shifts, memory, seen, is_kinked)
     return is_kinked
+
+
+@inline
+def _fit_tables_with_same_times(forces, points, first, t, h):
+    """Fit the lines over the step [t, t + h] of table `first` and of the following tables with the
+    same times; return the number of points until the end of the step, and the position of the end
+    (`_share`), for steps with points inside.
+
+    The columns _OLD_VALUE and _OLD_RATE receive the lines of the last step.
+    """
+    after = first + 1
+    while after < forces.shape[0] and forces[after, rows.NEW_TIMES] == 0.0:
+        after += 1
+    position = _locate_step(forces, points, first, t, h)
+    for j in range(first, after):
+        rate = forces[j, rows.LINE_RATE]
+        forces[j, _OLD_RATE] = rate
+        forces[j, _OLD_VALUE] = forces[j, rows.LINE_VALUE] + rate * (t - forces[j, rows.LINE_TIME])
+        forces[j, rows.NEXT_POINT] = position[0]
+        forces[j, rows.LINE_TIME] = t
+    if not position[1]:
+        return _fit_lines(forces, points, first, after, t, h)
+    for j in range(first, after):
+        forces[j, rows.DEVIATION] = 0.0
+        _copy_line(forces, points, j, position)
+    return 0, 0.0
 
 
 @outlined
