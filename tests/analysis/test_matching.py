@@ -114,6 +114,7 @@ def test_quadratic_program_agrees_with_scipy():
         assert objectives[0] == pytest.approx(objectives[1], rel=5e-3, abs=5e-3)
 
 
+@pytest.mark.long
 def test_motion_is_matched_to_target(motion, matched):
     """The exact spectrum agrees at other periods, and the ground displacement ends at the value of
     the scaled seed."""

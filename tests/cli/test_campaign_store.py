@@ -364,6 +364,7 @@ def test_a_store_that_cannot_be_read_is_reported(
     tdint.refused("no permission to read the file", "campaign", "status", "out", code=6)
 
 
+@pytest.mark.long
 def test_a_call_without_runs_keeps_the_execution_of_the_time_loops(
     done: dict[str, bytes], tdint: Command
 ) -> None:

@@ -136,6 +136,7 @@ def test_pairs_of_each_format_are_selected_and_matched(pool, tdint, short_matchi
     ["at2", *(pytest.param(name, marks=pytest.mark.slow) for name in WRITERS if name != "at2")],
     indirect=True,
 )
+@pytest.mark.long
 def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
     """All commands recognize the pairs, without edits of the files. RotD100 of the matched records
     equals the target within 3 %, and the mean over pairs equals the result of the script for each

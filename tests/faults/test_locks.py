@@ -5,13 +5,16 @@ import sys
 import pytest
 
 from faults.locks import LOCKS, stress
+from selection import every
 from tdint.system import locked
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks processes")
 
 
-@pytest.mark.parametrize("name", LOCKS)
-@pytest.mark.parametrize("removed", ["never", "with the lock"])
+@pytest.mark.parametrize(
+    ("name", "removed"),
+    every(3, [(name, removed) for removed in ("with the lock", "never") for name in LOCKS]),
+)
 def test_removing_a_lock_file_allows_no_second_process(name, removed):
     sections, overlaps = stress(name, removed, seconds=0.7, processes=4)
     assert sections > 10 and overlaps == 0

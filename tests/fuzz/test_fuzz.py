@@ -35,7 +35,10 @@ MAX_SEEDS = {"memory": 2, "match": 6}
 
 CASES = [
     pytest.param(
-        kind, name, marks=[pytest.mark.long] * (kind == "studies" and name not in ("run", "select"))
+        kind,
+        name,
+        marks=[pytest.mark.long]
+        * ((kind == "studies" and name != "run") or (kind, name) == ("names", "campaign")),
     )
     for kind in TRIED
     for name in dict.fromkeys(KINDS[kind].names())

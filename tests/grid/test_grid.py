@@ -12,6 +12,7 @@ from grid.axes import build
 from grid.covering import read
 from grid.exceptions import listed
 from grid.judge import DONE, STEPS, attempt, judge, method_labels, model_of, motion_of
+from selection import every
 from tdint.methods.catalogue import parse
 
 CASES = read()
@@ -50,7 +51,7 @@ def fast_runs(number):
     return [(LABELS[i], STEPS[(number + i) % len(STEPS)]) for i in methods]
 
 
-@pytest.mark.parametrize("number", range(len(CASES)))
+@pytest.mark.parametrize("number", every(4, range(len(CASES))))
 def test_errors_are_within_twice_their_estimates(number):
     assert_within_estimates(number, fast_runs(number))
 

@@ -81,6 +81,7 @@ def cache(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.long
 def test_kernel_is_compiled_once_and_loaded_without_compiler(small):
     """If two processes need the kernel at the same time, one compiles it, and the other waits or
     loads the completed file."""
@@ -397,6 +398,7 @@ def add(table, numbers, factor, row):
     return table.shape[1]
 
 
+@pytest.mark.long
 def test_loaded_kernel_accepts_numbers_and_arrays():
     signature = I8(TABLE, VECTOR, F8, I8)
     (code,), symbol = objects_of(add, signature, [native()])

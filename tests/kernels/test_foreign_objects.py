@@ -110,6 +110,7 @@ def test_object_with_unknown_symbols_is_refused(monkeypatch, objects):
     llvm.llvm_version_info < (15,), reason="an older LLVM reads no pointers without types"
 )
 @pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
+@pytest.mark.long
 def test_object_of_other_system_gives_same_result(compiled, objects, system):
     """The object is called with the calling convention of the other system and with functions of
     the library of this machine."""

@@ -32,6 +32,7 @@ def reference():
     return exact, response.stories.peak_drift
 
 
+@pytest.mark.long
 def test_impulse4_is_of_order_4_with_bilinear_stories(reference):
     exact, peak = reference
     errors = []

@@ -110,6 +110,7 @@ def test_invalid_numbers_are_refused(text: str, shown: str) -> None:
 @example("\ud800")
 @example("a: &x [*x]")
 @example("? ? ? a")
+@pytest.mark.long
 def test_any_text_is_read_or_refused(text: str) -> None:
     sound(text)
 

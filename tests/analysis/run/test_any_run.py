@@ -179,9 +179,7 @@ def check_failure(failure, case, record):
 @pytest.mark.parametrize(
     "batch",
     [
-        pytest.param(
-            i, marks=[pytest.mark.slow] if i >= USUAL // BATCH else [pytest.mark.long] * (i > 0)
-        )
+        pytest.param(i, marks=pytest.mark.slow if i >= USUAL // BATCH else pytest.mark.long)
         for i in range(RUNS // BATCH)
     ],
 )

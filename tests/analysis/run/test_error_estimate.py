@@ -372,6 +372,7 @@ SEEDS = 12
 STEP, SAMPLES, FINE = 0.01, 501, 16
 
 
+@pytest.mark.long
 def test_estimates_cover_true_errors_in_random_buildings():
     """At least 99 % of the peaks have a true error below twice the estimate, and the estimates are
     not far too large.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from building_cases import Law, model, story
+from selection import every
 from tdint import pushover, target_displacements
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import STANDARD_GRAVITY as G
@@ -163,7 +164,7 @@ def test_idealized_curves_balance_areas():
 
 
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.3])
-@pytest.mark.parametrize("ductility", [2.0, 5.0, 12.0, 40.0])
+@pytest.mark.parametrize("ductility", [2.0, 12.0])
 def test_coefficient_method_of_bilinear_oscillator(tmp_path, hardening, ductility):
     """The two lines of the oscillator balance the areas for any ductility. Beyond 1.67 times the
     yield displacement, another strength also balances the areas; it is not the solution."""
@@ -186,7 +187,7 @@ def test_coefficient_method_of_bilinear_oscillator(tmp_path, hardening, ductilit
     assert target.ductility[0] == pytest.approx(ductility, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", every(4, range(16)))
 def test_coefficient_method_of_hardening_buildings(seed):
     """The strength is the smallest that balances the areas up to the target displacement. It is
     found by a scan of all strengths over the closed-form curve, story by story."""
