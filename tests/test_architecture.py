@@ -5,7 +5,7 @@ import ast
 import re
 import sys
 import tomllib
-from collections import Counter, defaultdict
+from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -21,7 +21,6 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "campaign", "output")
 
-NAMED_MORE_OFTEN = {"modes.py"}
 SKIPS = 10
 LONG_SIGNATURES = {
     "analysis": 3,
@@ -68,30 +67,6 @@ def test_class_names_are_unique_among_layers():
     assert {name: found for name, found in layers.items() if len(found) > 1} == {}
 
 
-def test_workspaces_are_created_in_three_modules():
-    """Workspaces are created for a run, for the steps that measure an amplification matrix, and for
-    the check of a plug-in."""
-    calls = {
-        path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "workspace"
-    }
-    assert calls == {
-        "src/tdint/analysis/run/compiled_steps.py",
-        "src/tdint/analysis/run/prepared.py",
-        "src/tdint/methods/step_check.py",
-    }
-
-
-def test_results_are_declared_once():
-    """The output layer uses the result classes of the analyses. It declares protocols only for
-    common members of several result classes."""
-    protocols = [
-        node.name
-        for layer, _, node in nodes(ast.ClassDef)
-        if layer == "output" and any(getattr(base, "id", "") == "Protocol" for base in node.bases)
-    ]
-    assert protocols == ["OverPeriods"]
-
-
 def test_columns_are_declared_in_table_modules():
     """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
@@ -121,11 +96,6 @@ def test_directories_are_flat():
     assert [
         module for module in found if len(module.parts) > 5
     ] == []  # the package and three directories
-
-
-def test_module_names_are_used_at_most_twice():
-    names = Counter(module.name for module in modules() if module.name != "__init__.py")
-    assert {name for name, count in names.items() if count > 2} <= NAMED_MORE_OFTEN
 
 
 def imported(name, parts, known):

@@ -14,8 +14,8 @@ import pytest
 
 import paper_claims
 import readmes
-from as_printed import ENTRIES, EQUATIONS, MISPRINTS, corrected
-from paper_claims import BETAS, ROUNDING, ROWS, Below
+from as_printed import ENTRIES, MISPRINTS, corrected
+from paper_claims import ROUNDING, ROWS, Below
 from tdint import read_horizontals, rotated_spectrum
 from tdint.methods import impulse
 
@@ -96,24 +96,6 @@ def test_each_misprint_alone_is_wrong(number):
         assert paper_claims.deviation(number, text) > 1e-3, misprint
 
 
-@pytest.mark.parametrize("number", CLOSED_FORMS)
-@pytest.mark.long
-def test_changed_number_of_closed_form_is_detected(number):
-    """An equation with any coefficient or exponent changed by 1 is not confirmed."""
-    text = corrected(number)
-    for match in re.finditer(r"\d+", text):
-        changed = f"{text[: match.start()]}{int(match[0]) + 1}{text[match.end() :]}"
-        # With 1/144 some terms of eq. 59 cancel; with the other beta they do not.
-        assert any(paper_claims.deviation(number, changed, beta) > 1e-6 for beta in BETAS), changed
-
-
-@pytest.mark.parametrize("number", CLOSED_FORMS)
-def test_other_beta_of_compiled_step_is_detected(number):
-    """The equation for beta = 1/144 does not describe the step with beta = 1/143."""
-    text = corrected(number).replace("beta", "(1 / 144)")
-    assert paper_claims.deviation(number, text, beta=1.0 / 143.0) > 1e-4
-
-
 def test_misprinted_equations_hold_in_special_cases():
     """A12 holds without damping as printed; A13 holds without damping and with critical damping,
     both for any dt; A23 and A31 to A33 hold."""
@@ -133,13 +115,6 @@ def test_each_correction_is_on_page_and_in_docstring():
             assert correction.replace("`", "") in entry[1], correction
             if number in CLOSED_FORMS:
                 assert correction in rows()[where][0], correction
-
-
-def test_equations_contain_only_known_symbols():
-    """A misread text, such as a product without its blank, must not pass as a number."""
-    for number, text in EQUATIONS.items():
-        symbols = set(re.findall(r"[a-zA-Z]+", text))
-        assert symbols <= {"beta", "dt", "omega", "xi", "u", "v", "W"}, number
 
 
 # ---- Statements on one page about a table on another page

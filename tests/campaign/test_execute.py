@@ -48,7 +48,7 @@ def no_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("shard", [None, Shard(1, 3), Shard(2, 3), Shard(3, 3)])
 @pytest.mark.parametrize("ready", [(), (0, 1, 5), tuple(range(CHUNKS))])
-@pytest.mark.parametrize("max_runs", [None, 1, 8, 9, 1000])
+@pytest.mark.parametrize("max_runs", [None, 1, 9])
 def test_remaining_chunks_are_executed_in_order(
     shard: Shard | None, ready: tuple[int, ...], max_runs: int | None
 ) -> None:

@@ -85,13 +85,6 @@ def test_the_first_page_shows_the_run_of_its_first_figure():
     assert settings(command) == settings(shown) == ["tdint", "run", "configs/kaikoura-frame.yaml"]
 
 
-def test_settings_of_a_command():
-    expected = settings("tdint run a.yaml --method moment4 -o out --history --plot | cut -d, -f1")
-    assert expected == ["tdint", "run", "a.yaml", "--method", "moment4"]
-    assert settings("tdint run a.yaml --method moment4 --plot=a.png") == expected
-    assert settings("tdint run a.yaml --plot=a.png") != expected
-
-
 def test_the_command_of_a_png_is_replaced_without_changing_the_image(tmp_path):
     from PIL import Image
 
@@ -118,35 +111,3 @@ def test_every_figure_of_configs_is_declared_and_shown():
     }
     assert {file.name for file in pictures.FOLDER.glob("*.png")} == set(pictures.PICTURES)
     assert set(pictures.PICTURES) <= shown
-
-
-@pytest.mark.parametrize("changed", ["style.py", "assessment.py"])
-def test_changed_figure_code_changes_the_digest(tmp_path, monkeypatch, changed):
-    """The digest of a figure depends on its module and on imported modules."""
-    before = pictures.digest(pictures.PICTURES["failures.png"])
-    for file in pictures._FIGURES.glob("*.py"):
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    monkeypatch.setattr(pictures, "_FIGURES", tmp_path)
-    assert pictures.digest(pictures.PICTURES["failures.png"]) == before
-    (tmp_path / changed).write_text((tmp_path / changed).read_text() + "another = 1\n")
-    assert pictures.digest(pictures.PICTURES["failures.png"]) != before
-
-
-def test_a_new_method_or_input_changes_the_digest(monkeypatch):
-    figure = pictures.PICTURES["failures.png"]
-    before = pictures.digest(figure)
-    monkeypatch.setattr(pictures, "catalogue", lambda: {"another": None})
-    assert pictures.digest(figure) != before
-    files = {
-        file.name for file in pictures._inputs(pictures.PICTURES["kaikoura-frame.png"].command)
-    }
-    assert files == {"kaikoura-frame.yaml", "WTMC.mseed"}
-    names = {
-        file.name for file in pictures._inputs(pictures.PICTURES["design-spectrum.png"].command)
-    }
-    assert {
-        "design-spectrum.csv",
-        "firm-soil.mseed",
-        "near-fault.mseed",
-        "soft-soil.mseed",
-    } == names

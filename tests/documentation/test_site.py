@@ -78,13 +78,6 @@ def test_tasks_are_listed_in_the_order_of_use(maker, pages):
     assert titles[-2:] == ["Benchmark", "Glossary"]
 
 
-def test_tutorials_start_with_a_figure(pages):
-    tutorials = {page: text for page, text in pages.items() if page.startswith("tutorials/")}
-    assert len(tutorials) == 4
-    for text in tutorials.values():
-        assert re.search(r"!\[.+\]\(.+\.png\)", text.partition("\n## ")[0])
-
-
 def test_pages_of_a_section_contain_its_subsections_with_changed_links(maker):
     texts = {
         "README.md": "# Top\n\n## One\n\n[there](sub/README.md#inner)\n",
@@ -383,53 +376,3 @@ def test_the_search_finds_the_terms_of_the_field(site, term):
     """The search index contains the term in a text, so the search leads to its page."""
     index = json.loads((site / "search.json").read_text("utf-8"))
     assert term.lower() in json.dumps(index).lower()
-
-
-@pytest.mark.parametrize(
-    ("term", "address"),
-    [
-        ("API", "src/reference/"),
-        ("AT2", "guide/own-building/"),
-        ("tdint.run", "src/reference/runs/"),
-        ("which method", "guide/method-and-step/"),
-        ("getting started", "guide/first-run/"),
-        ("columns", "cli/COLUMNS/"),
-    ],
-)
-@pytest.mark.long
-def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, address):
-    """The search ranks titles first. The beginning of a page is a separate entry."""
-    items = json.loads((site / "search.json").read_text("utf-8"))["items"]
-    found = [
-        item["location"]
-        for item in items
-        if term.lower() in item["title"].lower()
-        or (item["level"] == 1 and term.lower() in item["text"].lower())
-    ]
-    assert any(location.startswith(address) for location in found), found
-
-
-@pytest.mark.parametrize(
-    ("term", "section"),
-    [
-        ("P-delta", "p-delta"),
-        ("base shear", "ductility-residual-drift-base-shear"),
-        ("residual drift", "ductility-residual-drift-base-shear"),
-        ("ductility", "ductility-residual-drift-base-shear"),
-        ("units", "units-of-the-model-file"),
-        ("damping", "damping-and-dashpots"),
-        ("dashpot", "dashpots-and-braces"),
-        ("limits", "limits-and-performance-levels"),
-        ("isolator", "isolators"),
-    ],
-)
-@pytest.mark.long
-def test_the_search_lists_the_page_of_a_key_before_the_reference(site, term, section):
-    """The search ranks titles by the position of the term, then by the order of the pages."""
-    items = json.loads((site / "search.json").read_text("utf-8"))["items"]
-    positions = [
-        (item["title"].lower().replace("_", "-").find(term.lower()), number)
-        for number, item in enumerate(items)
-    ]
-    _, first = min(found for found in positions if found[0] >= 0)
-    assert items[first]["location"] == f"guide/own-building/#{section}"

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from ground_motion.files import trace, wave, write
 from ground_motion.samples import SAMPLES
+from selection import every
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import is_row_of_numbers
 from tdint.ground_motion.reading.contents import plugins, read_contents
@@ -104,7 +105,7 @@ OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)
 
 @pytest.mark.parametrize(("name", "data"), CASES)
 @pytest.mark.parametrize(
-    "turn", [0, 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 3, 4))]
+    "turn", [0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 2, 3, 4))]
 )
 def test_changed_numbers_in_header_are_read_or_refused(name, data, turn):
     """At each position, the next number of the list is inserted, starting with a different number
@@ -149,7 +150,8 @@ def test_arbitrary_bytes_are_refused(data):
 
 @pytest.mark.parametrize("name", READERS)
 @pytest.mark.parametrize(
-    "word", [b" ", b"POINTS OF ", b"NPTS= 1 ", b"#", b"1", b"CHAN 1:  ", b"1 2,", b"units = "]
+    "word",
+    every(3, [b"#", b" ", b"1", b"1 2,", b"units = ", b"NPTS= 1 ", b"POINTS OF ", b"CHAN 1:  "]),
 )
 def test_very_long_lines_are_refused(name, word):
     line, sound = word * (100_000 // len(word)), SAMPLES[name][0]().encode()

@@ -302,7 +302,7 @@ class TestOtherFiles:
         assert not is_record(file)
 
 
-@pytest.mark.parametrize("mark", [b"\x1a", b"\x1a\x1a", b"\x1a\r\n"])
+@pytest.mark.parametrize("mark", every(3, [b"\x1a\r\n", b"\x1a", b"\x1a\x1a"]))
 @pytest.mark.parametrize("name", sorted(SAMPLES))
 def test_end_mark_of_every_format(file, name, mark):
     for write in SAMPLES[name]:

@@ -9,6 +9,7 @@ from scipy.integrate import quad, solve_ivp
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from path_kernel import forces_behind
+from selection import every
 from tdint.kernels import layout as rows
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import Variant
@@ -42,7 +43,7 @@ def test_loading_from_rest_agrees_with_closed_form(exponent, closed, sign):
     assert sign * hysteretic(forces, drifts) == pytest.approx(closed(x), abs=1e-6)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
+@pytest.mark.parametrize("exponent", every(2, [1.3, 1.0, 6.0, 2.0]))
 @pytest.mark.parametrize("beta", [0.05, 0.23, 0.5, pytest.param(0.75, marks=pytest.mark.slow), 1.0])
 def test_cycle_agrees_with_dop853(exponent, beta):
     """The differential equation of Wen (1976) is integrated by another solver along each straight

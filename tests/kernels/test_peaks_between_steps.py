@@ -211,7 +211,7 @@ def test_peaks_have_order_of_quintic():
     assert large[2] <= (2.0 * 0.4) ** 4 / 1900.0
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_largest_extremum_of_cubic(seed):
     p = np.random.default_rng(seed).normal(size=4)
     if seed % 4 == 0:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from el_centro import el_centro
+from selection import every
 from tdint import run
 from tdint.ground_motion.record import Record
 
@@ -101,7 +102,7 @@ def assert_printed(values, printed):
         assert value == pytest.approx(float(text), abs=0.6 * last_digit)
 
 
-@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+@pytest.mark.parametrize("method", every(2, ["moment4", "impulse4"]))
 @pytest.mark.parametrize("name", CASES)
 def test_drifts_have_the_printed_digits(name, method):
     law, printed = CASES[name]

@@ -1,11 +1,9 @@
 """Figures of methods: highlighted methods, distinct colors that are equal in all figures, texts
 without overlap."""
 
-import io
 import itertools
 import math
 from contextlib import contextmanager
-from dataclasses import replace
 
 import pytest
 
@@ -16,7 +14,6 @@ from tdint.analysis.chart.work_precision import Chart, Point, Timing
 from tdint.errors import UsageError
 from tdint.methods import catalogue
 from tdint.output.figures.assessment import chart_picture
-from tdint.output.figures.chart_notes import short_footnote
 from tdint.output.figures.comparison import profile_picture
 from tdint.output.figures.failure_matrix import failure_picture
 from tdint.output.figures.style import picture
@@ -103,67 +100,6 @@ def test_a_method_has_the_same_distinct_style_in_all_figures(register_methods):
     subset = [name for name in NAMES if ":" not in name][1::2]
     for drawn in styles_in_figures(subset):
         assert all(drawn[name][:2] == all_styles[0][name][:2] for name in subset)
-
-
-@pytest.mark.parametrize(
-    ("plugins", "highlighted"),
-    [
-        pytest.param((), "newmark-average", marks=pytest.mark.long),
-        pytest.param(("mine",), "", marks=pytest.mark.long),
-        (LONG, LONG[1]),
-    ],
-)
-def test_highlighted_and_plugin_methods_are_thick_and_in_front(
-    register_methods, plugins, highlighted
-):
-    register_methods(plugins)
-    lines = ["impulse4", "newmark-average", *plugins]
-    front = highlighted or "mine"
-    for drawn in styles_in_figures(lines, highlighted):
-        *_, width, height = drawn.pop(front)
-        assert all(
-            width > 1.5 * plot_style[2] and height > plot_style[3] for plot_style in drawn.values()
-        )
-        assert (
-            len({plot_style[2] for plot_style in drawn.values()}) == 1
-        )  # All other methods have equal width.
-
-
-def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(register_methods):
-    register_methods(LONG)
-    for drawn in styles_in_figures(["impulse4", "newmark-average", *LONG]):
-        others = [drawn.pop(name) for name in ("impulse4", "newmark-average")]
-        assert len({plot_style[2] for plot_style in drawn.values()}) == 1
-        for _, _, width, height in drawn.values():
-            assert all(
-                width > 1.5 * plot_style[2] and height > plot_style[3] for plot_style in others
-            )
-
-
-@pytest.mark.long
-def test_a_chart_in_one_column_has_a_short_explanation_and_a_high_panel():
-    """90 mm wide: at most three lines explain circle, triangle and band, and the panel is at least
-    55 mm high."""
-    chart = make_chart(NAMES[:11])
-    token = PRINTED.set(parse_style("90mm"))
-    try:
-        figure = chart_picture(chart, name="ten-story office with yielding stories", target="drift")
-        picture(".png", lambda: figure)(io.BytesIO())
-    finally:
-        PRINTED.reset(token)
-    (legend,) = figure.legends
-    text = legend.get_title().get_text()
-    assert len(text.splitlines()) <= 3
-    assert "band: no other point is cheaper and more accurate" in " ".join(text.split())
-    assert "circle: sampling interval" in " ".join(text.split())
-    # The circle is explained only if a point has this time step.
-    longer = replace(chart, interval=0.9 * chart.interval)
-    assert "circle" not in short_footnote(longer, "drift", False, False)
-    assert "circle" not in chart_picture(longer, name="x", target="drift").axes[0].get_xlabel()
-    (axes,) = figure.axes
-    height = axes.get_window_extent().height / figure.dpi * 25.4
-    assert height >= 55.0
-    assert len(axes.get_xlabel().splitlines()) <= 2
 
 
 # ---- The matrix of failures

@@ -1,8 +1,5 @@
 """Figures from Python: figures of every result, main panels on axes of the caller, files."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -316,15 +313,6 @@ def test_results_without_a_figure_are_refused(results, tmp_path):
 
 
 @pytest.mark.usefixtures("laid_out")
-def test_tick_labels_follow_the_print_options(results):
-    figure = tdint.plot(
-        [results["order"], tdint.order("moment4")], width=0.09, label={"moment4": "present"}
-    )
-    figure.draw_without_rendering()
-    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["hht", "present"]
-
-
-@pytest.mark.usefixtures("laid_out")
 @pytest.mark.parametrize("name", NARROW)
 def test_no_legend_is_wider_than_the_page(results, name):
     """A page of 90 mm is too narrow for four entries of the legend in a row."""
@@ -333,25 +321,6 @@ def test_no_legend_is_wider_than_the_page(results, name):
     for legend in figure.legends:
         box = legend.get_window_extent()
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
-
-
-NOTEBOOK = """
-import sys, tdint
-modes = tdint.modes({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
-print("matplotlib.figure" in sys.modules)
-figure = modes.plot()
-shown = figure._repr_png_()
-print(shown[:4] == b"\\x89PNG", int.from_bytes(shown[16:20], "big") == round(100 * figure.get_figwidth()))
-print(figure._repr_png_() == shown, "matplotlib.pyplot" in sys.modules)
-"""  # noqa: E501
-
-
-@pytest.mark.long
-def test_a_notebook_shows_a_figure_without_pyplot():
-    """IPython requests a PNG image of the last value of a cell. The image is reproducible, and
-    matplotlib is imported only for it."""
-    printed = subprocess.run([sys.executable, "-c", NOTEBOOK], capture_output=True, text=True)
-    assert printed.stdout.split() == ["False", "True", "True", "True", "False"], printed.stderr
 
 
 def test_styles_are_specified_as_on_the_command_line(results, tmp_path):

@@ -12,6 +12,7 @@ import pytest
 
 import readmes
 from references import matrices, smooth
+from selection import every
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import (
     attempt,
@@ -196,7 +197,7 @@ def digest():
     ]
 
 
-@pytest.mark.parametrize(("name", "dt", "method", "cell"), digest())
+@pytest.mark.parametrize(("name", "dt", "method", "cell"), every(3, digest()))
 def test_readme_table_agrees_with_trials(name, dt, method, cell):
     """Printed digits agree, and failures are bold. Values after ~ depend on rounding and agree
     within a factor of two."""

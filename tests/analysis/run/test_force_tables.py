@@ -129,7 +129,7 @@ def exact_response(loads, end=2.0):
 
 
 @pytest.mark.parametrize("method", LINEAR_METHODS)
-@pytest.mark.parametrize("duration", [0.1, 0.2, 0.371, 0.5, 1.0, 2.0, 5.0, 10.0])
+@pytest.mark.parametrize("duration", [0.1, 0.371, 1.0, 5.0])
 def test_triangular_pulse(duration, method):
     """The peak is that of the closed form."""
     points = [(0.0, STIFFNESS), (duration, 0.0)]
