@@ -298,13 +298,6 @@ def test_text_column_returns_its_texts(texts: list[str]) -> None:
         column[len(many)]
 
 
-def test_long_text_column_is_divided_into_parts() -> None:
-    texts = [str(number) for number in range(100_001)]
-    column = TextColumn(texts)
-    assert [len(part) for part in column.parts()] == [50_000, 50_000, 1]
-    assert column.numbers().tolist() == list(range(100_001)) and column[50_000] == "50000"
-
-
 @pytest.mark.long
 def test_memory_of_text_column_is_limited() -> None:
     """A column needs little more memory than its characters; a list of the same texts needs 60

@@ -10,7 +10,6 @@ from tdint.number_parsing import (
     number_text,
     parse_grid,
     parse_ratio,
-    table_number,
 )
 from tdint.units import parse_output_units
 
@@ -69,31 +68,11 @@ def test_invalid_grids_are_refused(text):
         parse_grid(f"1:2:{MAX_GRID_POINTS + 1}")
 
 
-def test_number_text_has_four_digits():
-    assert number_text(0.895228162611) == "0.8952"
-    assert number_text(0.895228162611, 3) == "0.895"
-    assert number_text(200.0) == "200"
-
-
 def test_number_text_differs_from_missed_limit():
     assert number_text(0.89999, unlike=0.9) == "0.89999"
     assert number_text(0.8999, unlike=0.9) == "0.8999"
     assert number_text(0.9, unlike=0.9) == "0.9"
     assert number_text(np.nextafter(0.9, 0.0), unlike=0.9) == "0.8999999999999999"
-
-
-def test_table_number_has_no_power_of_ten():
-    for value, text in (
-        (8.847113e6, "8847000"),
-        (0.0, "0"),
-        (-12345.0, "-12340"),
-        (7.5178e-3, "0.007518"),
-        (np.nan, ""),
-    ):
-        assert table_number(value, abs(value)) == text
-    assert table_number(2e-5, 1.0) == "0"  # negligible in its column
-    assert table_number(2e-5, 3e-5) == "0.0000200"
-    assert table_number(2e-5) == "below 0.0001"
 
 
 def test_unit_of_mass_follows_from_force():

@@ -1,7 +1,6 @@
 """Public functions with invalid arguments: each call raises a TdintError or returns a result."""
 
 import inspect
-import io
 import math
 import warnings
 from pathlib import Path
@@ -121,9 +120,3 @@ def test_invalid_methods_are_refused(method):
     for function in (tdint.order, tdint.overshoot):
         with pytest.raises(TdintError, match="method"):
             function(method)
-
-
-@pytest.mark.parametrize("size", [5e-324, 1e-61, "1e-70mm"])
-def test_too_small_drifts_are_refused(size):
-    with pytest.raises(TdintError, match="must be a positive number between"):
-        tdint.pushover(io.StringIO(tdint.model_template()), size)

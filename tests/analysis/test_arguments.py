@@ -1,7 +1,6 @@
 """Arguments of the Python interface that represent a model, a record or a number."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,37 +15,6 @@ SAMPLES = np.sin(np.arange(300) * 0.1)
 
 def record(component: str = "HNE", factor: float = 1.0) -> Any:
     return tdint.make_record(factor * SAMPLES, dt=0.01, units="m/s^2", component=component)
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    path = tmp_path / "motion.csv"
-    path.write_text(
-        "# dt = 0.01 s, units = m/s^2, samples = 300\n" + "".join(f"{x:.17g}\n" for x in SAMPLES)
-    )
-    return path
-
-
-def test_paths_are_accepted_for_models_and_records(file: Path) -> None:
-    model = tdint.load_model(MODEL)
-    expected = tdint.run(model, record()).stories.peak_drift
-    for path in (str(file), file):
-        np.testing.assert_array_equal(tdint.run(model, path).stories.peak_drift, expected)
-        np.testing.assert_array_equal(tdint.run(MODEL, path).stories.peak_drift, expected)
-        assert (
-            tdint.spectrum(path, np.array([1.0])).psa
-            == tdint.spectrum(record(), np.array([1.0])).psa
-        )
-    np.testing.assert_array_equal(tdint.modes(MODEL).omega, tdint.modes(model).omega)  # type: ignore[arg-type]
-
-
-def test_two_records_are_accepted_as_pair() -> None:
-    pair = record(), record("HNN", 2.0)
-    found = tdint.rotated_spectrum(pair, np.array([1.0]))
-    assert found.motion.first.component == "HNN"
-    assert found.psa[-1, 0] == pytest.approx(
-        np.sqrt(5.0) * tdint.spectrum(pair[0], np.array([1.0])).psa[0], rel=1e-4
-    )
 
 
 def test_texts_are_accepted_for_numbers() -> None:

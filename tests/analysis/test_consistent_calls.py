@@ -48,14 +48,3 @@ def test_history_true_stores_all_quantities():
 def test_sample_out_of_range_is_reported_with_its_number(name, values, sample):
     with pytest.raises(tdint.TdintError, match=rf"\(sample {sample}, counted from 0\)"):
         tdint.run_many(MODEL, RECORD, vary={name: values})
-
-
-def test_parameter_names_of_laws_are_accepted_by_vary():
-    """Each value that a law reports can be varied by its name, and the unchanged value does not
-    change the result."""
-    law = tdint.load_model(MODEL).stories[0].law
-    assert law.values["yield_force"] == 2e5 and law.values["hardening"] == 0.05
-    base = tdint.run_many(MODEL, RECORD)
-    for key, value in law.values.items():
-        same = tdint.run_many(MODEL, RECORD, vary={f"stories[1].law.{key}": value})
-        assert np.array_equal(same.stories.peak_drift, base.stories.peak_drift)

@@ -1,6 +1,5 @@
 """Many runs in one call equal single runs to the last bit: peaks, histories and status."""
 
-import pickle
 import re
 
 import numpy as np
@@ -204,23 +203,6 @@ def test_zip_records_pairs_models_and_records(runs):
     np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
     with pytest.raises(UsageError, match=r"zip_records: records .* 1 or 3 .* got 2"):
         tdint.run_many(MODELS, RECORDS, zip_records=True)
-
-
-def test_columns_of_runs(runs):
-    found = runs.to_dict()
-    single = tdint.run(MODELS[1], RECORDS[0].scaled(-2.0), method="newmark-average")
-    assert found["method"] == ["newmark-average"] * 18 and found["status"][8] == "done"
-    assert found["peak_drift_m"][8] == np.max(single.stories.peak_drift)
-    assert found["peak_roof_displacement_m"][8] == single.stories.peak_displacement[-1]
-    assert found["peak_drift_ratio"].shape == (18,) and found["scale"][8] == -2.0
-    assert runs.to_dict("kip,in,g")["peak_drift_in"][8] * 0.0254 == pytest.approx(
-        found["peak_drift_m"][8]
-    )
-    assert repr(runs).startswith(
-        "<Runs 18 of 3 buildings under 2 records, histories of displacement, velocity"
-    )
-    again = pickle.loads(pickle.dumps(runs))
-    np.testing.assert_array_equal(again.history["shear"], runs.history["shear"])
 
 
 @pytest.mark.parametrize(

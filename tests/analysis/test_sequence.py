@@ -104,17 +104,6 @@ def test_event_starts_at_first_step_after_rest(dt, stride):
     assert len(found.events) == 2
 
 
-def test_joined_record_keeps_common_attributes():
-    first, second = (
-        replace(MAIN, units="g", id="A"),
-        replace(AFTER, units="g", id="B", component="HNN"),
-    )
-    joined = join_records([first.scaled(2.0), second.scaled(2.0)], [0, 900])
-    assert (joined.scale, joined.units, joined.id) == (2.0, "g", "")
-    assert (joined.component, joined.source) == ("HNE + HNN", "main + after")
-    assert join_records([first, second.scaled(2.0)], [0, 900]).scale == 1.0
-
-
 @pytest.mark.parametrize(("rest", "zeros"), [(0.5, 49), (None, 0)])
 def test_joined_records_are_separated_by_rest(rest, zeros):
     shocks = [MAIN, AFTER, MAIN]
@@ -144,11 +133,3 @@ def test_invalid_rest_is_refused(rest):
         run_sequence(case(), [MAIN, AFTER], rest=rest)
     with pytest.raises(UsageError, match="at least one record"):
         run_sequence(case(), [])
-
-
-def test_table_lists_events_and_maxima():
-    found = run_sequence(case(), [MAIN, AFTER], rest=1.0)
-    table = found.to_dict()
-    assert list(dict.fromkeys(table["shock"])) == ["1", "2", "all"]
-    assert table["peak_drift_m"][-10:] == pytest.approx(found.stories.peak_drift)
-    assert table["peak_drift_m"][:10] == pytest.approx(found.events[0].stories.peak_drift)

@@ -131,21 +131,6 @@ def test_damage_of_group_is_mean_of_runs() -> None:
     )
 
 
-def test_group_without_results_has_unknown_damage() -> None:
-    group = _Group(STATES)
-    group.add(
-        damage(),
-        np.array([end == "diverged" for end in ENDS]),
-        np.array([key.motion for key in KEYS]),
-    )
-    found = group.damage("type", "", "", 1.0)
-    assert (found.buildings, found.runs, found.failed) == (1, 1, 1)
-    assert found.probability.value.shape == found.probability.error.shape == (len(STATES.outcomes),)
-    assert np.isnan(
-        [*found.probability.value, *found.probability.error, *found.loss.value, found.loss_sd]
-    ).all()
-
-
 def test_levels_count_ground_motions_instead_of_runs() -> None:
     """A pair counts as failed or collapsed if one of its two runs is. A failed motion does not
     count as collapsed."""

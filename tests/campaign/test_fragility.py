@@ -240,13 +240,6 @@ def test_counts_at_few_levels():
     )
 
 
-def test_counts_of_levels_with_given_numbers_of_runs():
-    runs = np.array([40.0, 10.0])
-    counted = SURE.beside_counts(np.array([1.0, 2.0]), np.array([0.5, 0.9]), runs=runs).counted
-    assert (counted.runs.tolist(), counted.fraction.tolist()) == ([40.0, 10.0], [0.5, 0.9])
-    assert counted.half_motion == pytest.approx(0.5 / runs)
-
-
 def test_error_of_counts_includes_error_of_fit():
     """By the delta method, an error of theta changes the probability by the density times the error
     over beta."""

@@ -22,7 +22,7 @@ from tdint.campaign.ida_curve import (
     below_collapse,
     fractiles,
 )
-from tdint.campaign.intensity import pga, sa
+from tdint.campaign.intensity import pga
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
@@ -111,19 +111,6 @@ def test_levels_fill_curves(study):
             ratio = max(low.drift_ratio, high.drift_ratio) / min(low.drift_ratio, high.drift_ratio)
             assert ratio <= 1.2 or high.im <= 1.05 * low.im
         assert ida_curve.stable[0].drift_ratio < 0.01
-
-
-def test_number_of_threads_does_not_change_runs(frame, study):
-    again = ida(frame, [motion(seed) for seed in range(4)], jobs=1)
-    assert same_runs(again, study)
-
-
-def test_higher_precision_narrows_bracket(frame, study):
-    (fine,) = ida(frame, [motion(0)], settings=IdaSettings(precision=0.01)).curves
-    assert fine.collapse.upper / fine.collapse.lower <= 1.01
-    coarse = study.curves[0].collapse
-    assert coarse.lower <= fine.collapse.lower
-    assert fine.collapse.upper <= coarse.upper
 
 
 def test_maximum_intensity_censors_capacities(frame):
@@ -240,13 +227,6 @@ def test_search_decreases_too_high_start():
     assert 0.95 <= stable[-1] <= 1.0
 
 
-def test_always_collapsing_building_has_no_capacity():
-    runs = drive(LevelSearch(1.0), lambda im: ("failed-story", 0.1))
-    found = IdaCurve(motion(), tuple(runs), 0.1)
-    assert not found.stable
-    assert math.isnan(found.collapse.capacity)
-
-
 def test_repeated_runs_are_marked(frame, monkeypatch):
     """A run with a result after a repetition with a smaller time step counts; a run without a
     result counts neither as stable nor as collapsed."""
@@ -354,17 +334,6 @@ def test_invalid_arguments_are_refused(frame):
     stories = (*frame.stories[:-1], replace(frame.stories[-1], height=None))
     with pytest.raises(ModelError, match="add the height of story 4"):
         ida(replace(frame, stories=stories, p_delta=False), records)
-
-
-def test_larger_collapse_drift_does_not_lower_capacity(frame, study):
-    """For a measure at another period, only the intensities change, and the scale factors of the
-    capacities are equal."""
-    (wide,) = ida(frame, [motion(0)], settings=IdaSettings(collapse_drift=0.2)).curves
-    assert wide.collapse.upper >= study.curves[0].collapse.lower
-    (other,) = ida(frame, [motion(0)], sa(0.3)).curves
-    assert [run.scale for run in other.runs] == pytest.approx(
-        [run.scale for run in study.curves[0].runs], rel=1e-9
-    )
 
 
 def test_mainshock_has_component_of_record_or_single_component():

@@ -12,12 +12,10 @@ from scipy.linalg import eigh
 
 from building_cases import model, noise, story
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
-from tdint.campaign.batch import Run
 from tdint.campaign.definition import AnalysisOverrides, InventoryFile
 from tdint.campaign.fragility.type_states import _divisor_and_period_of_model as type_of_model
 from tdint.campaign.inputs import adapted, read_rows
 from tdint.campaign.pairs import recording_numbers
-from tdint.campaign.profiles import level_ranks
 from tdint.campaign.scaling import scale, scale_asce7, scale_p695
 from tdint.campaign.store import all_differences, differences
 from tdint.errors import ModelError, UsageError
@@ -145,11 +143,6 @@ def test_components_of_motion_are_identified_by_names() -> None:
     }
     alone = {number: number for number in records}
     assert recording_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
-
-
-def test_levels_are_ranked_for_each_motion() -> None:
-    runs = [Run(1, 2.0), Run(1, -0.5), Run(2, 0.1), Run(1, 1.0), Run(2, 7.0), Run(1, 9.0, 1)]
-    assert level_ranks(runs) == dict(zip(runs, (2, 0, 0, 1, 1, 0), strict=True))
 
 
 @pytest.fixture

@@ -155,24 +155,6 @@ def test_weights_are_inverse_squares_of_distances(tmp_path: Path) -> None:
     assert chi_squared < 13.8  # exceeded for one seed in a thousand; the seed is fixed
 
 
-def test_building_at_grid_point_samples_only_this_point(study: Path) -> None:
-    campaign = plan(study)
-    near = {campaign.motions[draw.motion].name for draw in campaign.assignment.draws(0)}
-    assert near <= {"m10", "m11"}
-
-
-def test_single_neighbor_is_nearest_point(study: Path) -> None:
-    file = study / "campaign.yaml"
-    file.write_text(STUDY.replace("neighbors: 2", "neighbors: 1"))
-    (study / "buildings.csv").write_text(BUILDINGS.replace("37.805,-122.265", "37.806,-122.264"))
-    campaign = plan(study)
-    drawn = [
-        {campaign.motions[draw.motion].name[:2] for draw in campaign.assignment.draws(number)}
-        for number in range(3)
-    ]
-    assert drawn == [{"m1"}, {"m0"}, {"m0"}]
-
-
 def test_unreadable_motions_are_omitted_and_reported(study: Path) -> None:
     (study / "m00.json").write_text("{}")
     (study / "m01.json").unlink()

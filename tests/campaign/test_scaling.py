@@ -23,14 +23,11 @@ from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.suites import read_components, read_pairs, read_suite
+from tdint.ground_motion.reading.suites import read_components, read_suite
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import Grid
 
 ROOT = Path(__file__).parents[2]
-FILES = [
-    str(ROOT / "records" / f"{name}.mseed") for name in ("firm-soil", "near-fault", "soft-soil")
-]
 PERIODS = np.array([0.3, 1.0])
 GROUND = {"pgv": 1, "arias": 2, "cav": 1}
 
@@ -124,14 +121,6 @@ def test_invalid_measures_are_refused():
         pga().of(pairs(1)[0], "rotd5")
     with pytest.raises(UsageError, match="period"):
         sa(0.0)
-
-
-def test_suites_of_components_and_pairs():
-    suite = read_components(FILES, RecordChoice())
-    assert [record.component for record in suite.records] == ["HN1", "HN2"] * 3
-    both = read_pairs([*FILES, "none.mseed"], RecordChoice())
-    assert (len(both.motions), len(both.records)) == (3, 6)
-    assert "none.mseed" in str(both.failures[0])
 
 
 def test_duplicate_motions_of_suite_are_noted(tmp_path):

@@ -1,6 +1,5 @@
 """Allowed locations of a store, and the division of campaigns into chunks."""
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 
 from tdint import spectrum, system
 from tdint.analysis.run.batch import Subject
-from tdint.campaign.batch import RunSettings, run_chunk, spectral_accelerations
+from tdint.campaign.batch import RunSettings, spectral_accelerations
 from tdint.campaign.buildings import model_buildings
 from tdint.campaign.execute import Advance, merge
 from tdint.campaign.motions import EveryMotion, MotionFactors
@@ -96,14 +95,6 @@ def test_chunks_contain_every_run_once_in_order(
     ]
 
 
-def test_chunks_of_equal_runs_have_equal_length() -> None:
-    """For 25 buildings with 40 factors, there are 64 chunks of 15 or 16 runs, independent of the
-    first run of each building."""
-    plan = plan_of({"c": np.ones(1000)}, [40], 25)
-    assert plan.chunks == 64
-    assert {plan.size(number) for number in range(64)} == {15, 16}
-
-
 @pytest.mark.parametrize(
     ("first", "second", "message"),
     [
@@ -144,12 +135,6 @@ def small_plan(
     motion."""
     peaks = {"a": peak, "b": 3.0}
     return plan_of({name: np.full(30, peaks[name]) for name in names}, [2, 2], duration=duration)
-
-
-def test_chunk_reports_its_duration() -> None:
-    began = time.perf_counter()
-    seconds = run_chunk(small_plan().chunk(0)).seconds
-    assert 0.0 < seconds < time.perf_counter() - began
 
 
 def test_rate_counts_runs_of_this_call() -> None:

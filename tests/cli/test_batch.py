@@ -1,6 +1,5 @@
 """Commands with several records: directories, names of outputs, processes, the JSON summary."""
 
-import hashlib
 import json
 import os
 import sys
@@ -11,9 +10,6 @@ import pytest
 from cli.conftest import at_a_terminal
 from facts import states
 from tdint.errors import AnalysisError, RecordError
-from tdint.ground_motion.choice import RecordChoice
-from tdint.ground_motion.reading.suites import records_of
-from tdint_cli import terminal
 from tdint_cli.commands.spectrum import tables_of
 from tdint_cli.processes import Task, outcomes
 
@@ -159,55 +155,6 @@ def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, comma
     assert {name: data.replace(typed, expected) for name, data in written[0].items()} == written[1]
 
 
-def test_standard_input_can_be_at_any_position_among_the_records(folder, tdint):
-    order = ("motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed")
-    stdin = (folder / "other.mseed").read_bytes()
-    serial, parallel = (
-        tdint("spectrum", *order, *PERIODS, "--jobs", jobs, stdin=stdin) for jobs in (1, 3)
-    )
-    assert (serial.exit_code, serial.stdout) == (0, parallel.stdout)
-    assert [line.split(",")[0] for line in serial.stdout.splitlines()[1::2]] == [
-        "motion.mseed",
-        "motion.mseed",
-        "other.mseed",
-        "-",
-        "other.mseed",
-        "motion.mseed",
-        "motion.mseed",
-    ]
-
-
-def test_the_summary_lists_settings_and_records(folder, tdint):
-    options = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
-    tdint("spectrum", "motion.mseed", "-o", "one.csv", *options, code=0)
-    summary = json.loads((folder / "one.json").read_text())
-    settings = {
-        "units": "gal",
-        "component": "HNN",
-        "inventory": None,
-        "damping": [0.02],
-        "periods": "0.1:1:5",
-    }
-    assert (
-        settings.items() <= summary["settings"].items() and summary["settings"]["method"] == "exact"
-    )
-    (record,) = summary["records"]
-    digest = hashlib.sha256((folder / "motion.mseed").read_bytes()).hexdigest()
-    identity = {"file": "motion.mseed", "id": "TD.TEST..HNN", "component": "HNN", "start": ""}
-    samples = {"dt_s": 0.01, "samples": 300, "duration_s": 2.99, "notes": []}
-    assert {
-        **identity,
-        **samples,
-        "inputs": [{"file": "motion.mseed", "sha256": digest}],
-    }.items() <= record.items()
-    assert (record["units"], record["units_from"], record["quantity"]) == (
-        "gal",
-        "given",
-        "acceleration",
-    )
-    assert (record["warnings"], record["compared_with_file"]) == ([], ["number of samples"])
-
-
 # Execution of a batch in processes
 
 
@@ -267,22 +214,3 @@ def test_a_progress_bar_is_drawn_on_a_terminal(folder):
         "spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False
     )
     assert (code, b"2/2" in output, b"##" in output) == (0, True, True)
-
-
-def test_no_progress_bar_for_one_record_or_if_data_are_written_to_the_terminal(
-    folder, tdint, monkeypatch
-):
-    monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream in (sys.stdout, sys.stderr))
-    two = ["motion.mseed", "other.mseed"]
-    for arguments, bar in (
-        (["motion.mseed", "-o", "one.csv"], False),
-        ([*two, "-o", "two.csv"], True),
-        (two, False),
-    ):
-        assert ("2/2" in tdint("info", *arguments, code=0).stderr) == bar
-
-
-def test_sources_keep_the_users_spelling(many):
-    found = records_of(["many//", "../x", "many/r0.mseed"], RecordChoice())
-    assert found.files[0] == "many//counts.mseed"
-    assert found.files[-2:] == ("../x", "many/r0.mseed")

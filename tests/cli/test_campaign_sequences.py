@@ -104,19 +104,6 @@ def test_rows_equal_single_runs_of_the_sequence():
             )
 
 
-def test_results_do_not_depend_on_threads_and_shards(study, tdint):
-    for where, options in (
-        ("two", ("--jobs", 2)),
-        ("a", ("--shard", "1/2")),
-        ("b", ("--shard", "2/2")),
-    ):
-        tdint("campaign", "study.yaml", "-o", where, *options, code=0)
-    tdint("campaign", "merge", "a", "b", "-o", "both", code=0)
-    for name in ("runs.csv", "shocks.csv"):
-        assert len({Path(where, name).read_bytes() for where in ("out", "two", "both")}) == 1
-    assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out").stderr
-
-
 def test_specified_rest_and_levels_of_the_first_event(study, tdint):
     change(
         "study.yaml",

@@ -9,8 +9,7 @@ import pytest
 
 from csv_rows import rows
 from facts import states
-from tdint.analysis.chart import peers, problem, profiles, work_precision
-from tdint.analysis.chart.work_precision import DEFAULT_METHODS
+from tdint.analysis.chart import peers, problem, profiles
 from tdint.analysis.defaults import PEAKS, QUANTITIES
 from tdint.methods.catalogue import parse
 from tdint.system import version_of_sources
@@ -250,14 +249,6 @@ def test_positional_records_equal_record_options(folder, tdint, make_record):
     )
 
 
-def test_the_default_methods(folder, tdint):
-    call = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--duration", "1")
-    labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]
-    assert [(row["method"], row["dt_s"]) for row in rows(tdint(*call, code=0).stdout)] == [
-        (label, dt) for label in labels for dt in ("0.08", "0.04")
-    ]
-
-
 def test_unstable_steps_are_rows_of_the_table(folder, tdint):
     options = (
         "--method",
@@ -348,16 +339,6 @@ def test_the_reference_is_cached_between_calls(folder, tdint, monkeypatch):
     second = tdint("chart", "shaken.yaml", *QUICK, code=0)
     assert first.stderr.splitlines()[0] == second.stderr.splitlines()[0]
     tdint("chart", "shaken.yaml", *QUICK, "--no-cache", code=1)  # calls `_solve`, which is None
-
-
-def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(work_precision, "errors", interrupt)
-    tdint.refused(
-        "Interrupted", "chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", "x.png", code=130
-    )
 
 
 def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):

@@ -93,23 +93,6 @@ def test_units_other_than_si_are_complete_in_the_column_heads():
     assert "kipin" not in text and "in s" not in text
 
 
-def test_a_common_directory_of_all_files_is_printed_once_above():
-    rows = [
-        (f"motions/{name}", 1.0 + i)
-        for i, name in enumerate(("a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"))
-    ]
-    text = draw(("record", "pga"), rows, 40)
-    assert text.splitlines()[0] == "record: in motions/"
-    assert [line.split()[0] for line in text.splitlines()[3:]] == [
-        "a/x.at2",
-        "a/y.at2",
-        "b/x.at2",
-        "b/z.at2",
-    ]
-    apart = [("here/x.at2", 1.0), ("there/x.at2", 2.0), ("x.at2", 3.0), ("y.at2", 4.0)]
-    assert "in " not in draw(("record", "pga"), apart, 40)
-
-
 def test_transposed_rows_keep_the_common_directory():
     names = ("record", *(f"measure_{i}_m_s2" for i in range(8)))
     text = draw(names, [(f"motions/{file}.at2", *range(8)) for file in "ab"], 40)
@@ -133,12 +116,3 @@ def test_errors_are_printed_in_percent_next_to_their_quantities():
             if "error" in line
         ]
         assert not any(line.split()[:2] == ["story", "error"] for line in heads), width
-
-
-def test_units_and_notes_are_not_treated_as_paths():
-    text = draw(
-        ("units", "notes", "x"),
-        [("m/s^2 (file)", "m/s^2 is assumed", 1.0), ("m/s (file)", "m/s was", 2.0)],
-        90,
-    )
-    assert "in m/" not in text and "m/s^2 (file)" in text

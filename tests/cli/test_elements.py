@@ -181,12 +181,6 @@ def test_one_element_is_the_law_of_the_story():
     assert one.stories == law.stories
 
 
-def test_names_of_elements_without_a_name():
-    linear = {"type": "linear", "stiffness": 1.0}
-    model = load_model({"stories": [{"mass": 1, "elements": [linear, linear]}]})
-    assert [element.name for element in model.stories[0].elements] == ["linear", "linear 2"]
-
-
 def test_stiffness_after_yield_is_the_sum_after_all_have_yielded():
     springs = [
         {"type": "bilinear", "stiffness": 1000.0, "yield_force": 60.0, "hardening": 0.1},

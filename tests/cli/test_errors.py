@@ -1,6 +1,5 @@
 """Errors are written as lines to standard error and determine the exit code."""
 
-import logging
 import math
 import os
 import subprocess
@@ -132,20 +131,6 @@ def test_warnings_are_lines(capsys):
 
     assert exit_code_of(command, Settings()) == 0
     assert capsys.readouterr().err == "Warning: mind the gap\n"
-
-
-def test_the_log_of_the_library_is_notes(capsys):
-    logger = logging.getLogger("tdint")
-    before = (logger.level, logger.propagate, list(logger.handlers))
-
-    def command():
-        logger.debug("unheard")
-        logger.info("reading %s", "it")
-        logger.warning("mind")
-
-    assert exit_code_of(command, Settings()) == 0
-    assert capsys.readouterr().err == "note: reading it\nWarning: mind\n"
-    assert (logger.level, logger.propagate, list(logger.handlers)) == before
 
 
 @pytest.mark.parametrize(("returned", "code"), [(7, 7), (None, 0)])

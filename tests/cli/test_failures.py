@@ -30,38 +30,6 @@ def test_problems_with_the_usual_methods(working_directory, tdint, named, drawn)
     assert [line.split()[0] for line in lines[2:]] == labels
 
 
-def test_selected_methods_and_problems(working_directory, tdint):
-    chosen = (
-        "--problem",
-        "hardening",
-        "--problem",
-        "sqrt-12",
-        "--method",
-        "impulse",
-        "--method",
-        "exact",
-    )
-    table = rows(tdint("failures", *chosen, "--plot", "x.pdf", code=0).stdout)
-    assert (working_directory / "x.pdf").read_bytes().startswith(b"%PDF")
-    assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
-        ("hardening", "0.005"),
-        ("hardening", "0.02"),
-        ("hardening", "0.05"),
-        ("sqrt-12", "3.46410161514"),
-    ]
-    refused = table[3]
-    assert (refused["method"], refused["outcome"], refused["verdict"]) == (
-        "exact",
-        "refused",
-        "refused",
-    )
-    assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == (
-        "",
-        "",
-        "",
-    )
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [

@@ -248,37 +248,6 @@ def test_rows_of_simcenter_files_are_events(region: Path, tdint: Command) -> Non
     )
 
 
-def test_a_map_has_one_feature_for_each_building_and_event(region: Path, tdint: Command) -> None:
-    """The map has one feature per building and event. Means and maxima of maps are tested in
-    test_maps.py."""
-    with Path("campaign.yaml").open("a") as stream:
-        stream.write("damage: {thresholds: {slight: 0.4%}, dispersion: 0.3}\n")
-    assert "nothing to do" in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
-    tdint("campaign", "export", "out", "--geojson", code=0)
-    features = [
-        feature_properties["properties"]
-        for feature_properties in json.loads(Path("out/buildings.geojson").read_text())["features"]
-    ]
-    assert [
-        (feature_properties["building"], feature_properties["event"], feature_properties["runs"])
-        for feature_properties in features
-    ] == [
-        (name, event, 2)
-        for name in "abc"
-        for event in ("M7-1", "M7-2", "M6")
-        if (name, event) != ("a", "M6")
-    ]
-    damage = rows("out/damage.csv")
-    for feature in features:
-        group = (feature["building"], feature["event"])
-        slight = [
-            float(row["probability_slight"])
-            for row in damage
-            if (row["building"], row["event"]) == group
-        ]
-        assert feature["probability_slight"] == pytest.approx(sum(slight) / 2, rel=1e-10, abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("file", "before", "after", "code", "message"),
     [

@@ -1,7 +1,6 @@
 """Grammar that is common to all commands: lists, ratios, grids, --plot, directories, -q, headings,
 standard input."""
 
-import shlex
 from importlib import import_module
 
 import click
@@ -9,10 +8,8 @@ import pytest
 
 from cli.conftest import BEGINNINGS
 from csv_rows import rows
-from tdint.output.printed import ON_SCREEN, parse_style
 from tdint_cli.main import COMMANDS
 from tdint_cli.options import grammar
-from tdint_cli.options.analysis import _specifications
 from tdint_cli.options.grammar import BESIDE, with_named_files
 
 
@@ -58,18 +55,6 @@ def test_lists_accept_commas_and_repeated_options(folder, tdint, line, count, va
         assert list(dict.fromkeys(float(row[name]) for row in table)) == expected
 
 
-def test_commas_separate_methods_but_not_parameters():
-    texts = (
-        "newmark:beta=0.25,gamma=0.5,newmark:beta=0.25:gamma=0.5,hht",
-        "impulse4",
-        "exact,bathe:gamma=0.5",
-    )
-    found = (
-        "newmark:beta=0.25,gamma=0.5 newmark:beta=0.25:gamma=0.5 hht impulse4 exact bathe:gamma=0.5"
-    )
-    assert " ".join(_specifications(None, None, texts)) == found
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -112,14 +97,6 @@ def test_an_invalid_value_is_refused_with_a_valid_example(folder, tdint, argumen
 )
 def test_the_argument_after_plot_is_its_file_if_it_names_a_figure(line, expected):
     assert with_named_files(line.split()) == expected
-
-
-def test_an_empty_argument_after_plot_is_a_missing_name(tdint):
-    assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
-    assert (
-        tdint("info", "--plot", "", "other.mseed", code=2).stderr
-        == "Error: --plot must not be empty; specify a name, or omit it\n"
-    )
 
 
 def test_a_figure_is_written_next_to_the_output_or_to_its_own_name(folder, tdint):
@@ -545,14 +522,6 @@ def test_replaced_options_are_refused_with_their_replacement(name, tdint):
         assert (f"{former} was replaced by {replacement}; use {replacement} " in lines[0]) == (
             replacement in own
         ), lines
-
-
-@pytest.mark.parametrize(
-    ("replacement", "example"),
-    [replaced for replaced in grammar._FORMER.values() if replaced[0] == "--style"],
-)
-def test_the_replacement_of_a_former_option_is_a_valid_style(replacement, example):
-    assert parse_style(shlex.split(example)[0]) != ON_SCREEN
 
 
 def test_compare_reads_standard_input_only_once(tdint):

@@ -62,18 +62,6 @@ def test_help_fits_one_screen_and_help_all_lists_all_options(name):
     assert "".join(command.help.split()) in "".join(long.split())
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_brackets_enclose_values_that_may_be_omitted(name):
-    """One of several values is written a|b without brackets."""
-    for option in command_of(name).params:
-        if isinstance(option, click.Option) and not option.is_flag:
-            metavar = option.metavar or option.type.name
-            is_optional = option.flag_value is not None and not isinstance(option.type, click.Tuple)
-            assert metavar.startswith("[") <= is_optional, (option.opts, metavar)
-            choices = option.metavar and isinstance(option.type, click.Choice)
-            assert not choices or "|".join(option.type.choices) == metavar.strip("[]")
-
-
 @pytest.fixture(scope="module")
 def office(tmp_path_factory):
     """Directory in which the examples run in order: office.yaml, and files that users would

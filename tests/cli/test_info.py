@@ -7,7 +7,7 @@ import pytest
 
 from csv_rows import rows
 from facts import each_states
-from ground_motion import format_files, network_files
+from ground_motion import format_files
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.measures import spectrum_intensity
 from tdint.ground_motion.reading.read import read_record
@@ -43,14 +43,6 @@ def test_each_component_has_a_row_in_order(folder, tdint):
     assert float(row["housner_intensity_m"]) == pytest.approx(fine, rel=1e-4)
 
 
-def test_notes_keep_their_commas_and_are_listed_once_for_a_file(folder, tdint):
-    """The note about repeated rows applies to all three components, the others to one of them."""
-    (folder / "a.012").write_text(network_files.unam(repeated=2))
-    notes = [row["notes"] for row in rows(tdint("info", "a.012").stdout)]
-    assert [text.count("2 rows omitted that repeat the last row") for text in notes] == [1, 0, 0]
-    assert all("m/s^2, 21% of the peak; check whether" in text for text in notes)
-
-
 def test_units_and_their_source(folder, tdint, make_record):
     (folder / "a.at2").write_text(format_files.at2())
     (folder / "b.y0a").write_text(format_files.usc())
@@ -74,21 +66,6 @@ def test_a_record_of_zeros_has_empty_cells_and_a_figure(folder, tdint, drawn):
     )
     assert (row["id"], row["notes"]) == ("", "all samples are zero")
     assert (folder / "zero.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_standard_input_component_and_output(folder, tdint):
-    result = tdint(
-        "info",
-        "-",
-        "--component",
-        "n",
-        "-o",
-        "info.csv",
-        stdin=(folder / "motion.mseed").read_bytes(),
-    )
-    assert (result.exit_code, result.stdout) == (0, "")
-    (row,) = rows(folder / "info.csv")
-    assert (row["record"], row["component"]) == ("-", "HNN")
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """`tdint init` and `tdint check`: first models that run, and errors of other models."""
 
 import json
-import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,32 +18,6 @@ from tdint.ground_motion.pulse import VelocityPulse
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
-
-
-def test_the_first_commands_of_the_readme_run_in_an_empty_directory(
-    working_directory: Path, tdint: Command
-) -> None:
-    commands = [shlex.split(line, comments=True) for line in readmes.block("first").splitlines()]
-    assert len(commands) <= 5 and {command for command, *_ in commands} == {"tdint"}
-    for _, *arguments in commands:
-        tdint(*arguments, code=0)
-    assert {file.name for file in (working_directory / "out").iterdir()} == {
-        "stories.csv",
-        "summary.json",
-        "response.png",
-    }
-    summary = json.loads((working_directory / "out" / "summary.json").read_text())
-    assert summary["status"] == "done" and summary["building"]["stories"] == 5
-
-
-def test_the_model_of_the_readme_is_valid(folder: Path, tdint: Command) -> None:
-    (folder / "workshop.yaml").write_text(readmes.block("workshop"))
-    (row,) = rows(tdint("check", "workshop.yaml").stdout)
-    assert (row["stories"], float(row["mass_kg"]), float(row["t1_damping"])) == (
-        "2",
-        105e3,
-        pytest.approx(0.05),
-    )
 
 
 @pytest.mark.parametrize("units", ["si", "us"])
@@ -94,17 +67,6 @@ def test_an_isolated_model_has_bearings_and_a_moat_wall(
     assert [row["element"] for row in rows("out/elements.csv")] == ["bearings", "moat wall"]
     free = tdint("init", "-", "--stories", 3, "--isolated", "--units", units).stdout
     assert len(rows(tdint("run", "-", stdin=free.encode(), code=0).stdout)) == 4
-
-
-def test_both_systems_of_units_give_nearly_the_same_building(folder: Path, tdint: Command) -> None:
-    for units in ("si", "us"):
-        tdint("init", f"{units}.yaml", "--units", units, "--stories", 3, code=0)
-    si, us = (load_model(f"{units}.yaml").stories[0] for units in ("si", "us"))
-    assert us.mass == pytest.approx(600e3 * 0.45359237)  # 600 kip
-    assert us.height == pytest.approx(3.6576)  # 12 ft
-    assert si.mass == 300e3
-    motions = [read_record(f"{units}-motion.txt").acceleration for units in ("si", "us")]
-    np.testing.assert_allclose(*motions, atol=1e-6)
 
 
 def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command) -> None:
@@ -273,13 +235,6 @@ def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Co
     for results in (api.run_many(["plain.yaml"], [motion]), api.campaign("study.yaml")):
         assert results.warnings == (f"plain.yaml: {expected}",)
         assert f"; warning: plain.yaml: {expected[:25]}" in repr(results)
-
-
-def test_a_failing_run_reports_the_warnings_of_check(folder: Path, tdint: Command) -> None:
-    (folder / "plain.yaml").write_text(KN_AND_T)
-    call = ("run", "plain.yaml", "--method", "central-difference", "--dt", "1")
-    first, *_ = tdint(*call, code=5).stderr.splitlines()
-    assert "mass of a floor: 200 kg" in first
 
 
 def test_all_errors_of_all_files_are_reported(folder: Path, tdint: Command) -> None:

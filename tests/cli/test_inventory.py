@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from csv_rows import rows
@@ -93,14 +92,6 @@ def test_a_pushover_curve(folder, tdint, drawn):
     assert float(table[1]["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
     assert "\nshaken, uniform pattern: maximum base shear " in result.stderr
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
-
-
-def test_the_number_of_points(folder, tdint):
-    """The roof displacement of a pushover curve increases in this number of equal steps."""
-    curve = rows(tdint("pushover", "forced.yaml", "--drift", "1%", "--points", "8", code=0).stdout)
-    roof = [float(row["roof_displacement_m"]) for row in curve]
-    assert len(roof) == 9
-    assert np.diff(roof) == pytest.approx(np.full(8, roof[-1] / 8.0))
 
 
 def test_a_pushover_with_a_design_spectrum(folder, tdint):
@@ -201,11 +192,3 @@ def test_errors_of_a_file_are_listed_up_to_a_number(folder, tdint):
     errors = tdint("check", "other.yaml", code=3).stderr.splitlines()
     assert len(errors) == 101 and "key99: unknown key" in errors[99]
     assert errors[100].endswith("other.yaml: 1900 more errors, 2000 in total")
-
-
-def test_modes_under_a_design_spectrum(folder, tdint):
-    """test_interface.py tests the rows."""
-    arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")
-    result = tdint(*arguments, "--plot=m.png", code=0)
-    assert "All modes are included (100 % of the mass)." in result.stderr
-    assert (folder / "m.png").exists()

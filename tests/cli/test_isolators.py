@@ -13,7 +13,6 @@ from tdint.model.building import assemble, stiffness_after_yield, unstable_after
 from tdint.model.config.model_file import load_model
 from tdint.output.report import damping_text
 from tdint.units import STANDARD_GRAVITY
-from tdint_cli.terminal import note
 
 UPPER = "  - {repeat: 3, mass: 20, height: 3, stiffness: 9000}\n"
 RAYLEIGH = "damping: {rayleigh: {mass: 0.3, stiffness: 0.004}}\n"
@@ -190,19 +189,3 @@ def test_plausibility_off_suppresses_warnings_with_a_reason(folder, tdint):
         assert "usual" not in messages and "not shown: test rig in the laboratory" in messages
     Path("bare.yaml").write_text(text + "plausibility: off\n")
     assert "plausibility: must be `off`" in tdint("check", "bare.yaml", code=3).stderr
-
-
-def test_a_note_about_many_files_is_one_line(capsys):
-    """Notes about single files are first, because they affect values more often."""
-    note(
-        *(f"{name}.csv: the inventory is not used" for name in "abcd"),
-        "a.csv: mean 9.83 m/s^2",
-        "b.csv: cut",
-        "c.csv: cut",
-    )
-    assert capsys.readouterr().err.splitlines() == [
-        "note: a.csv: mean 9.83 m/s^2",
-        "note: b.csv: cut",
-        "note: c.csv: cut",
-        "note: a.csv and 3 more: the inventory is not used",
-    ]

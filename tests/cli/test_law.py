@@ -101,12 +101,6 @@ def test_p_delta(tdint):
     assert "geometric stiffness of P-delta -1.226e+06 N/m" in result.stderr
 
 
-@pytest.mark.parametrize(("model", "drift"), [("forced.yaml", "1e-9mm"), ("shaken.yaml", "1e9m")])
-def test_figures_of_any_drift(folder, tdint, model, drift, drawn):
-    tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png", code=0)
-    assert (folder / "x.png").exists()
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [

@@ -3,13 +3,6 @@
 import pytest
 
 from csv_rows import rows
-from tdint.methods.catalogue import catalogue
-
-
-def test_methods(tdint):
-    result = tdint("methods", code=0)
-    assert result.stderr == ""
-    assert [row["name"] for row in rows(result.stdout)] == list(catalogue())
 
 
 def test_modes(folder, tdint):

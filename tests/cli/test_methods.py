@@ -36,12 +36,6 @@ def test_all_methods_with_default_parameters(tdint, name):
     assert "nan" not in result.stdout
 
 
-def test_a_repeated_method_is_evaluated_once(tdint):
-    call = ("overshoot", *SMALL["overshoot"], "--method", "newmark")
-    once, twice = tdint(*call), tdint(*call, "--method", "newmark:beta=1/4:gamma=0.5", code=0)
-    assert twice.stdout == once.stdout
-
-
 def test_a_label_is_the_typed_specification(working_directory, tdint, folder):
     """Parameters are separated by colons. Commas are accepted with a note about the recommended
     notation."""
@@ -190,45 +184,7 @@ def test_beta_scan(working_directory, tdint):
     assert "impulse:beta=1/145" in picture and "√12" in picture
 
 
-@pytest.mark.parametrize("steps", ["1e6", "1e-6:1e-5:3"])
-def test_figures_of_any_steps(working_directory, tdint, steps, drawn):
-    tdint("stability", "--method", "exact,rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
-    assert (working_directory / "x.png").exists()
-
-
-def test_similar_names_remain_distinct_in_a_figure(working_directory, tdint):
-    methods = ("impulse:beta=0.0069444", "impulse:beta=0.00694441", "impulse", "wilson:theta=1.4")
-    options = [part for method in methods for part in ("--method", method)]
-    tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg", code=0)
-    picture = (working_directory / "x.svg").read_text(encoding="utf-8")
-    assert [
-        label for label in (parse(method).label for method in methods) if label not in picture
-    ] == []
-
-
 # ---- overshoot
-
-
-def test_overshoot_messages(tdint):
-    methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5")
-    lines = tdint("overshoot", "--method", ",".join(methods)).stderr.splitlines()
-    assert lines[0] == "Powers of omega dt in the first time step, for omega dt to infinity:"
-    assert [line.split(maxsplit=5) for line in lines[3:]] == [
-        ["newmark-average", "0.0", "0.0", "-2.0", "0.0", "none"],
-        ["generalized-alpha", "0.0", "2.0", "-2.0", "0.0", "velocity"],
-        ["wilson", "2.0", "2.0", "0.0", "0.0", "displacement and velocity"],
-        ["cr", "0.0", "-2.0", "0.0", "0.0", "displacement"],
-        ["rk5", "6.0", "6.0", "4.0", "6.0", "unstable"],
-    ]
-    assert lines[2].split() == ["exact", "motion", "0.0", "1.0", "-1.0", "0.0"]
-    assert "zero" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
-
-
-def test_an_unstable_motion_has_empty_cells(working_directory, tdint, drawn):
-    last = rows(
-        tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout
-    )[-1]
-    assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
 
 
 def test_overshoot_in_nonlinear_motion(working_directory, tdint):
@@ -287,20 +243,6 @@ def test_order_over_the_frequency_ratio(working_directory, tdint, monkeypatch):
         np.testing.assert_allclose([float(row[quantity]) for row in table], 2.0, atol=0.1)
 
 
-def test_a_single_ratio_and_loads_without_a_ratio(tdint):
-    assert column(
-        tdint("order", "--method", "newmark", "--frequency-ratio", "0.5"), "frequency_ratio"
-    ) == ["0.5"]
-    result = tdint("order", "--method", "impulse", "--load", "record")
-    assert (
-        column(result, "frequency_ratio")
-        == column(result, "algorithmic_acceleration_order")
-        == [""]
-    )
-    assert float(column(result, "displacement_order")[0]) == pytest.approx(4.0, abs=0.1)
-    assert float(column(result, "displacement_error")[0]) < 1e-9
-
-
 @pytest.mark.parametrize(
     ("command", "law"), [("order --load free", "polynomial"), ("overshoot", "hardening")]
 )
@@ -351,21 +293,3 @@ def test_the_choices_equal_the_options_of_the_library():
     }
     assert set(choices["load"]) == set(LOADS)
     assert set(choices["law"]) == set(STORY_LAWS)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [("stability", "--dt-over-t", "0.1"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
-    ids=" ".join,
-)
-def test_figures_show_a_selection_of_the_methods(working_directory, tdint, command):
-    """The table contains all methods; the figure contains a selection, or all methods with
-    --all."""
-    table = tdint(*command, "--plot=few.svg").stdout
-    tdint(*command, "--plot=all.svg", "--all")
-    selection, all_methods = (
-        (working_directory / f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all")
-    )
-    for name in ("houbolt", "wilson"):
-        assert name in table and name in all_methods and name not in selection
-    assert "newmark-average" in selection

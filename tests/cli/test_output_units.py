@@ -10,7 +10,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from cli.conftest import Command
@@ -138,27 +137,6 @@ def test_units_of_a_model_are_replaced_by_the_command_line(folder: Path, tdint: 
     assert "peak_shear_kip" in tdint("run", "forced.yaml", "--output-units", "kip,in,g").stdout
 
 
-def test_columns_of_a_spectrum_in_other_units(folder: Path, tdint: Command) -> None:
-    spectrum = (
-        "spectrum",
-        "motion.mseed",
-        "--component",
-        "HNE",
-        "--period",
-        1,
-        "-o",
-        "a/s.csv.gz",
-        "--plot",
-    )
-    tdint(*spectrum, "--output-units", "cm,g", code=0)
-    assert sorted(path.name for path in (folder / "a").iterdir()) == ["s.csv.gz", "s.json", "s.png"]
-    about = json.loads((folder / "a" / "s.json").read_text())
-    header, _ = table(gzip.decompress((folder / "a" / "s.csv.gz").read_bytes()).decode())
-    assert list(about["columns"]) == header
-    assert about["columns"]["psa_g"]["unit"] == "g" and about["columns"]["sd_cm"]["unit"] == "cm"
-    assert "pga_g" in about["records"][0]
-
-
 def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> None:
     run = ("run", "shaken.yaml", "--scale", "0.5,1", "--dt", 0.01)
     check_round_trip(
@@ -211,13 +189,3 @@ def test_invalid_arguments_are_refused(
     folder: Path, tdint: Command, arguments: tuple[Any, ...], message: str
 ) -> None:
     tdint.refused(message, "run", "forced.yaml", *arguments)
-
-
-def test_a_thinned_history_is_a_view(folder: Path) -> None:
-    """A long history is not copied. tests/analysis/run/test_history_pieces.py tests the values."""
-    from tdint import load_model, run
-
-    history = run(load_model("forced.yaml"), history=True).history
-    assert history is not None and np.shares_memory(
-        history.every(10).displacement, history.displacement
-    )

@@ -14,7 +14,7 @@ from matplotlib.text import Text
 from cli.conftest import STUDY
 from facts import states
 from tdint.output.figures.style import Picture
-from tdint.output.printed import PRINTED, PrintedAs, in_print
+from tdint.output.printed import PRINTED, PrintedAs
 
 POINTS = 72.0 / 25.4
 
@@ -93,11 +93,6 @@ def test_panels_without_room_are_refused(folder, tdint):
     )
     assert "a width of 30 mm" in tdint(*call, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
-
-
-def test_symbols():
-    assert in_print("omega dt of rho_inf=0.5, m/s^2", PrintedAs()) == "ωΔt of ρ∞=0.5, m/s²"
-    assert in_print(" trio:rho_inf=1", PrintedAs(labels=(("trio", "ours"),))) == " ours"
 
 
 def test_a_campaign_keeps_the_style_of_its_file(folder, tdint, monkeypatch):

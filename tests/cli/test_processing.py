@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
-from facts import states
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.processing_steps import process
@@ -88,12 +87,6 @@ def test_results_equal_the_results_of_the_processed_record(
     (record,) = about["records"]
     assert (record["processing"], record["notes"]) == (list(processed.processing), [])
     assert (record["samples"], record["dt_s"]) == (processed.acceleration.size, 0.005)
-
-
-def test_notes_name_the_component_of_files_with_several(folder, tdint):
-    messages = notes(tdint("info", "motion.mseed", *OPTIONS))
-    assert states(messages[0], "motion.mseed: trimmed ... 0.5 to 2.5 s")
-    assert [line for line in messages if "a line from" in line][1].startswith("motion.mseed: HNN: ")
 
 
 def test_records_are_unchanged_by_default(folder, tdint):

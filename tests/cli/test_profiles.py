@@ -7,13 +7,11 @@ import statistics
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from cli.conftest import Command
 from csv_rows import rows
 from facts import states
-from tdint.campaign.profiles import Statistics
 
 STUDY = """\
 name: study
@@ -294,33 +292,6 @@ def test_levels_of_a_measure_have_their_own_column(study: Path, tdint: Command) 
     assert float(row["mean"]) == pytest.approx(statistics.fmean(values), rel=1e-11)
 
 
-def test_output_units_change_numbers_and_units(study: Path, tdint: Command) -> None:
-    run = ("run", "stiff.yaml", *MOTIONS, "--units", "m/s^2", "--method", "newmark-average")
-    tdint(*run, "-o", "si")
-    tdint(*run, "-o", "mm", "--output-units", "kN,mm")
-    for si, mm in zip(rows("si/profiles.csv"), rows("mm/profiles.csv"), strict=True):
-        factor = {"m": 1e3, "N": 1e-3, "1": 1.0, "m/s": 1e3, "m/s^2": 1e3}[si["unit"]]
-        assert (
-            mm["unit"]
-            == {"m": "mm", "N": "kN", "1": "1", "m/s": "mm/s", "m/s^2": "mm/s^2"}[si["unit"]]
-        )
-        if si["mean"]:
-            assert float(mm["mean"]) == pytest.approx(factor * float(si["mean"]), rel=1e-10)
-
-
-def test_profiles_are_written_after_all_runs_are_completed(
-    study: Path, tdint: Command, make_record: Callable[..., None]
-) -> None:
-    make_record(study / "motion.mseed", "HNE", "HNN", samples=6000)  # The runs need several chunks.
-    for part, name in ((1, "part"), (2, "rest")):
-        tdint("campaign", "study.yaml", "-o", name, "--shard", f"{part}/2", code=0)
-        assert not Path(name, "profiles.csv").exists()
-    tdint("campaign", "merge", "part", "rest", "-o", "all", "--plot", code=0)
-    tdint("campaign", "study.yaml", "-o", "once", code=0)
-    assert Path("all/profiles.csv").read_bytes() == Path("once/profiles.csv").read_bytes()
-    assert Path("all/profiles.png").exists()
-
-
 def test_profiles_can_be_disabled(study: Path, tdint: Command) -> None:
     Path("study.yaml").write_text(STUDY.replace("stories: true", "profiles: false"))
     campaign = ("campaign", "study.yaml", "-o", "out")
@@ -371,13 +342,3 @@ def test_ratios_equal_quotients_of_the_profiles(study: Path, tdint: Command) -> 
                 assert float(row[f"{name}_ratio"]) == pytest.approx(value / baseline, rel=1e-10)
             else:
                 assert row[f"{name}_ratio"] == ""
-
-
-def test_statistics_without_ground_motions_are_nan() -> None:
-    """If all runs of a building collapse, the cells are empty. With one motion, all statistics
-    equal its value."""
-    for values in vars(Statistics.of(np.empty((0, 3)))).values():
-        assert values.shape == (3,)
-        assert np.isnan(values).all()
-    for values in vars(Statistics.of(np.array([[1.0, 2.0, 3.0]]))).values():
-        assert values.tolist() == [1.0, 2.0, 3.0]

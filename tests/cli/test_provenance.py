@@ -2,24 +2,12 @@
 summary."""
 
 import hashlib
-import json
 from pathlib import Path
 
 import pytest
 
 import tdint
 from tdint.system import __version__, version_of_sources
-
-
-def test_options_and_units_are_recorded(folder, tdint):
-    model = (folder / "shaken.yaml").read_bytes()
-    options = ("--story", 2, "--drift", "1%,5mm", "--output-units", "kN,mm", "-o", "law.csv.gz")
-    tdint("law", "-", *options, stdin=model, code=0)
-    about = json.loads((folder / "law.json").read_text())
-    assert about["settings"]["story"] == 2 and about["settings"]["drifts"] == ["1%", "5mm"]
-    assert about["settings"]["output_units"] == "kN,mm,kg"
-    assert about["columns"]["drift_mm"]["unit"] == "mm"
-    assert about["inputs"] == [{"file": "-", "sha256": hashlib.sha256(model).hexdigest()}]
 
 
 def test_a_changed_checkout_is_not_reported_as_a_release(tmp_path, monkeypatch):

@@ -285,33 +285,6 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
     tdint.refused("kilo.yaml:3:9: report", "run", "kilo.yaml", "-q", code=3)
 
 
-def test_the_base_shear_of_the_headline_is_in_the_table(folder: Path, tdint: Command) -> None:
-    """The base shear of the headline is the restoring force, as in the table, in summary.json and
-    on the terminal. The total with viscous forces follows."""
-    table = rows(
-        tdint("run", CONFIGS / "base-isolated.yaml", "--report", "page.html", code=0).stdout
-    )
-    springs, total = (
-        f"{float(table[0][name]) / 1e3:.4g}" for name in ("peak_shear_N", "peak_total_shear_N")
-    )
-    assert springs != total
-    found = page("page.html")
-    row = table_with(found, "peak total shear (kN)")[0]
-    assert (row["peak shear (kN)"], row["peak total shear (kN)"]) == (springs, total)
-    assert (
-        f"base shear {springs} kN (restoring force; {total} kN with viscous forces)" in found.text
-    )
-    # Residual drifts are in the unit of the other drifts, although they are small.
-    stories = table_with(found, "peak total shear (kN)")[0]
-    heads = [head for head in stories if "drift" in head or "displacement" in head]
-    assert heads == [
-        "peak drift ratio (%)",
-        "peak drift (m)",
-        "residual drift (m)",
-        "peak displacement (m)",
-    ]
-
-
 @pytest.mark.parametrize(
     ("p_delta", "damping", "forces"),
     [
@@ -344,12 +317,6 @@ def test_base_shear_is_the_restoring_force_and_words_state_what_the_total_contai
         # Equilibrium of the story: the weight on its drift reduces the force on the floor.
         drift = float(story["peak_drift_m"])
         assert restoring - total == pytest.approx(2e5 * 9.80665 * drift / 3.5, rel=1e-3)
-
-
-def test_small_masses_are_in_kilograms(folder: Path, tdint: Command) -> None:
-    """A laboratory model of 10 kg per floor in N and m is not written as 0.01 t."""
-    tdint("run", "shaken.yaml", "--report", "page.html", code=0)
-    assert [row["mass (kg)"] for row in table_with(page("page.html"), "mass (kg)")] == ["10", "10"]
 
 
 def test_the_figure_of_a_collapse_states_the_peak_of_the_record(

@@ -29,15 +29,6 @@ def test_two_components_of_a_file(folder, tdint):
     assert {row["rotd100_angle_deg"] for row in table} == {"27"}
 
 
-def test_names_of_the_columns(folder, tdint):
-    result = tdint(
-        "spectrum", "motion.mseed", "--rotd", "5,84", "--period", "1", "--maxima", "peer"
-    )
-    assert result.stdout.splitlines()[0] == (
-        "record,component,damping,period_s,rotd05_psa_m_s2,rotd84_psa_m_s2,geometric_mean_psa_m_s2,rotd100_angle_deg,maxima"
-    )
-
-
 @pytest.mark.parametrize(
     "names",
     [

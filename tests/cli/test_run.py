@@ -228,12 +228,6 @@ def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     assert [line[:7] for line in lines if not line.startswith("note: ")] == ["Error: "]
 
 
-def test_all_errors_of_a_model_are_lines(folder, tdint):
-    (folder / "bad.yaml").write_text("stories: [{mass: abc, stiffness: -1}]\n")
-    lines = tdint("run", "bad.yaml", code=3).stderr.splitlines()
-    assert [line.startswith("Error: bad.yaml:1:") for line in lines] == [True, True]
-
-
 def test_outputs_are_checked_before_the_run(folder, tdint):
     """The outputs are checked before the model is read: the model file does not exist."""
     (folder / "out").mkdir()
@@ -465,23 +459,6 @@ def test_a_history_larger_than_the_free_disk_space_is_refused_before_the_run(
     size = 101 * (2 + 2 * 3 + 2 * 4 + 8) * bytes_ / 1e9
     message = f"{file}: requires at least {size:.3g} GB, but 1e-06 GB are free"
     tdint.refused(message, "run", "forced.yaml", f"--history={file}", code=6)
-
-
-def test_a_figure_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
-    from tdint.output.figures import runs
-
-    shown = []
-    draw = runs.run_picture
-    monkeypatch.setattr(
-        runs,
-        "run_picture",
-        lambda response, *arguments: shown.append(response) or draw(response, *arguments),
-    )
-    monkeypatch.setattr("tdint_cli.commands.run._FIGURE_STEPS", 30)
-    assert tdint("run", "forced.yaml", "--plot=r.svg").exit_code == 0
-    (response,) = shown
-    assert response.steps == 100
-    assert response.history.time == pytest.approx(np.arange(0.0, 2.0 + 1e-9, 0.08))
 
 
 def test_a_drift_of_the_baseline_is_reported(folder, tdint):

@@ -105,15 +105,6 @@ def test_records_with_different_units_in_one_call(folder, tdint, make_record):
         assert peaks == pytest.approx([0.6 * 9.80665] * 4)
 
 
-def test_a_pair_has_one_factor(folder, tdint):
-    result = tdint(
-        "scale", "motion.mseed", *UNITS, "--sa", "2m/s^2", "--at", 0.5, "--pairs", "rotd50"
-    )
-    first, second = rows(result.stdout)
-    assert first["factor"] == second["factor"]
-    assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
-
-
 def test_pairs_are_found_by_file_names(folder, tdint, make_record):
     """For unknown file names, one message states the option that is required; with this option, two
     motions are two pairs."""

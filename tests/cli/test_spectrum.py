@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
-from tdint.analysis import defaults
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
-from tdint.number_parsing import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
@@ -39,27 +37,6 @@ def test_every_component_damping_ductility_and_period_in_order(folder, tdint, co
         for target in targets or ("",)
         for period in ("0.2", "1")
     ]
-
-
-def test_standard_input_at_the_default_periods(folder, tdint):
-    """The help lists the default periods. test_interface.py compares the values with the
-    library."""
-    tdint("spectrum", "-", "-o", "out/", stdin=(folder / "other.mseed").read_bytes(), code=0)
-    assert files(folder / "out") == {"stdin.csv", "stdin.json"}
-    assert defaults.PERIODS in tdint("spectrum", "--help-all").stdout
-    table = rows(folder / "out" / "stdin.csv")
-    assert {(row["record"], row["damping"]) for row in table} == {("-", "0.05")}
-    periods = parse_grid(defaults.PERIODS).values()
-    np.testing.assert_allclose([float(row["period_s"]) for row in table], periods, rtol=5.1e-12)
-
-
-def test_periods_component_and_method(folder, tdint):
-    call = ("spectrum", "motion.mseed", "--periods", "0.1:10:3", "--component", "n")
-    result = tdint(*call, "--method", "newmark")
-    assert [(row["component"], row["period_s"]) for row in rows(result.stdout)] == [
-        ("HNN", period) for period in ("0.1", "1", "10")
-    ]
-    assert tdint(*call).stdout != result.stdout
 
 
 def test_a_selected_option_has_a_column(folder, tdint):
@@ -128,25 +105,6 @@ def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, options, dra
         pga,
     ]
     assert (folder / "zero.png").stat().st_size > 1000
-
-
-def test_notes_are_reported_once(folder, tdint):
-    lines = tdint("spectrum", "motion.mseed", "other.mseed").stderr.splitlines()
-    assert [line.split(": ")[:2] for line in lines[:2]] == [
-        ["Warning", "motion.mseed"],
-        ["Warning", "other.mseed"],
-    ]
-    assert lines[2].startswith("note: below a period of 0.1 s (10 ")
-    assert len(lines) == 3
-    large = tdint(
-        "-q", "spectrum", "motion.mseed", "--units", "30 m/s^2", "--period", "1"
-    ).stderr.splitlines()
-    start = "Warning: motion.mseed: {}: unusual peak ground acceleration: "
-    assert all(
-        line.startswith(start.format(code))
-        for line, code in zip(large, ("HNE", "HNN"), strict=True)
-    )
-    assert "below a period" not in tdint("spectrum", "motion.mseed", "--period", "0.1").stderr
 
 
 @pytest.mark.parametrize("into", ["all.csv", "out/", "out"])
@@ -232,15 +190,6 @@ def test_a_coarse_default_spacing_of_periods_is_reported(folder, tdint, options,
     assert (message in tdint("spectrum", "other.mseed", *options, code=0).stderr) == is_reported
 
 
-@pytest.mark.parametrize(
-    ("axes", "label"),
-    [("tripartite", "pseudo-velocity PSV (m/s)"), ("adrs", "pseudo-acceleration PSA (g)")],
-)
-def test_axes_of_a_figure_of_elastic_spectra(folder, tdint, axes, label, drawn):
-    tdint("spectrum", "other.mseed", "--axes", axes, "--plot=a.svg", code=0)
-    assert label in (folder / "a.svg").read_text(encoding="utf-8")
-
-
 def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
     tdint("spectrum", "--target", EC8, "-o", "ec8.csv", "--plot", code=0)
     assert "ec8.png" in files(folder)
@@ -296,15 +245,6 @@ def test_files_and_figure(folder, tdint, option):
     settings = json.loads((folder / "all.json").read_text())["settings"]
     assert settings[option[0].lstrip("-")] == [float(number) for number in option[1].split(",")]
     assert settings["hardening"] == 0.0
-
-
-@pytest.mark.parametrize("option", [("--ductility", "2"), ("--strength", "0.1")])
-def test_a_record_of_zeros_is_drawn(folder, tdint, option, drawn):
-    (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
-    tdint("spectrum", "zero.txt", "--period", "1", *option, "-o", "zero.csv", "--plot", code=0)
-    (row,) = rows(folder / "zero.csv")
-    assert row["sd_m"] == "0"
-    assert row["ductility"] == ("" if option[0] == "--ductility" else "0")
 
 
 def test_fourier_spectra(folder, tdint, drawn):

@@ -12,7 +12,6 @@ from cli.conftest import Command
 from cli.test_report import CONFIGS, RECORDS, page, table_with
 from csv_rows import rows
 from tdint.campaign.fragility.fits import fit_capacities
-from tdint.output.figures.collapse import measure_words
 
 G = 9.80665
 
@@ -134,16 +133,3 @@ def test_the_page_of_a_study_contains_its_building_and_motions(
         "120.mseed",
     ]
     tdint.refused("--report", "fragility", "out", "--im", "sa,pga", "--report", "other.html")
-
-
-def test_intensity_measures_are_written_as_in_publications() -> None:
-    expected = {
-        "sa(0.9)": "Sa(0.90 s)",
-        "sa(1)": "Sa(1.00 s)",
-        "sa(1.09504)": "Sa(1.095 s)",
-        "rotd50-sa(0.9)": "RotD50 Sa(0.90 s)",
-        "geometric-mean-pga": "geometric mean PGA",
-        "sa-avg(0.75)": "Sa_avg(0.75 s)",
-        "sa(T1)": "Sa(T1)",
-    }
-    assert {name: measure_words(name) for name in expected} == expected

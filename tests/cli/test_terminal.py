@@ -7,12 +7,10 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
-import click
 import pytest
 
 from tdint.errors import OutputError
 from tdint_cli import terminal
-from tdint_cli.terminal import Settings, progress_bar
 
 TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
 
@@ -89,40 +87,3 @@ def test_partial_writes_are_repeated_until_complete_or_refused(monkeypatch):
         ):
             terminal.emit(data)
     assert complete.taken == data
-
-
-def test_equal_messages_about_files_are_combined(capsys):
-    """The part after a colon belongs to the message."""
-    with click.Context(click.Command("some"), obj=Settings()):
-        terminal.note(*(f"{name}.V2: vertical component omitted: V" for name in "abc"))
-        terminal.note(*(f"{name}.V2: vertical component omitted: {name}" for name in "ab"))
-    assert capsys.readouterr().err.splitlines() == [
-        "note: a.V2 and 2 more: vertical component omitted: V",
-        "note: a.V2: vertical component omitted: a",
-        "note: b.V2: vertical component omitted: b",
-    ]
-
-
-class Screen(io.StringIO):
-    """Terminal as standard error."""
-
-    def isatty(self) -> bool:
-        return True
-
-
-def test_a_message_during_a_progress_bar_has_its_own_line(monkeypatch):
-    screen = Screen()
-    monkeypatch.setattr(sys, "stderr", screen)
-    with click.Context(click.Command("some"), obj=Settings()):
-        with progress_bar(to_terminal=False) as progress:
-            progress("compiling", 0.25)
-            terminal.note("two time loops")
-            progress("measuring", 0.5)
-        terminal.note("done")
-    # A terminal shows the text of a line after its last carriage return.
-    shown = [
-        line.rpartition("\r")[2].removeprefix("\x1b[K") for line in screen.getvalue().split("\n")
-    ]
-    assert "note: two time loops" in shown
-    assert "50%" in shown[shown.index("note: two time loops") + 1]
-    assert shown[-2:] == ["note: done", ""]

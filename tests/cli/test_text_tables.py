@@ -53,33 +53,6 @@ def test_info_of_a_directory(tables, tdint, column, names, factor):
     assert layout == {"step": 0.01, "column": columns, "skip_lines": 2, "rows": False}
 
 
-def test_spectra_of_a_directory(tables, tdint):
-    for command in (("spectrum",), ("drift-spectrum", "--stories", "1")):
-        arguments = (
-            command[0],
-            "tables",
-            *command[1:],
-            "--period",
-            "0.5",
-            *LAYOUT,
-            "--column",
-            "2",
-        )
-        assert len(rows(tdint(*arguments, code=0).stdout)) == 2
-    tdint(
-        "spectrum",
-        "tables/a.txt",
-        "--period",
-        "0.5",
-        "--rotd",
-        "50",
-        *LAYOUT,
-        "--column",
-        "1,2",
-        code=0,
-    )
-
-
 def test_run_by_the_model_and_by_options(tables, tdint):
     (tables / "m.yaml").write_text(MODEL)
     (tables / "bare.yaml").write_text(MODEL.replace(", column: Floor, skip_lines: 2", ""))

@@ -2,12 +2,11 @@
 format."""
 
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ground_motion.files import need_obspy_data, trace, wave, write
+from ground_motion.files import trace, wave, write
 from ground_motion.samples import SAMPLES
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.contents import plugins
@@ -16,7 +15,6 @@ with quiet_import():
     import obspy
 
 CHECKS = {plugin.name: plugin.is_format.load() for plugin in plugins() if plugin.is_own}
-ROOT = Path(__file__).parents[2]
 
 
 def claims(file):
@@ -47,16 +45,6 @@ def test_examples_are_detected_by_their_own_format_only(name, tmp_path):
 def test_obspy_formats_are_not_detected(name, tmp_path):
     data = wave().astype(np.int32 if name == "GSE2" else np.float32)
     assert claims(write(tmp_path / "file", trace(data), format=name)) == []
-
-
-def test_knet_is_not_detected():
-    assert claims(need_obspy_data("nied/tests/data/test.knet")) == []
-
-
-@pytest.mark.parametrize("files", ["*.md", "*.toml", "configs/*", "tests/ground_motion/*.py"])
-def test_files_of_this_project_are_not_detected(files):
-    for path in ROOT.glob(files):
-        assert claims(path) == [], path
 
 
 @pytest.mark.parametrize(

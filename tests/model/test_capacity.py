@@ -14,7 +14,6 @@ from tdint.model.capacity import (
     CapacityFacts,
     derive_capacity,
     read_classes,
-    read_curve,
 )
 from tdint.model.inventory import derive_all, model_text, read_inventory
 
@@ -87,17 +86,6 @@ def test_capacity_curves_of_two_and_three_points():
     assert (TWO.damage_begins, THREE.damage_begins) == (0.02, 0.03)
 
 
-def test_given_mass_and_damping_are_used():
-    derived = derive_capacity(CapacityFacts(DEMO, 4, mass=5e5, height=14.0, damping_ratio=0.03))
-    assert derived.mass.sum() == pytest.approx(5e5)
-    assert derived.height.tolist() == [3.5] * 4
-    assert derived.period == pytest.approx(DEMO.period, rel=1e-13)
-    single = derive_capacity(CapacityFacts(DEMO, 1, damping_ratio=0.03))
-    omega = 2.0 * math.pi / DEMO.period
-    assert single.damping.mass == pytest.approx(2.0 * 0.03 * omega)
-    assert single.damping.stiffness == 0.0
-
-
 @pytest.mark.parametrize(
     ("points", "text"),
     [
@@ -111,11 +99,6 @@ def test_given_mass_and_damping_are_used():
 def test_invalid_curve_points_are_refused(points, text):
     with pytest.raises(UsageError, match=text):
         CapacityCurve.of(points)
-
-
-def test_curve_may_start_at_origin(tmp_path):
-    (tmp_path / "curve.csv").write_text("sd_m,sa_g\n0,0\n0.02,0.15\n0.08,0.2\n")
-    assert read_curve(str(tmp_path / "curve.csv")) == TWO
 
 
 MODEL = "building: {capacity: curve.csv, stories: 3, height: 9, mass: 300, %s}\nunits: {mass: t}\n"

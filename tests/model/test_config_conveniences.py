@@ -14,9 +14,9 @@ from json_schema import tree
 from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
-from tdint.model.definition import ModalDamping, Model, RayleighRatio
+from tdint.model.definition import ModalDamping, Model
 from tdint.model.plausibility import plausibility_warnings, study_plausibility_warnings
-from tdint.units import SI, STANDARD_GRAVITY, OutputUnits
+from tdint.units import STANDARD_GRAVITY
 
 THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
 SHIPPED = sorted(Path(__file__).parents[2].joinpath("configs").glob("*.yaml"))
@@ -49,11 +49,6 @@ def test_unit_of_force_for_mass_is_refused_with_remedy(unit: str) -> None:
     (fault,) = faults(io.StringIO(f"{THREE}units: {{mass: {unit}}}"))
     assert fault.startswith(f"2:15: units.mass: {unit} is a unit of force; give the `weight`")
     assert "mass = W/g, in kip*s^2/in" in fault
-
-
-@pytest.mark.parametrize("text", ["5%", "0.05", "5 %", "'5%'", "5e-2"])
-def test_damping_may_be_single_ratio(text: str) -> None:
-    assert load(f"{THREE}damping: {text}").damping == RayleighRatio((0.05, 0.05), (1, 3))
 
 
 @pytest.mark.parametrize(("stories", "modes"), [(2, (1, 2)), (7, (1, 3))])
@@ -94,13 +89,6 @@ def test_ratios_may_be_percentages() -> None:
     assert model.stories[0].law.parameters[1] == 0.03
     assert model.damping == ModalDamping((0.02, 0.03))
     assert model.collapse_drift == 0.08
-
-
-def test_output_units_are_read() -> None:
-    assert load(THREE).output_units == SI
-    us = OutputUnits(length="in", force="kip", acceleration="g")
-    assert load(f"{THREE}output_units: kip, in, g").output_units == us
-    assert load(f"{THREE}output_units: [kip, in, g]").output_units == us
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -183,19 +171,6 @@ def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> No
     model = load(f"units: {{length: {units}, mass: kip*s^2/in}}\n{stories}")
     assert model.stories[0].mass == pytest.approx(0.25 * 4448.2216152605 / 0.0254)
     load(f"units: {{length: {units}}}\nstories: [{{weight: 200, stiffness: 1000}}]")
-
-
-@pytest.mark.parametrize(
-    ("report", "lines"),
-    [
-        ("{checked by: }", (("checked by", ""),)),
-        ("{checked by: , Project: 7}", (("checked by", ""), ("Project", "7"))),
-        ("'checked by: ; Project: Bridge 7'", (("checked by", ""), ("Project", "Bridge 7"))),
-    ],
-)
-def test_lines_of_a_report_may_be_empty(report: str, lines: tuple[tuple[str, str], ...]) -> None:
-    """A line without text is completed by hand."""
-    assert load(f"{THREE}report: {report}").page_head == lines
 
 
 @pytest.mark.parametrize("report", ["{}", "no name", "': text'", "{a: [1]}", "{a: b, a: c}"])

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import tdint
 from facts import each_states, states
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
@@ -283,19 +282,6 @@ def test_all_invalid_rows_are_reported(tmp_path):
 def test_file_without_required_column_is_refused(tmp_path):
     with pytest.raises(ModelError, match="no column NumberOfStories; rename"):
         inventory(tmp_path, header="id,NumberOfStorys,YearBuilt,StructureType,PlanArea")
-
-
-def test_area_in_square_feet_gives_same_building(tmp_path):
-    buildings = []
-    for units, length in (("m", 1.0), ("ft", 0.3048)):
-        file = tmp_path / f"{units}.csv"
-        file.write_text(f"{HEADER}\nb,3,1990,C1,{600.0 / length**2!r}\n")
-        buildings += [derived.building for derived in tdint.inventory(str(file), units=units)]
-    assert buildings[0].mass == pytest.approx(3 * [600.0e3], rel=1e-12)
-    assert buildings[1].mass == pytest.approx(buildings[0].mass, rel=1e-12)
-    assert buildings[1].stiffness == pytest.approx(buildings[0].stiffness, rel=1e-12)
-    with pytest.raises(UsageError, match="length 'yd'; known: m,"):
-        tdint.inventory(str(file), units="yd")
 
 
 def test_scatter_is_sampled_by_building_id(tmp_path):

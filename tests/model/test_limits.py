@@ -109,12 +109,6 @@ def test_story_means_are_compared_and_maximum_ratio_governs():
     assert (check.largest, check.largest_story, check.motion) == (0.025, 1, "first")
 
 
-def test_demand_equal_to_limit_is_met():
-    peaks = {"peak_drift_ratio": np.array([[0.5, 0.02]])}
-    (check,) = check_limits([Limit("", "drift_ratio", (NAN, 0.02))], peaks, np.ones(2), ["a"])
-    assert check.within and check.story == 2 and check.largest == 0.02
-
-
 def test_residual_drift_ratio_is_absolute_drift_over_height():
     peaks = {"residual_drift": np.array([[-0.07, 0.02]])}
     limit = Limit("", "residual_drift_ratio", (0.01, 0.01))
@@ -206,14 +200,6 @@ def test_limit_check_of_many_runs_uses_story_means():
     assert (many.demand, many.story, many.within) == (alone.demand, alone.story, alone.within)
 
 
-def test_records_with_individual_factors_are_one_suite():
-    model, records = frame("{modal: 5%}"), [sine(1.0, 9.0), sine(2.0, 30.0)]
-    runs = tdint.run_many(model, records, scales=[0.5, 3.0], zip_records=True)
-    ((level, (check,)),) = runs.limit_checks(0.01).items()
-    assert level == ("frame", "level 1")
-    assert check.demand == runs.stories.peak_drift_ratio.mean(axis=0).max()
-
-
 def test_failed_or_collapsed_run_meets_no_limit():
     text = FRAME % "{modal: 5%}" + "collapse_drift: 0.1%\n"
     model = tdint.load_model(io.StringIO(text))
@@ -221,12 +207,6 @@ def test_failed_or_collapsed_run_meets_no_limit():
     assert set(runs.status) == {"done", "collapsed"}
     ((check,),) = runs.limit_checks(0.5).values()
     assert check.demand < 0.5 and not check.within
-
-
-def test_varied_parameters_are_separate_suites():
-    runs = tdint.run_many(frame("{modal: 5%}"), [sine(1.0, 9.0)], vary={"mass_factor": [1.0, 1.5]})
-    checks = runs.limit_checks(0.01)
-    assert [level for _, level in checks] == ["scale 1, mass_factor 1", "scale 1, mass_factor 1.5"]
 
 
 def test_undamped_building_under_ground_motion_causes_warning():

@@ -50,14 +50,6 @@ def test_columns_of_floors_have_factors_and_share_a_table(load):
     assert model.excitation.table_end == 2.5
 
 
-def test_short_form_and_default_column(load):
-    (named,) = load("[{floor: 2, file: blast.csv, column: Side}]").excitation.tables
-    assert named.values.tolist() == [1e3, 2e3, 3e3, 4e3]
-    only = "t,p\n0,1\n1,2\n"
-    (single,) = load("[{floor: 2, file: blast.csv}]", only).excitation.tables
-    assert (single.floor, single.values.tolist()) == (2, [1e3, 2e3])
-
-
 @pytest.mark.parametrize(
     ("column", "newtons"),
     [("f_N", 1.0), ("f_kN", 1e3), ("f_kn", 1e3), ("f_MN", 1e6), ("f_lbf", 4.4482216152605),

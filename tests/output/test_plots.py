@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from tdint.analysis.assessment.order import order
@@ -26,7 +25,7 @@ from tdint.output.figures.spectrum_curves import (
     draw_tripartite,
     spectrum_picture,
 )
-from tdint.output.figures.style import picture, titled
+from tdint.output.figures.style import picture
 from tdint.units import parse_output_units
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
@@ -121,19 +120,6 @@ def test_figure_of_run_shows_forces_on_floors(record):
     ]  # fmt: skip
     # The force on floor 3 jumps at 0 s, and ends after the run.
     assert lines["floor 3"] == [[0, 0], [0, 0], [0, -1], [1, -1], [1, 0], [1, 0]]
-
-
-def test_a_title_is_not_wider_than_its_figure():
-    """A long title with record names is wrapped and remains complete."""
-    figure = Figure(figsize=(7.2, 3.0))
-    content = (
-        "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4, 5 % damping of Sa"
-    )
-    titled(figure, f"imk\n{content}")
-    assert figure.get_suptitle().split() == ["imk", *content.split()]
-    figure.draw_without_rendering()
-    box = figure._suptitle.get_window_extent()
-    assert box.x0 > 0.0 and box.x1 < figure.bbox.width
 
 
 @pytest.mark.parametrize(

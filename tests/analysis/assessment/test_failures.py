@@ -16,7 +16,6 @@ from selection import every
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import (
     attempt,
-    find_problems,
     hardening_motion,
     problems,
     soft_node_motion,
@@ -261,13 +260,6 @@ def test_overshoot_from_displacement_and_velocity():
 # ---- Outcomes
 
 
-def test_linear_method_is_refused_for_nonlinear_problem():
-    refused = attempt(parse("exact"), problems()["hardening"])
-    assert {(result.outcome, result.verdict, result.steps) for result in refused} == {
-        ("refused", "refused", 0)
-    }
-
-
 @pytest.mark.parametrize("name", problems())
 def test_every_trial_has_verdict_and_numbers(name):
     for integrator in usual_methods():
@@ -280,11 +272,3 @@ def test_every_trial_has_verdict_and_numbers(name):
                 assert all(map(math.isfinite, numbers))
                 assert result.outcome in ("done", "diverged", "unstable-step")
                 assert result.steps == dict(problems()[name].steps)[result.dt]
-
-
-def test_problems_are_found_by_name():
-    assert [problem.name for problem in find_problems(["sqrt-12", "softening", "sqrt-12"])] == [
-        "sqrt-12",
-        "softening",
-    ]
-    assert find_problems([]) == list(problems().values())

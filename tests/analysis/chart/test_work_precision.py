@@ -25,7 +25,6 @@ from tdint.analysis.chart.work_precision import (
     CHOOSING,
     Point,
     Timing,
-    alternative,
     chart,
     cheapest,
     default_steps,
@@ -77,12 +76,6 @@ def test_relative_error_of_scaled_motion_is_its_excess(part):
     true = motion(np.random.default_rng(3).normal(size=(20, 4)))
     wrong = motion((1.0 + part) * true.displacement)
     assert list(vars(errors(wrong, true)).values()) == pytest.approx([abs(part)] * 5, abs=1e-14)
-
-
-def test_motion_with_stride_is_compared_at_its_samples():
-    true = motion(np.random.default_rng(3).normal(size=(20, 4)))
-    thin = replace(motion(true.displacement[::3], stride=3), peak_drift=true.peak_drift)
-    assert errors(thin, true) == Errors(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_peaks_below_a_thousandth_of_maximum_are_ignored():
@@ -239,38 +232,6 @@ def test_unwritable_cache_is_ignored(cache, monkeypatch, tmp_path):
 # ---- the chart
 
 
-def test_points_of_chart():
-    problem = pose(ten_linear(), noise(samples=201))
-    chart = measure(
-        problem,
-        integrators("central-difference", "exact"),
-        [0.01, 0.08, 0.02],
-        repeats=3,
-        cached=False,
-    )
-    steps = ((0.08, 25), (0.02, 100), (0.01, 200))
-    expected = [(name, *step) for name in ("central-difference", "exact") for step in steps]
-    assert [(point.line, point.dt, point.steps) for point in chart.points] == expected
-    unstable, *others = chart.points
-    assert (unstable.outcome, unstable.errors, unstable.iterations, unstable.times) == (
-        "unstable-step",
-        None,
-        None,
-        (),
-    )
-    assert math.isnan(unstable.time)
-    assert math.isnan(unstable.fastest)
-    for point in others:
-        assert (point.outcome, len(point.times)) == ("done", 3)
-        assert 0.0 < point.fastest <= point.time
-    exact = chart.points[-1]
-    assert exact.errors.displacement < 1e-11
-    assert (chart.usual.line, chart.usual.dt) == ("newmark-average", 0.01)
-    assert chart.usual.errors.displacement > 1e-4
-    assert (chart.reference.method, chart.reference.gap.worst < 1e-8) == ("exact", True)
-    assert all(point.line != "newmark-average" for point in chart.points)
-
-
 def test_errors_of_chart_agree_with_run():
     building, record = ten_linear(), noise(samples=201)
     chart = measure(
@@ -318,27 +279,6 @@ def point(line, dt, time, error):
     return Point(
         line, dt, 1, "done" if found else "unstable-step", 1, found, (time, 2.0 * time), line=line
     )
-
-
-def test_recommended_and_alternative_points():
-    points = [
-        point("lucky", 0.04, 1.0, 0.005),  # cheap and good, but the next smaller step is not
-        point("lucky", 0.02, 2.0, 0.5),
-        point("lucky", 0.01, 4.0, 0.004),
-        point("good", 0.04, 2.5, None),
-        point("good", 0.02, 3.05, 0.009),
-        point("good", 0.01, 6.0, 0.0001),
-        point("alike", 0.02, 3.0, 0.0095),
-    ]
-    assert cheapest(points, "drift", 0.6) == points[0]
-    assert cheapest(points, "drift", 0.01) == points[4]
-    assert cheapest(points, "drift", 0.001) == points[5]
-    assert cheapest(points, "drift", 1e-5) is None
-    # An alternative meets the tolerance with its smaller steps, and is never cheaper: `alike` is.
-    assert alternative(points, "drift", 0.01, points[4]) == points[2]
-    assert alternative(points, "drift", 0.6, points[0]) == points[6]
-    assert alternative(points, "drift", 0.001, points[5]) is None
-    assert alternative(points[3:6], "drift", 0.01, points[4]) is None
 
 
 @pytest.mark.parametrize(("verdicts", "turns"), [("aaaaaaaa", 2), ("abbbbbbb", 3), ("abababab", 8)])

@@ -7,19 +7,14 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
-from building_cases import Force, model, noise, story, ten_bilinear, ten_linear
-from tdint import prepare, run, run_case, spectrum
+from building_cases import Force, model, noise, ten_bilinear, ten_linear
+from tdint import prepare, run, run_case
 from tdint.analysis.run import compiled_steps, prepared
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.static import cyclic_test
 from tdint.analysis.time_steps import Steps
-from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
-from tdint.kernels.building.compilable import Variant
-from tdint.methods.catalogue import catalogue, parse
+from tdint.errors import ModelError, ModelFault, UsageError
+from tdint.methods.catalogue import parse
 from tdint.model import modes
-from tdint.model.definition import ModalDamping
-from tdint.units import parse_drift
 
 SCALES = np.linspace(0.02, 2.0, 100)
 
@@ -53,11 +48,6 @@ def test_scaled_cases_share_matrices_and_modes(counted):
     np.testing.assert_allclose(peaks, expected, rtol=1e-11, atol=1e-14 * np.max(peaks))
 
 
-def test_unconditionally_stable_method_needs_no_modes(counted):
-    run_case(prepare(ten_bilinear(None), noise(samples=11), method="newmark-average"), dt=0.01)
-    assert counted == {"assemble": 1, "solve_modes": 0, "find_instability": 0}
-
-
 def test_forces_are_not_scaled_with_ground_motion():
     forced = model(ten_linear().stories, forces=[Force(10, 1e5, 0.0, 3.0)])
     case = prepare(forced, noise(samples=11), method="newmark-average")
@@ -81,22 +71,6 @@ def test_read_only_samples_of_a_batch_are_named():
 def test_scaling_requires_ground_motion():
     with pytest.raises(UsageError, match="no ground motion to scale"):
         prepare(ten_linear(), method="impulse4").scaled(2.0)
-
-
-def test_coefficients_are_cached_for_at_most_four_steps():
-    building = prepared.PreparedBuilding.of(ten_linear())
-    exact = parse("exact")
-    first = building.coefficients(exact, 0.01)
-    assert building.coefficients(exact, 0.01) is first
-    for j in range(2, 8):
-        building.coefficients(exact, 0.01 / j)
-    assert len(building._coefficients) <= 4
-    np.testing.assert_array_equal(building.coefficients(exact, 0.01), first)
-
-
-def test_linear_method_refuses_nonlinear_building():
-    with pytest.raises(AnalysisError, match="supports only linear buildings"):
-        prepared.PreparedBuilding.of(ten_bilinear()).integrate(parse("exact"), Steps(0.01, 5))
 
 
 # ---- Pickled inputs and results
@@ -125,16 +99,6 @@ def travelled(thing):
     return pickle.loads(pickle.dumps(thing))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [*catalogue(), "newmark:beta=1/6:gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"],
-)
-def test_integrators_are_picklable(text):
-    integrator = parse(text)
-    assert travelled(integrator) == integrator
-    assert travelled(integrator).family.step is integrator.family.step
-
-
 def test_cases_and_responses_are_picklable():
     case = prepare(ten_bilinear(), noise(samples=51), method="impulse4")
     here = run_case(case, history=True, check=True)
@@ -142,13 +106,6 @@ def test_cases_and_responses_are_picklable():
     assert same(case.prepared, travelled(case).prepared)
     assert same(replace(travelled(here), solver_time=0.0), replace(there, solver_time=0.0))
     assert same(travelled(here), here)
-
-
-def test_spectra_and_cyclic_tests_are_picklable():
-    result = spectrum(noise(samples=51), np.array([0.5, 1.0]))
-    assert same(travelled(result), result)
-    test = cyclic_test(ten_bilinear(), 1, [parse_drift("1%")])
-    assert same(travelled(test), test)
 
 
 def test_exceptions_are_picklable():
@@ -206,28 +163,3 @@ def test_collapse_time_is_first_step_beyond_collapse_drift():
     )
     assert np.max(before) <= 0.004 < np.max(then)
     assert found.story == int(np.argmax(then)) + 1
-
-
-def test_compiled_variant_follows_from_building():
-    plain = PreparedBuilding.of(ten_bilinear()).variant
-    assert plain == Variant(
-        ("linear", "bilinear"),
-        modal=False,
-        forces=False,
-        dashpots=False,
-        elements=False,
-        braces=False,
-        tangent_damping=False,
-    )
-    forced = PreparedBuilding.of(
-        model([story(2e5, 3e8)], forces=[Force(1, 1e3, 0.0, 5.0)], damping=ModalDamping((0.05,)))
-    )
-    assert forced.variant == Variant(
-        ("linear",),
-        modal=True,
-        forces=True,
-        dashpots=False,
-        elements=False,
-        braces=False,
-        tangent_damping=False,
-    )

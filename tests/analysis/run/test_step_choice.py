@@ -11,7 +11,7 @@ from step_checks import broken
 from tdint import prepare, run
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.step_choice import _Search, choose_step, step_within
+from tdint.analysis.run.step_choice import _Search, step_within
 from tdint.errors import UsageError
 
 DT = 0.01
@@ -177,12 +177,3 @@ def test_tolerance_must_be_between_0_and_1(tolerance):
         match=r"tolerance .* (0 and 1|nan)",
     ):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=tolerance)
-
-
-def test_choose_step_counts_all_runs():
-    """A campaign calls this function for each building. The number of runs includes the runs that
-    estimate errors."""
-    response = choose_step(prepare(ten_linear(), noise(), method="newmark-average"), 0.5)
-    assert response.dt == 4 * DT and response.check.step_choice.runs == 2
-    response = choose_step(prepare(ten_bilinear(), noise(), method="impulse4"), 1e-4)
-    assert response.check.step_choice.runs == 3 and response.dt == DT / 2  # 2, 1 and 1/2 samples

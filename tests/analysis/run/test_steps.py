@@ -5,12 +5,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
+from building_cases import Force, Law, model, oscillator, story, ten_linear
 from tdint import run
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.errors import UsageError
-from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 
 
@@ -50,15 +50,6 @@ def test_run_without_record_requires_step_and_duration():
     with pytest.raises(UsageError, match="the duration is required"):
         choose_steps(0.1, None, None, 0.0)
     assert choose_steps(0.1, 1.0, None, 0.0) == Steps(0.1, 10)
-
-
-def test_default_method_is_noted():
-    response = run(ten_linear(), noise())
-    assert response.method == run(ten_linear(), noise(), method=DEFAULT_METHOD).method
-    assert response.notes[0] == f"no method specified; using {DEFAULT_METHOD}"
-    assert not any(
-        "no method" in note for note in run(ten_linear(), noise(), method="impulse4").notes
-    )
 
 
 @pytest.mark.parametrize(

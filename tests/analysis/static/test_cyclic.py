@@ -10,7 +10,7 @@ from facts import states
 from law_examples import example
 from tdint.analysis import static as cyclic
 from tdint.analysis.run.run import run
-from tdint.analysis.static import cyclic_path, cyclic_test, follow_path, path_test
+from tdint.analysis.static import cyclic_test, follow_path, path_test
 from tdint.errors import UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law
@@ -98,47 +98,6 @@ def test_run_follows_same_law_as_cyclic_test(name):
 # ---- the test
 
 
-def test_points_and_cycles_of_path():
-    expected = [
-        0,
-        1,
-        2,
-        1,
-        0,
-        -1,
-        -2,
-        -1,
-        0,
-        1,
-        2,
-        1,
-        0,
-        -1,
-        -2,
-        -1,
-        0,
-        3,
-        6,
-        3,
-        0,
-        -3,
-        -6,
-        -3,
-        0,
-        3,
-        6,
-        3,
-        0,
-        -3,
-        -6,
-    ]
-    assert cyclic_path([2.0, 6.0], 2, 2).tolist() == [*expected, -3, 0]
-    test = imposed(Law("linear", ()), "2mm", "6mm", cycles=2, points=2)
-    assert test.cycle_numbers.tolist() == [0, *(cycle for cycle in (1, 2, 3, 4) for _ in range(8))]
-    assert [cycle.number for cycle in test.cycles] == [1, 2, 3, 4]
-    assert [cycle.amplitude for cycle in test.cycles] == [0.002, 0.002, 0.006, 0.006]
-
-
 @pytest.mark.parametrize(
     ("coefficients", "shears", "secant", "ratio"),
     [((2.0, 1.0), (3.0, -1.0), 2.0, 0.0), ((1.0, 0.0, -2.0), (-1.0, 1.0), -1.0, math.nan)],
@@ -208,11 +167,6 @@ def test_invalid_drifts_are_refused(text, message):
         parse_drift(text)
     assert str(caught.value).startswith(f"drift {text!r}: ")
     assert states(str(caught.value), message)
-
-
-def test_story_numbers_start_at_1():
-    with pytest.raises(UsageError, match=r"story 0 not found: .* 1 story"):
-        cyclic_test(one_story(Law("linear", ())), 0, [parse_drift("1%")])
 
 
 def test_cyclic_test_of_story_is_independent_of_other_stories():
