@@ -157,7 +157,7 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.output.plotting import plot as plot
     from tdint.output.tables.spectra import RecordInfo as RecordInfo
     from tdint.output.tables.spectra import record_info as record_info
-    from tdint.output.tables.to_dict import to_dict as to_dict
+    from tdint.output.to_dict import to_dict as to_dict
     from tdint.tabular import ResultList as ResultList
     from tdint.validation import ValidationResult as ValidationResult
     from tdint.validation import validate as validate
@@ -168,7 +168,7 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
 
 # The modules that define results must not import the output layer, because the output layer imports
 # them. This module is above both layers, and gives the results their table and figure functions.
-Tabular.tables = lambda: import_module("tdint.output.tables.to_dict")
+Tabular.tables = lambda: import_module("tdint.output.to_dict")
 Tabular.figures = lambda: import_module("tdint.output.plotting")
 
 _DEFINED_AS = {"check": "overview", "methods": "list_methods"}

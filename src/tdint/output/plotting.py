@@ -2,60 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-import numpy as np
-
-from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.output.figures import (
-    assessment,
-    collapse,
-    comparison,
-    failure_matrix,
-    many_runs,
-    mode_shapes,
-    runs,
-    spectrum_curves,
-    suites,
-)
 from tdint.output.figures.style import picture, style_context
+from tdint.output.presentations import PRESENTATIONS, Presentation
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
-from tdint.output.tables.spectra import RecordInfo, record_info
 from tdint.tabular import ResultList
-from tdint.units import SI, OutputUnits, parse_output_units
+from tdint.units import SI, parse_output_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_Results = Sequence[Any]
-_PERIODS = (0.04, 4.0, 100)
-"""Range (s) and number of periods of spectra in comparisons with recordings."""
-
-
-@dataclass(frozen=True)
-class _Drawing:
-    """Functions that plot results of a type.
-
-    Attributes
-    ----------
-    picture : callable
-        Returns a figure of the results in given units.
-    on_axes : callable | None
-        Plots the main panel on existing axes; None for results without a main panel.
-    alone : bool
-        True if a figure shows a single result. The functions then receive this result instead of a
-        sequence of results.
-    """
-
-    picture: Callable[[Any, OutputUnits], Figure]
-    on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
-    alone: bool = False
 
 
 @overload
@@ -130,6 +91,8 @@ def plot(
     """
     results = list(result) if isinstance(result, list | tuple | ResultList) else [result]
     drawing = _drawing_of(results)
+    make_figure = drawing.picture
+    assert make_figure is not None
     shown = results[0] if drawing.alone else results
     output_units = parse_output_units(units) if units else SI
     width_m = figure_width(width, "plot:") if isinstance(width, str) else width
@@ -158,7 +121,7 @@ def plot(
         path = Path(file) if file is not None else None
         # The same figure is written to the file and returned, because drawing it needs time.
         suffix = path.suffix if path else ".png"
-        writer = picture(suffix, lambda: drawing.picture(shown, output_units))
+        writer = picture(suffix, lambda: make_figure(shown, output_units))
         figure = writer.figure()
         if path is not None:
             write_files({path: lambda stream: writer.save(figure, stream)}, overwrite=True)
@@ -167,7 +130,7 @@ def plot(
     return figure
 
 
-def _drawing_of(results: _Results) -> _Drawing:
+def _drawing_of(results: Sequence[Any]) -> Presentation:
     """Return the functions that plot results, by the class of the results. UsageError is raised if
     there are no results, their types differ, their type has no figure, or a figure of their type
     shows only a single result.
@@ -178,10 +141,11 @@ def _drawing_of(results: _Results) -> _Drawing:
     names = " and ".join(sorted(result_type.__name__ for result_type in types))
     if len(types) > 1:
         raise UsageError(f"plot: {names} cannot share a figure; plot each type separately")
-    drawing = _DRAWINGS.get(names)
-    if drawing is None:
+    drawing = PRESENTATIONS.get(names)
+    if drawing is None or drawing.picture is None:
+        available = [name for name, known in PRESENTATIONS.items() if known.picture]
         raise UsageError(
-            f"plot: no figure is available for {names}; available for {', '.join(_DRAWINGS)}"
+            f"plot: no figure is available for {names}; available for {', '.join(available)}"
         )
     if len(results) > 1 and drawing.alone:
         raise UsageError(
@@ -189,86 +153,3 @@ def _drawing_of(results: _Results) -> _Drawing:
             "result separately"
         )
     return drawing
-
-
-def _compare(results: _Results, units: OutputUnits) -> Figure:
-    """Return the figure of comparisons of computed with recorded responses of a building."""
-    shortest, longest, count = _PERIODS
-    # Periods below two sampling intervals are omitted, because there a spectrum depends on the
-    # interpolation between samples.
-    shortest = max(shortest, 2.0 * results[0].event.base.dt)
-    periods = np.geomspace(shortest, longest, count)
-    return comparison.comparison_picture(results, periods, SA_DAMPING, units)
-
-
-def _info(results: _Results) -> list[RecordInfo]:
-    """Return the properties of records; results that already are properties are unchanged."""
-    return [result if isinstance(result, RecordInfo) else record_info(result) for result in results]
-
-
-_INFO = _Drawing(
-    lambda results, units: comparison.info_picture(_info(results), units),
-    lambda ax, results, units: comparison.draw_acceleration(ax, _info(results)[0].record, units),
-)
-_DRAWINGS: dict[str, _Drawing] = {
-    "Chart": _Drawing(
-        lambda result, _: assessment.chart_picture(
-            result, name="Work-precision diagram", target="peak-drift"
-        ),
-        alone=True,
-    ),
-    "Comparison": _Drawing(_compare),
-    "CyclicTest": _Drawing(comparison.cyclic_picture, comparison.draw_loop, alone=True),
-    "DriftSpectrum": _Drawing(spectrum_curves.drift_spectrum_picture),
-    "FieldChart": _Drawing(
-        lambda result, _: comparison.profile_picture(result, target="peak-drift"), alone=True
-    ),
-    "FloorSpectrum": _Drawing(suites.floor_picture),
-    "FourierSpectrum": _Drawing(comparison.fourier_picture, comparison.draw_fourier),
-    "Fragility": _Drawing(
-        lambda results, _: collapse.fragility_picture(results),
-        lambda ax, results, _: collapse.draw_functions(ax, results),
-    ),
-    "FragilityResult": _Drawing(
-        lambda result, _: collapse.fragility_picture(result.functions),
-        lambda ax, result, _: collapse.draw_functions(ax, result.functions),
-        alone=True,
-    ),
-    "Gradient": _Drawing(many_runs.gradient_picture, alone=True),
-    "IdaStudy": _Drawing(
-        lambda result, units: collapse.ida_picture(result.in_units(units)),
-        lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
-        alone=True,
-    ),
-    "InelasticSpectrum": _Drawing(spectrum_curves.inelastic_picture),
-    "Match": _Drawing(comparison.match_picture, comparison.draw_match, alone=True),
-    "ModalResponse": _Drawing(
-        mode_shapes.modal_response_picture, mode_shapes.draw_modal_drifts, alone=True
-    ),
-    "Modes": _Drawing(
-        lambda result, _: mode_shapes.mode_picture(result, name="Modes"),
-        lambda ax, result, _: mode_shapes.draw_modes(ax, result),
-        alone=True,
-    ),
-    "ObservedOrder": _Drawing(lambda results, _: assessment.order_picture(results)),
-    "Overshoot": _Drawing(lambda results, _: assessment.overshoot_picture(results)),
-    "Pushover": _Drawing(comparison.pushover_picture, comparison.draw_curve, alone=True),
-    "Record": _INFO,
-    "RecordInfo": _INFO,
-    "Response": _Drawing(runs.run_picture, runs.draw_drifts, alone=True),
-    "RotatedSpectrum": _Drawing(spectrum_curves.rotated_picture),
-    "Runs": _Drawing(many_runs.runs_picture, many_runs.draw_runs, alone=True),
-    "Scaling": _Drawing(collapse.suite_picture, collapse.draw_suite, alone=True),
-    "Spectrum": _Drawing(
-        lambda results, units: spectrum_curves.spectrum_picture(results, units=units),
-        spectrum_curves.draw_accelerations,
-    ),
-    "StabilityCurve": _Drawing(
-        lambda results, _: assessment.stability_picture(results),
-        lambda ax, results, _: assessment.draw_radius(ax, results),
-    ),
-    "ParameterEffect": _Drawing(runs.sensitivity_picture),
-    "TargetDisplacement": _Drawing(comparison.target_picture),
-    "Trial": _Drawing(lambda results, _: failure_matrix.failure_picture(results)),
-}
-"""Drawing functions by class name of the results, so that their modules need not be imported."""

@@ -106,7 +106,7 @@ _DT_OVER_T = Column(
     "dt_over_t", "1", "dt_over_t", "time step divided by the undamped period of the oscillator"
 )
 
-STABILITY = (
+STABILITY: tuple[Column, ...] = (
     METHOD_SPEC,
     DAMPING,
     _DT_OVER_T,
@@ -141,7 +141,7 @@ STABILITY = (
         "maximum modulus of the eigenvalues other than the principal pair",
     ),
 )
-OVERSHOOT = (
+OVERSHOOT: tuple[Column, ...] = (
     METHOD_SPEC,
     DAMPING,
     _DT_OVER_T,

@@ -118,7 +118,7 @@ MOTION = (
 )
 """Columns of ground motions after processing and scaling."""
 
-SAMPLES = (
+SAMPLES: tuple[Column, ...] = (
     Column(
         "time_s",
         "s",

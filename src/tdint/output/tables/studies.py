@@ -37,7 +37,7 @@ _PEAK = (
     ),
     Column("unit", "text", "quantity.unit", "unit of the quantity"),
 )
-PARAMETER_EFFECTS = (
+PARAMETER_EFFECTS: tuple[Column, ...] = (
     Column("building", "text", "building", "name of the building"),
     *_PEAK,
     Column("parameter", "text", "parameter", "parameter that is changed while others are constant"),

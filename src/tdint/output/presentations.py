@@ -1,0 +1,268 @@
+"""Registry of the results: class of a result -> its table, its figure and the main panel.
+
+`tdint.to_dict` and `tdint.plot` search a result here. A new class of results needs one entry.
+The keys are the names of classes, and modules of tables and figures are imported when they are
+used, so that this module does not load matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.analysis.spectra.elastic import SA_DAMPING
+from tdint.output import figures, tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tdint.output.tables.table import Column, Table
+    from tdint.units import OutputUnits
+
+
+_PERIODS = (0.04, 4.0, 100)
+"""Range (s) and number of periods of spectra in comparisons with recordings."""
+
+
+@dataclass(frozen=True)
+class Presentation:
+    """Table and figure of the results of a class.
+
+    Attributes
+    ----------
+    table : callable | None
+        Result -> its table, or its columns with their values; None if `rows` makes the table.
+    rows : callable | None
+        Results -> table with one row for each result.
+    picture : callable | None
+        (results, units) -> figure.
+    on_axes : callable | None
+        (axes, results, units). Plots the main panel on existing axes.
+    alone : bool
+        True if a figure shows a single result. `picture` and `on_axes` then receive this result
+        instead of a sequence of results.
+    """
+
+    table: Callable[[Any], Table | list[tuple[Column, Any]]] | None = None
+    rows: Callable[[Sequence[Any]], Table] | None = None
+    picture: Callable[[Any, OutputUnits], Figure] | None = None
+    on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
+    alone: bool = False
+
+
+def _columns(find: Callable[[], Sequence[Column]]) -> Callable[[Any], list[tuple[Column, Any]]]:
+    """Return the function `table` of a class with fixed columns, which `find` returns when they are
+    used."""
+    return lambda result: tables.values.column_values(find(), result)
+
+
+def _row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any]], Table]:
+    """Return the function `rows` of a class with fixed columns, which `find` returns."""
+    return lambda results: tables.table.Table.of_results(find(), results)
+
+
+def _record_columns(result: Any) -> list[tuple[Column, Any]]:
+    """Return the columns of a spectrum of a record, with their values."""
+    return tables.values.record_columns(result)
+
+
+def _infos(records: Sequence[Any]) -> list[Any]:
+    """Return the properties of records; results that already are properties are unchanged."""
+    return [
+        record
+        if isinstance(record, tables.spectra.RecordInfo)
+        else tables.spectra.record_info(record)
+        for record in records
+    ]
+
+
+def _comparison_picture(comparisons: Sequence[Any], units: OutputUnits) -> Figure:
+    """Return the figure of comparisons of computed with recorded responses of a building."""
+    shortest, longest, count = _PERIODS
+    # Periods below two sampling intervals are omitted, because there a spectrum depends on the
+    # interpolation between samples.
+    shortest = max(shortest, 2.0 * comparisons[0].event.base.dt)
+    periods = np.geomspace(shortest, longest, count)
+    return figures.comparison.comparison_picture(comparisons, periods, SA_DAMPING, units)
+
+
+def _info_picture(records: Sequence[Any], units: OutputUnits) -> Figure:
+    """Return the figure of records or of their properties."""
+    return figures.comparison.info_picture(_infos(records), units)
+
+
+def _draw_record(axes: Any, records: Sequence[Any], units: OutputUnits) -> None:
+    """Plot the acceleration of the first record."""
+    figures.comparison.draw_acceleration(axes, _infos(records)[0].record, units)
+
+
+PRESENTATIONS: dict[str, Presentation] = {
+    "CampaignRuns": Presentation(lambda result: tables.values.campaign_columns(result)),
+    "Chart": Presentation(
+        lambda result: tables.methods.chart_table(result),
+        picture=lambda result, _: figures.assessment.chart_picture(
+            result, name="Work-precision diagram", target="peak-drift"
+        ),
+        alone=True,
+    ),
+    "Comparison": Presentation(
+        lambda result: tables.buildings.comparison_table([result]),
+        picture=_comparison_picture,
+    ),
+    "CyclicTest": Presentation(
+        _columns(lambda: tables.buildings.CYCLIC),
+        picture=lambda result, units: figures.comparison.cyclic_picture(result, units),
+        on_axes=lambda ax, result, units: figures.comparison.draw_loop(ax, result, units),
+        alone=True,
+    ),
+    "DriftSpectrum": Presentation(
+        _record_columns,
+        picture=lambda results, units: figures.spectrum_curves.drift_spectrum_picture(
+            results, units
+        ),
+    ),
+    "ElementPeaks": Presentation(_columns(lambda: tables.responses.ELEMENT_COLUMNS)),
+    "ExampleRun": Presentation(rows=lambda results: tables.methods.example_table(results)),
+    "FieldChart": Presentation(
+        lambda result: tables.methods.profile_table(result),
+        picture=lambda result, _: figures.comparison.profile_picture(result, target="peak-drift"),
+        alone=True,
+    ),
+    "FloorSpectrum": Presentation(
+        lambda result: tables.values.floor_spectrum_columns(result),
+        picture=lambda results, units: figures.suites.floor_picture(results, units),
+    ),
+    "FourierSpectrum": Presentation(
+        _record_columns,
+        picture=lambda results, units: figures.comparison.fourier_picture(results, units),
+        on_axes=lambda ax, results, units: figures.comparison.draw_fourier(ax, results, units),
+    ),
+    "Fragility": Presentation(
+        rows=lambda results: tables.studies.fragility_table(results),
+        picture=lambda results, _: figures.collapse.fragility_picture(results),
+        on_axes=lambda ax, results, _: figures.collapse.draw_functions(ax, results),
+    ),
+    "FragilityResult": Presentation(
+        lambda result: tables.studies.fragility_table(result.functions),
+        picture=lambda result, _: figures.collapse.fragility_picture(result.functions),
+        on_axes=lambda ax, result, _: figures.collapse.draw_functions(ax, result.functions),
+        alone=True,
+    ),
+    "Gradient": Presentation(
+        lambda result: tables.values.column_values(
+            tables.responses.gradient_columns(result), result
+        ),
+        picture=lambda result, units: figures.many_runs.gradient_picture(result, units),
+        alone=True,
+    ),
+    "History": Presentation(lambda result: tables.values.history_columns(result)),
+    "IdaStudy": Presentation(
+        lambda result: tables.studies.ida_table(result),
+        picture=lambda result, units: figures.collapse.ida_picture(result.in_units(units)),
+        on_axes=lambda ax, result, units: figures.collapse.draw_ida(ax, result.in_units(units)),
+        alone=True,
+    ),
+    "InelasticSpectrum": Presentation(
+        _record_columns,
+        picture=lambda results, units: figures.spectrum_curves.inelastic_picture(results, units),
+    ),
+    "Integrator": Presentation(rows=lambda results: tables.methods.method_table(results)),
+    "InventoryBuilding": Presentation(rows=_row(lambda: tables.buildings.INVENTORY)),
+    "Match": Presentation(
+        lambda result: tables.spectra.match_table([result]),
+        picture=lambda result, units: figures.comparison.match_picture(result, units),
+        on_axes=lambda ax, result, units: figures.comparison.draw_match(ax, result, units),
+        alone=True,
+    ),
+    "ModalResponse": Presentation(
+        _columns(lambda: tables.buildings.MODAL_RESPONSE),
+        picture=lambda result, units: figures.mode_shapes.modal_response_picture(result, units),
+        on_axes=lambda ax, result, units: figures.mode_shapes.draw_modal_drifts(ax, result, units),
+        alone=True,
+    ),
+    "Modes": Presentation(
+        lambda result: tables.values.mode_columns(result),
+        picture=lambda result, _: figures.mode_shapes.mode_picture(result, name="Modes"),
+        on_axes=lambda ax, result, _: figures.mode_shapes.draw_modes(ax, result),
+        alone=True,
+    ),
+    "ObservedOrder": Presentation(
+        lambda result: tables.methods.order_table([result]),
+        picture=lambda results, _: figures.assessment.order_picture(results),
+    ),
+    "Overshoot": Presentation(
+        _columns(lambda: tables.methods.OVERSHOOT),
+        picture=lambda results, _: figures.assessment.overshoot_picture(results),
+    ),
+    "Overview": Presentation(rows=_row(lambda: tables.buildings.OVERVIEW)),
+    "Pushover": Presentation(
+        lambda result: tables.values.column_values(
+            tables.buildings.pushover(result.drift.shape[1]), result
+        ),
+        picture=lambda result, units: figures.comparison.pushover_picture(result, units),
+        on_axes=lambda ax, result, units: figures.comparison.draw_curve(ax, result, units),
+        alone=True,
+    ),
+    "Record": Presentation(
+        _columns(lambda: tables.spectra.SAMPLES), picture=_info_picture, on_axes=_draw_record
+    ),
+    "RecordInfo": Presentation(
+        rows=lambda results: tables.spectra.info_table(results),
+        picture=_info_picture,
+        on_axes=_draw_record,
+    ),
+    "Response": Presentation(
+        lambda result: tables.responses.response_table(result),
+        picture=lambda result, units: figures.runs.run_picture(result, units),
+        on_axes=lambda ax, result, units: figures.runs.draw_drifts(ax, result, units),
+        alone=True,
+    ),
+    "RotatedSpectrum": Presentation(
+        lambda result: tables.values.rotated_columns(result),
+        picture=lambda results, units: figures.spectrum_curves.rotated_picture(results, units),
+    ),
+    "Runs": Presentation(
+        lambda result: tables.values.runs_columns(result),
+        picture=lambda result, units: figures.many_runs.runs_picture(result, units),
+        on_axes=lambda ax, result, units: figures.many_runs.draw_runs(ax, result, units),
+        alone=True,
+    ),
+    "Scaling": Presentation(
+        lambda result: tables.studies.factor_table(result),
+        picture=lambda result, units: figures.collapse.suite_picture(result, units),
+        on_axes=lambda ax, result, units: figures.collapse.draw_suite(ax, result, units),
+        alone=True,
+    ),
+    "Spectrum": Presentation(
+        _record_columns,
+        picture=lambda results, units: figures.spectrum_curves.spectrum_picture(
+            results, units=units
+        ),
+        on_axes=lambda ax, results, units: figures.spectrum_curves.draw_accelerations(
+            ax, results, units
+        ),
+    ),
+    "StabilityCurve": Presentation(
+        _columns(lambda: tables.methods.STABILITY),
+        picture=lambda results, _: figures.assessment.stability_picture(results),
+        on_axes=lambda ax, results, _: figures.assessment.draw_radius(ax, results),
+    ),
+    "StoryPeaks": Presentation(_columns(lambda: tables.responses.STORY_COLUMNS)),
+    "ParameterEffect": Presentation(
+        rows=_row(lambda: tables.studies.PARAMETER_EFFECTS),
+        picture=lambda results, units: figures.runs.sensitivity_picture(results, units),
+    ),
+    "TargetDisplacement": Presentation(
+        _columns(lambda: tables.buildings.TARGET_DISPLACEMENT),
+        picture=lambda results, units: figures.comparison.target_picture(results, units),
+    ),
+    "Trial": Presentation(
+        rows=lambda results: tables.methods.failure_table(results),
+        picture=lambda results, _: figures.failure_matrix.failure_picture(results),
+    ),
+    "ValidationResult": Presentation(rows=lambda results: tables.methods.validation_table(results)),
+}
+"""Presentations by the class name of the results. Messages list them in this order."""

@@ -1,0 +1,122 @@
+"""Columns of a single result with their values, for classes whose table is defined nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
+from tdint.analysis.run.outcome import History
+from tdint.output.tables import buildings, campaign, responses, spectra
+from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, columns_of
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.many_results import Runs
+
+Values = list[tuple[Column, Any]]
+
+RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
+"""Columns of runs.csv by their attributes."""
+
+
+def column_values(columns: Sequence[Column], result: Any) -> Values:
+    """Return a list of tuples: a column, and the value of the column for the result."""
+    return [(column, column.of(result)) for column in columns]
+
+
+def record_columns(result: Any) -> Values:
+    """Return the columns that the class of a result declares, with their values, after the file and
+    the component of its record."""
+    return column_values((*RECORD_COLUMNS, *columns_of(type(result))), result)
+
+
+def campaign_columns(result: Any) -> Values:
+    """Return the columns of runs.csv, the table of the runs of a campaign, with their cells."""
+    with result.store as store:
+        return campaign.runs_table(store).by_column()
+
+
+def runs_columns(result: Runs) -> Values:
+    """Return the columns of the results of `run_many`, with one row per run; they have the names of
+    the columns of runs.csv of a campaign."""
+    demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
+    # Arrays have space for the tallest building; the values above a lower building are nan.
+    for number in range(len(result.models)):
+        runs, stories = result.select_building(number)
+        for name, values in demand_columns(stories).items():
+            demands[name][runs] = values
+    # `model` and `record` contain the index of the building and of the record of each run.
+    buildings = np.array([model.name for model in result.models])[result.model]
+    sources = np.array([record.source for record in result.records])[result.record]
+    components = np.array([record.component for record in result.records])[result.record]
+    methods_of_runs = np.array(result.methods)[result.model]
+    return [
+        (RUNS_COLUMNS["building"], buildings),
+        (RUNS_COLUMNS["record"], sources),
+        (RUNS_COLUMNS["component"], components),
+        (RUNS_COLUMNS["method"], methods_of_runs),
+        *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
+        *(
+            (RUNS_COLUMNS[name], getattr(result, name))
+            for name in ("scale", "dt", "status", "energy_error", "steps")
+        ),
+        *((RUNS_COLUMNS[name], values) for name, values in demands.items()),
+        *_demand_errors(result),
+    ]
+
+
+def _demand_errors(result: Runs) -> Values:
+    """Return the columns of the estimated errors of the peak responses of `run_many`, with one row
+    per run; an empty list if errors were not estimated."""
+    if result.errors is None:
+        return []
+    rows = []
+    for run, model in enumerate(result.model.tolist()):
+        story_count = len(result.models[model].stories)
+        peaks = _values_of_run(result.stories, run, story_count)
+        errors = _values_of_run(result.errors, run, story_count)
+        rows.append(demand_errors(peaks, errors))
+    return list(zip(campaign.RUN_ERRORS, np.array(rows).T, strict=True))
+
+
+def _values_of_run(values: Any, run: int, story_count: int) -> Any:
+    """Return the peak responses, or their errors, of one of many runs."""
+    return type(values)(
+        **{field.name: getattr(values, field.name)[run, :story_count] for field in fields(values)}
+    )
+
+
+def mode_columns(result: Any) -> Values:
+    """Return the columns, with their values, of the modes of a building."""
+    ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
+    return column_values(
+        (*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result
+    )
+
+
+def history_columns(result: History) -> Values:
+    """Return the columns of a response history with their values, as in the CSV file."""
+    stories, has_error = result.displacement.shape[1], result.error is not None
+    values: list[Any] = []
+    labels = result.element_labels
+    for location, columns in responses.history_groups(has_error, bool(labels)):
+        arrays = [column.of(result) for column in columns]
+        if location:  # a column for each floor or story, in the order of the CSV file
+            count = len(labels) if location == "element" else stories
+            values += [array[:, i] for i in range(count) for array in arrays]
+        else:
+            values += arrays
+    return list(zip(responses.history_columns(stories, has_error, labels), values, strict=True))
+
+
+def floor_spectrum_columns(result: Any) -> Values:
+    """Return the columns of the spectrum of a floor, with their values."""
+    return column_values([FLOOR], result) + column_values(spectra.SPECTRUM, result.spectrum)
+
+
+def rotated_columns(result: Any) -> Values:
+    """Return the columns of the spectrum of rotated components, with their values."""
+    return column_values((*spectra.MOTION_COLUMNS, *spectra.rotated(result.percentiles)), result)
