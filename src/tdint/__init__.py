@@ -72,6 +72,9 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.matching import Match as Match
     from tdint.analysis.matching import match as match
     from tdint.analysis.matching import match_suite as match_suite
+    from tdint.analysis.overview import Overview as Overview
+    from tdint.analysis.overview import modes as modes
+    from tdint.analysis.overview import overview
     from tdint.analysis.run.case import Case as Case
     from tdint.analysis.run.many_results import Runs as Runs
     from tdint.analysis.run.outcome import Collapse as Collapse
@@ -84,9 +87,6 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.run.outcome import Response as Response
     from tdint.analysis.run.outcome import StoryErrors as StoryErrors
     from tdint.analysis.run.outcome import StoryPeaks as StoryPeaks
-    from tdint.analysis.run.overview import Overview as Overview
-    from tdint.analysis.run.overview import modes as modes
-    from tdint.analysis.run.overview import overview
     from tdint.analysis.run.prepared import compile_model as compile_model
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
@@ -174,7 +174,7 @@ Tabular.figures = lambda: import_module("tdint.output.plotting")
 _DEFINED_AS = {"check": "overview", "methods": "list_methods"}
 """Public names that differ from the names in the modules that define them, with these names."""
 
-_RENAMED_HOMES = {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
+_RENAMED_HOMES = {"check": "tdint.analysis.overview", "methods": "tdint.methods.catalogue"}
 """Modules that define the functions of `_DEFINED_AS`."""
 
 _OLD_NAMES = {

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from scipy.special import ellipj, ellipk
 
+from tdint.analysis.overview import modes
 from tdint.analysis.run.outcome import History
-from tdint.analysis.run.overview import modes
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.static import cyclic_test

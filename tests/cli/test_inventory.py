@@ -170,7 +170,7 @@ def test_unusual_rows_are_questioned(folder, tdint):
 
 
 def test_check_reads_each_model_once(folder, tdint, monkeypatch):
-    from tdint.analysis.run import overview
+    from tdint.analysis import overview
 
     calls = []
     load = overview.load_with_checks

@@ -15,7 +15,7 @@ from tdint_cli.options.grammar import FileName, Mode, refuse_idle
 from tdint_cli.terminal import Failures, emit, note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.overview import Overview
+    from tdint.analysis.overview import Overview
     from tdint.units import OutputUnits
 
 _MODELS = Mode("with models", frozenset(("models", "output_units")))
@@ -89,7 +89,7 @@ def command(
             "no model file is specified; specify the file to check (tdint check MODEL.yaml), or "
             "write the schema of such files (tdint check --schema)"
         )
-    from tdint.analysis.run.overview import overview
+    from tdint.analysis.overview import overview
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import SI
