@@ -79,7 +79,7 @@ class ModelFault:
         return location + (f"{self.key}: {self.message}" if self.key else self.message)
 
 
-_MAX_LISTED_FAULTS = 100
+MAX_LISTED_FAULTS = 100
 """Maximum number of errors in the message of a file. A file of another type can have an error in
 each of its lines."""
 
@@ -100,7 +100,7 @@ class ModelError(TdintError):
         if isinstance(faults, str):
             super().__init__(faults)
             return
-        lines = list(map(str, self.faults[:_MAX_LISTED_FAULTS]))
+        lines = list(map(str, self.faults[:MAX_LISTED_FAULTS]))
         if omitted := len(self.faults) - len(lines):
             lines.append(
                 f"{self.faults[0].source}: {omitted} more errors, {len(self.faults)} in total"

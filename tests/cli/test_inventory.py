@@ -192,3 +192,28 @@ def test_errors_of_a_file_are_listed_up_to_a_number(folder, tdint):
     errors = tdint("check", "other.yaml", code=3).stderr.splitlines()
     assert len(errors) == 101 and "key99: unknown key" in errors[99]
     assert errors[100].endswith("other.yaml: 1900 more errors, 2000 in total")
+
+
+def test_a_file_with_very_many_keys_is_not_read_to_its_end(folder, tdint):
+    lines = "".join(f"key{number}: 1\n" for number in range(10_001))
+    (folder / "other.yaml").write_text(lines)
+    (line,) = tdint("check", "other.yaml", code=3).stderr.splitlines()
+    assert line.endswith(
+        "other.yaml:10001:1: more than 10000 keys in a mapping; this is not a model file"
+    )
+
+
+def test_check_asks_for_the_times_that_a_run_requires(folder, tdint):
+    forces = "[{floor: 1, amplitude: 1, omega: 3}]"
+    text = "stories: [{mass: 2.0e+5, stiffness: 3.0e+8, height: 3}]\nexcitation: {forces: %s}\n"
+    (folder / "m.yaml").write_text(text % forces)
+    warning = "`tdint run` requires --dt and --duration, or analysis.dt and analysis.duration in"
+    assert warning in tdint("check", "m.yaml", code=0).stderr
+    (folder / "m.yaml").write_text(text % "[{floor: 1, points: [[0, 0], [1, 5], [2, 0]]}]")
+    warning = "`tdint run` requires --duration, or analysis.duration in the model file"
+    assert warning in tdint("check", "m.yaml", code=0).stderr
+    tdint("run", "m.yaml", code=2)
+    with (folder / "m.yaml").open("a") as file:
+        file.write("analysis: {duration: 2}\n")
+    assert "requires --duration" not in tdint("check", "m.yaml", code=0).stderr
+    tdint("run", "m.yaml", "--no-check", code=0)

@@ -49,14 +49,14 @@ NOT_NUMBERS = [
     (".nan", "'.nan'; it must be finite"),
     ("-.inf", "'-.inf'; it must be finite"),
     ("Infinity", "'Infinity'; it must be finite"),
-    ("0x10", "'0x10'; write the number alone"),
-    ("5 kN", "'5 kN'; write the number alone"),
-    ("5%", "'5%'; write the number alone"),
-    ("1e", "'1e'; write the number alone"),
+    ("0x10", "'0x10'; write the number without a unit"),
+    ("5 kN", "'5 kN'; write the number without a unit"),
+    ("5%", "'5%'; write the number without a unit"),
+    ("1e", "'1e'; write the number without a unit"),
     ("١٢", "'١٢'"),
     ("[1]", "a list"),
     ("{a: 1}", "a mapping"),
-    ("9" * 60 + "x", f"'{'9' * 37}...'; write the number alone"),
+    ("9" * 60 + "x", f"'{'9' * 37}...'; write the number without a unit"),
 ]
 KEYS = sorted({*re.findall(r"(\w+):", EVERYTHING), "modal"})
 ATOMS = [

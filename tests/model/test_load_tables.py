@@ -97,10 +97,10 @@ def test_large_tables_are_read_in_blocks(load):
          "excitation.forces[1].floor: must be a whole number from 1 to 3 (the number of stories)"),
         ("[{file: blast.csv, floors: {4: side}}]",
          "excitation.forces[1].floors: the keys must be floors from 1 to 3 (the number of "
-         "stories), got '4'"),
-        ("[{file: blast.csv, floors: {roof: side}}]",
+         "stories) or roof, got '4'"),
+        ("[{file: blast.csv, floors: {top: side}}]",
          "excitation.forces[1].floors: the keys must be floors from 1 to 3 (the number of "
-         "stories), got 'roof'"),
+         "stories) or roof, got 'top'"),
         ("[{floor: 1, file: blast.csv, column: sides}]",
          "no column 'sides' in blast.csv; the columns of forces are roof_kN, side; did you mean "
          "side?"),
@@ -166,3 +166,18 @@ def test_messages_of_the_file(load, table, expected):
     text = message(load, "[{floor: 1, file: blast.csv}]", table)
     assert expected in text
     assert text.startswith("model.yaml:3:")
+
+
+@pytest.mark.parametrize(
+    "forces",
+    [
+        "[{floor: FLOOR, points: [[0, 0], [1, 5]]}]",
+        "[{floors: {FLOOR: side}, file: blast.csv}]",
+        "[{floor: FLOOR, amplitude: 5, omega: 3}]",
+    ],
+)
+def test_the_roof_is_the_highest_floor(load, forces):
+    roof, number = (load(forces.replace("FLOOR", floor)).excitation for floor in ("roof", "3"))
+    assert [force.floor for force in roof.forces] == [force.floor for force in number.forces]
+    assert [force.floor for force in roof.tables] == [force.floor for force in number.tables]
+    assert [force.floor for force in (*roof.forces, *roof.tables)] == [3]

@@ -12,6 +12,7 @@ from tdint.model.keys.fields import (
     ANY,
     NOT_NEGATIVE,
     POSITIVE,
+    ROOF,
     ByName,
     Choice,
     Either,
@@ -91,7 +92,6 @@ class Recording:
     shift: float | str
 
 
-ROOF = "roof"
 AUTO = "auto"
 """Value of the time shift that requests an estimate."""
 

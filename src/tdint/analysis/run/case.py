@@ -481,10 +481,7 @@ class Case:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
-        is_loaded = self.model.excitation.has_forces or any(
-            (*self.model.initial.displacement, *self.model.initial.velocity)
-        )
-        if record is None and not is_loaded and (dt is None or duration is None):
+        if record is None and not self.model.is_loaded and (dt is None or duration is None):
             raise UsageError(
                 f"{self.model.name}: the ground motion is missing; add a record (RECORD on the "
                 "command line, or `excitation: {record: FILE}` in the model file)"

@@ -15,7 +15,7 @@ from tdint.errors import ModelError, nearest
 from tdint.files import digest_of
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import LoadTable, TableForce
-from tdint.model.keys.fields import Section, Value, numbered, quoted
+from tdint.model.keys.fields import ROOF, Section, Value, quoted
 from tdint.number_parsing import number_or_nan, pluralize
 from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, VELOCITY
 
@@ -107,7 +107,7 @@ def replace_value(requests: Sequence[_Request], file: Value) -> list[_Request]:
 def _read_floor(section: Section, count: int | None) -> int:
     """Return the entry `floor`; 0 after reporting an error."""
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
-    return (floor.integer(numbered(count)) if floor else None) or 0
+    return floor.floor(count) if floor else 0
 
 
 def _read_requests(
@@ -129,10 +129,10 @@ def _read_requests(
     )
     requests = []
     for key, entry in (named or {}).items():
-        number = number_or_nan(key)
+        number = float(count or 1) if key == ROOF else number_or_nan(key)
         if not (number >= 1 and number == int(number)) or (count and number > count):
             limit = f" to {count} (the number of stories)" if count else ""
-            floors.fault(f"the keys must be floors from 1{limit}, got {quoted(key)}")
+            floors.fault(f"the keys must be floors from 1{limit} or {ROOF}, got {quoted(key)}")
             continue
         text = entry.text()
         if text is not None:

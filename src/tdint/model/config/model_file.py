@@ -61,6 +61,7 @@ from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
     POSITIVE_RATIO,
+    ROOF,
     ByName,
     Choice,
     Either,
@@ -73,7 +74,6 @@ from tdint.model.keys.fields import (
     Section,
     TextLine,
     Value,
-    numbered,
     resolve,
 )
 from tdint.model.keys.nodes import Faults
@@ -158,9 +158,10 @@ _RECORD = Keys(
         *PROCESSING,
     )
 )
+_FLOOR = Either((Integer(1, MAX_STORIES), Choice((ROOF,))))
 _FORCE = Keys(
     (
-        Key("floor", Integer(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
+        Key("floor", _FLOOR, "floor, from 1 at the bottom, or roof", needed=True),
         Key("amplitude", ANY, "maximum force", needed=True),
         Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
         Key(
@@ -178,7 +179,7 @@ _TABLE_FORCE = Keys(
             ByName(TextLine(), "a mapping of floors to columns", "", dict),
             "column of each floor, with an optional factor: {2: roof_kN, 1: 0.6 roof_kN}",
         ),
-        Key("floor", Integer(1, MAX_STORIES), "floor, from 1 at the bottom, instead of floors"),
+        Key("floor", _FLOOR, "floor, from 1 at the bottom, or roof, instead of floors"),
         Key("column", TextLine(), "column of this floor; default: the only column of forces"),
         Key(
             "points",
@@ -296,7 +297,7 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
         angle = phase.number(expected="cos, sin or an angle in radians")
         cosine, sine = math.cos(angle), -math.sin(angle)
     return Force(
-        floor=(floor.integer(numbered(count)) if floor else None) or 0,
+        floor=floor.floor(count) if floor else 0,
         cosine=amplitude * cosine,
         sine=amplitude * sine,
         omega=section.number("omega"),

@@ -29,6 +29,9 @@ from tdint.model.keys.nodes import (
     text_of,
 )
 
+_MAX_KEYS = 10_000
+"""Maximum number of keys of a mapping. Names of parameters or of damage states are the longest
+mappings of a valid file; the limit stops the reading of a file of another type, which is slow."""
 MAX_BYTES = 16 * 1024 * 1024
 """Maximum size of a model file, bytes. Without it, a wrong path such as a device would fill the
 memory."""
@@ -309,8 +312,18 @@ class _Composer:
         return node
 
     def _build_children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
-        """Yield the nodes of a list, or the keys and values of a mapping in turn, until `end`."""
+        """Yield the nodes of a list, or the keys and values of a mapping in turn, until `end`.
+        ModelError is raised if a mapping has too many keys.
+        """
+        count = 0
         while not isinstance(event := self._next_event(), end):
+            count += 1
+            if end is yaml.MappingEndEvent and count > 2 * _MAX_KEYS:
+                raise self._error(
+                    event,
+                    f"more than {_MAX_KEYS} keys in a mapping; this is not a "
+                    f"{self._faults.file_type}",
+                )
             yield self._build_node(event, depth + 1)
 
 

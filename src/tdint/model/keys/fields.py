@@ -17,7 +17,7 @@ from operator import lt
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from tdint.errors import ModelFault, UsageError, did_you_mean, nearest
+from tdint.errors import MAX_LISTED_FAULTS, ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.number_parsing import LARGEST, SMALLEST
@@ -310,12 +310,15 @@ _NUMBER_HINTS = (
     (re.compile(r"[0-9.eE+-]*[0-9]_[0-9_.eE+-]*"), "; drop the underscores"),
     (re.compile(r"[+-]?[0-9]+,[0-9]+"), "; write a decimal point"),
     (re.compile(r"[+-]?\.?(?:nan|inf|infinity)", re.IGNORECASE), "; it must be finite"),
-    (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
+    (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number without a unit"),
 )
 _NULL_TEXTS = ("", "~", "null")
 """Texts of a null value in YAML, without quotation marks."""
 
 _EMPTY_MAPPING = MappingNode(0, 0, ())
+
+ROOF = "roof"
+"""Name of the highest floor, which can be used instead of its number."""
 
 _MIN_SIMILARITY = 0.75
 """Dimensionless (difflib ratio). An unknown key that is at least this similar to a missing known
@@ -366,6 +369,15 @@ class Value:
     def fault(self, message: str) -> None:
         """Report an error of this value."""
         self.faults.add(self.node, self.key, message)
+
+    def floor(self, count: int | None) -> int:
+        """Return the number of the floor: a number from 1, or `roof`; 0 after reporting an error.
+
+        `count` is the number of stories; None if it is unknown because of an error.
+        """
+        if self.is_word(ROOF):
+            return count or 0
+        return self.integer(numbered(count)) or 0
 
     def is_word(self, word: str) -> bool:
         """Return True if the value is `word`, with or without quotation marks."""
@@ -762,6 +774,7 @@ class Section:
         # reported again.
         self._misspelled: set[str] = set()
         lines: dict[str, int] = {}  # line of each key
+        unknown_keys = 0
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode):
                 value.faults.add(key, value.key, "a key must be a word, got a list or a mapping")
@@ -778,7 +791,12 @@ class Section:
             elif key.text == "<<" and key.plain:
                 value.faults.add(key, path, "merge keys are not supported; write the entries out")
                 self._misspelled.update(keys)
+            elif unknown_keys >= MAX_LISTED_FAULTS:
+                # The message does not list this key, so the slow search for similar keys is
+                # omitted.
+                value.faults.add(key, path, "unknown key")
             else:
+                unknown_keys += 1
                 value.faults.add(key, path, "unknown key" + _unknown_key_advice(key.text, keys))
                 # The default similarity of `nearest` (0.6) is low: if the intended key may be
                 # present under a similar name, its absence is not reported.
@@ -789,9 +807,12 @@ class Section:
         # Assign the value of a misspelled key to the intended key, so that errors in the value are
         # also reported. This requires a higher similarity than above, because a value that is
         # assigned to the wrong key would cause misleading errors.
-        for key, entry in node.entries:
-            if not isinstance(key, ScalarNode) or key.text in keys:
-                continue
+        unknown = [
+            (key, entry)
+            for key, entry in node.entries
+            if isinstance(key, ScalarNode) and key.text not in keys
+        ]
+        for key, entry in unknown[:MAX_LISTED_FAULTS]:
             intended = nearest(key.text, keys, cutoff=_MIN_SIMILARITY)
             if intended and intended not in self._entries:
                 self._entries[intended] = Value(
