@@ -397,9 +397,14 @@ def execute_campaign(
         extra_files = check_names(folder, request)
         # Refuse tables of other commands in a directory that contains no campaign.
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
+        reuse_note = ""
+        if request.changed:
+            from tdint.campaign.reuse import reuse_results
+
+            reuse_note = reuse_results(folder, plan)
         store, store_notes = _open_store(folder, plan, shard_buildings, overwrite=overwrite)
         warn_of_plan(plan)
-        note(*plan.notes, *store_notes)
+        note(*plan.notes, *store_notes, *filter(None, [reuse_note]))
         with store:
             # Refuse files with the names of results that were not written from this store.
             if not overwrite:

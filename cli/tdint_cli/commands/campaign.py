@@ -27,7 +27,7 @@ from tdint_cli.campaigns import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
-from tdint_cli.options.suite import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
+from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ class CampaignRequest(SuiteRequest):
     )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
+    changed: bool = CHANGED
     limit: float | str | None = LIMIT
     require: bool = REQUIRE
     pair_demand: str | None = PAIR_DEMAND
@@ -136,7 +137,7 @@ class CampaignRequest(SuiteRequest):
 _TABLE_OPTIONS = frozenset(
     ("output_units", "overwrite", "plot", "limit", "baseline", "by", "pair_demand")
 )
-_RUN_OPTIONS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
+_RUN_OPTIONS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors", "changed"))
 _NO_MODELS = dict.fromkeys(
     ("im", "report", "floors"), "it requires the models; add it to the call that executes the runs"
 )

@@ -15,7 +15,7 @@ from tdint_cli.options.analysis import BuildingRequest, check_motion
 from tdint_cli.options.grammar import BESIDE, Count, FileName, Mode, Number, Ratio
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
-from tdint_cli.options.suite import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
+from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ELEMENTS = "elements.csv"
@@ -44,7 +44,7 @@ response."""
 
 SEVERAL = Mode(
     "with several runs",
-    frozenset(("duration", "limit", "factors", "pair_demand")),
+    frozenset(("duration", "limit", "factors", "pair_demand", "changed")),
     dict.fromkeys(
         _SINGLE_OPTIONS, "it requires one record and one scale: use a separate call for each run"
     ),
@@ -114,6 +114,7 @@ class Request(BuildingRequest, SuiteRequest):
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
+    changed: bool = CHANGED
     check: bool | None = options.analysis.option(
         "--check/--no-check",
         default=None,

@@ -12,7 +12,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.units import OutputUnits
-from tdint_cli.options import analysis, record
+from tdint_cli.options import analysis, output, record
 from tdint_cli.options.grammar import BESIDE, Ratio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import FloorRequest
@@ -22,6 +22,17 @@ if TYPE_CHECKING:
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """Names of files in the directory of -o."""
+
+
+CHANGED = output.option(
+    is_flag=True,
+    recorded=False,
+    needs="-o",
+    rare=True,
+    help="After a change of records or buildings, keep the results of the others in the directory "
+    "of -o, and run only what has changed.",
+)
+"""The option --changed."""
 
 
 PAIR_DEMAND = record.option(
@@ -50,6 +61,8 @@ class SuiteRequest:
     limit : float, str or None
         Drift limit, or name of a performance level of the models; None for the limits of the
         models.
+    changed : bool
+        Keep the results of unchanged records and buildings in the directory of -o.
     require : bool
         Exit with code 5 if a limit is exceeded.
     jobs : int | None
@@ -76,6 +89,7 @@ class SuiteRequest:
     report: str | None
     limit: float | str | None
     require: bool
+    changed: bool
     jobs: int | None
     floor_request: FloorRequest
     baseline: str | None = None

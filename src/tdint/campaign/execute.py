@@ -148,6 +148,8 @@ def execute_plan(
     start_time = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
     for result in engine(plan, missing):
+        if result.number in plan.kept:
+            result.rows.extend(plan.kept.pop(result.number))
         store.add(result)
         completed_runs = advance.done + len(result.rows.runs)
         seconds = time.perf_counter() - start_time

@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.batch import Subject
 from tdint.arrays import cached_property
-from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
+from tdint.campaign.batch import (
+    BuildingRuns,
+    Chunk,
+    Rows,
+    Run,
+    RunSettings,
+    Source,
+    building_step,
+)
 from tdint.campaign.buildings import Buildings, RowBuildings, Rules, model_buildings, models_of
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
@@ -109,6 +117,9 @@ class Plan:
     _chosen: dict[int, Future[float | None]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+    # Rows of an earlier store (`tdint.campaign.reuse`) by the number of the chunk; `chunk` omits
+    # their runs.
+    kept: dict[int, Rows] = field(default_factory=dict, init=False, repr=False, compare=False)
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
     @property
@@ -192,6 +203,14 @@ class Plan:
             slices.append((building, slice(run - building_start, slice_end - building_start)))
             run, building = slice_end, building + 1
         buildings = self._with_runs(slices)
+        if number in self.kept:
+            kept_runs = {tuple(row[:4]) for row in self.kept[number].runs}
+            buildings = tuple(
+                part._replace(
+                    runs=tuple(run for run in part.runs if (part.number, *run) not in kept_runs)
+                )
+                for part in buildings
+            )
         used_motions = sorted({run.motion for part in buildings for run in part.runs})
         records = {motion: self.motions[motion].record for motion in used_motions}
         return Chunk(number, buildings, records, self.settings)

@@ -163,12 +163,12 @@ class Identity:
     def compared_values(self) -> ComparedValues:
         """Settings, and SHA-256 of buildings, records and plug-in files, by name.
         `all_differences` compares these values with the values of a store."""
-        buildings = {_text(building.name): building.digest for building in self.buildings}
+        buildings = {stored_text(building.name): building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
         # distinguished by their numbers, which are added to all names except the first.
         for number, motion in enumerate(self.motions, start=1):
-            name = _text(f"{motion.name} {motion.component}")
+            name = stored_text(f"{motion.name} {motion.component}")
             records[name if name not in records else f"{name} ({number})"] = motion.record.digest
         return self.settings, buildings, records, self.code
 
@@ -483,7 +483,7 @@ class Store:
     def is_ours(self, file: Path) -> bool:
         """Return True if a file exists, was written from this store, and was not changed
         afterwards."""
-        return is_file(file) and (_text(file.name), digest_of(file)) in self.written()
+        return is_file(file) and (stored_text(file.name), digest_of(file)) in self.written()
 
     def refuse_foreign(self, files: Iterable[Path]) -> None:
         """Raise OutputError if one of the files exists and was not written from this store."""
@@ -507,7 +507,7 @@ class Store:
         files : mapping of Path to str
             SHA-256 of each file.
         """
-        entries = {(_text(file.name), digest) for file, digest in files.items()}
+        entries = {(stored_text(file.name), digest) for file, digest in files.items()}
         new_entries = entries - self.written()
         if new_entries:
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
@@ -552,7 +552,7 @@ class Store:
         new_numbers = sorted(set(required_numbers) - stored_numbers)
         # Usually the metadata are unchanged. Skip the transaction in this case, because it would
         # block other processes that read the store.
-        unused = {(category, _text(reason)) for category, reason in identity.unused}
+        unused = {(category, stored_text(reason)) for category, reason in identity.unused}
         is_unused_same = sorted(stored_unused) == sorted(unused)
         if is_unchanged and not new_numbers and is_unused_same:
             return
@@ -589,7 +589,7 @@ class Store:
                     "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
                     (
                         number,
-                        _text(building.name),
+                        stored_text(building.name),
                         building.method,
                         building.stories,
                         building.digest,
@@ -747,7 +747,7 @@ class Store:
     def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
         """Store inputs that could not be used. Each item is the category of the input (`record` or
         `building`) and the reason. The caller must call `seal` afterwards."""
-        rows = ((category, _text(reason)) for category, reason in reasons)
+        rows = ((category, stored_text(reason)) for category, reason in reasons)
         self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", rows)
 
     def seal(self) -> None:
@@ -950,15 +950,33 @@ def check_same(store: Store, identity: Identity) -> list[str]:
             are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
+        changed = ""
+        if identity.study_type == "campaign" and not obstacle_to_reuse(store, identity):
+            changed = "--changed to keep the results of unchanged records and buildings, "
         raise schema.AnotherStudyError(
             f"{store.name}: contains another {identity.study_type}; specify another directory with "
-            "-o, or --overwrite to start again\n"
+            f"-o, {changed}or --overwrite to start again\n"
             f"{differences_text}"
         )
     version = store.meta("version")
     if version == __version__:
         return []
     return [f"{store.name}: created by tdint {version}, this is tdint {__version__}"]
+
+
+def obstacle_to_reuse(store: Store, identity: Identity) -> str:
+    """Return the reason for which no result of a store can be used in a campaign with other records
+    or buildings; empty if there is none."""
+    if identity.building_numbers is not None or store.shards():
+        return "the directory contains a part of a campaign (--shard)"
+    if store.settings().keys() >= {"tolerance"} and store.parameters()["tolerance"] is not None:
+        return "with `tolerance`, the time step of a building depends on all its records"
+    if (version := store.meta("version")) != __version__:
+        return f"it was created by tdint {version}, this is tdint {__version__}"
+    labels = {"stored_label": "the store", "compared_label": "this campaign"}
+    lines = differences(store.settings(), identity.settings, entry_type="setting", **labels)
+    lines += differences(store.code(), identity.code, entry_type="plug-in", **labels)
+    return "; ".join(lines)
 
 
 def foreign_file_error(file: Path) -> OutputError:
@@ -1012,7 +1030,7 @@ def _create(store: Store, identity: Identity) -> None:
     metadata = {
         "schema": schema.VERSION,
         "version": __version__,
-        "name": _text(identity.name),
+        "name": stored_text(identity.name),
         "fingerprint": identity.fingerprint,
         "runs": str(identity.runs),
         "chunks": str(identity.chunks),
@@ -1052,8 +1070,8 @@ def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
         record = motion.record
         yield (
             number,
-            _text(motion.name),
-            _text(motion.component),
+            stored_text(motion.name),
+            stored_text(motion.component),
             motion.direction,
             record.dt,
             record.acceleration.size,
@@ -1086,7 +1104,7 @@ def _metadata(identity: Identity) -> dict[str, str]:
     }
 
 
-def _text(name: str) -> str:
+def stored_text(name: str) -> str:
     """Return a name as text that SQLite can store. A file name can contain bytes that are not
     UTF-8, which Python represents by surrogates; they become escape sequences such as \\xff."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
