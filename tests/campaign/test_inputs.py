@@ -17,7 +17,7 @@ from tdint.campaign.fragility.type_states import _divisor_and_period_of_model as
 from tdint.campaign.inputs import adapted, read_rows
 from tdint.campaign.pairs import recording_numbers
 from tdint.campaign.scaling import scale, scale_asce7, scale_p695
-from tdint.campaign.store import all_differences, differences
+from tdint.campaign.store_differences import all_differences, differences
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 

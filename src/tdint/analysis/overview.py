@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tdint.analysis.arguments import AnyModel, model_of, model_record
+from tdint.analysis.time_steps import moves_without_record
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -168,7 +169,7 @@ def _missing_times(model: Model) -> list[str]:
     the file does not contain. Without a load, the ground motion of the command line gives both.
     """
     excitation, analysis = model.excitation, model.analysis
-    if excitation.record is not None or not model.is_loaded:
+    if excitation.record is not None or not moves_without_record(model):
         return []
     # Tables of forces have a default time step.
     missing = {

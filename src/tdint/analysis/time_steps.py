@@ -5,11 +5,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
+
 # Dimensionless. Relative difference below which time steps are considered equal
 _STEP_TOLERANCE = 1e-9
+
+
+def moves_without_record(model: Model) -> bool:
+    """Return True if a building moves without a ground motion: forces, or initial values."""
+    initial = model.initial
+    return model.excitation.has_forces or any((*initial.displacement, *initial.velocity))
 
 
 @dataclass(frozen=True)

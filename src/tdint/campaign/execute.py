@@ -23,13 +23,12 @@ from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.store import (
     FILE,
-    INVENTORY_CHANGED,
     Store,
-    all_differences,
     is_empty,
     open_existing,
     open_store,
 )
+from tdint.campaign.store_differences import INVENTORY_CHANGED, all_differences
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import is_there
 from tdint.kernels.building.compilable import Variant, time_loops

@@ -679,13 +679,6 @@ class Model:
     weight_factor: float = 1.0
 
     @property
-    def is_loaded(self) -> bool:
-        """True if the building moves without a ground motion: forces, or initial values."""
-        return self.excitation.has_forces or any(
-            (*self.initial.displacement, *self.initial.velocity)
-        )
-
-    @property
     def has_dashpots(self) -> bool:
         """True if a story has a dashpot."""
         return any(story.dashpot or story.power_dashpot for story in self.stories)

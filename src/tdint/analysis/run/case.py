@@ -41,7 +41,7 @@ from tdint.analysis.run.prepared import (
     RunSpec,
     element_results,
 )
-from tdint.analysis.time_steps import Steps, choose_steps
+from tdint.analysis.time_steps import Steps, choose_steps, moves_without_record
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import baseline_notes, cut_off
@@ -481,7 +481,11 @@ class Case:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
-        if record is None and not self.model.is_loaded and (dt is None or duration is None):
+        if (
+            record is None
+            and not moves_without_record(self.model)
+            and (dt is None or duration is None)
+        ):
             raise UsageError(
                 f"{self.model.name}: the ground motion is missing; add a record (RECORD on the "
                 "command line, or `excitation: {record: FILE}` in the model file)"
