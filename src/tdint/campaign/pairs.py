@@ -214,8 +214,6 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
         for number, motion in enumerate(motions)
         if isinstance(motion, Record)
     }
-    # Number of the first component by the number of each single record. For a record without a
-    # partner, both numbers are equal.
     recordings = recording_numbers(singles)
     # Number of the second component by the number of the first component
     second_of_first = {first: number for number, first in recordings.items() if number != first}

@@ -44,13 +44,7 @@ class _OptionalFields:
         return bool(self._set_fields())
 
     def over(self, other: Self) -> Self:
-        """Return a copy of `other` with the fields that are set in this object.
-
-        Parameters
-        ----------
-        other : object of the same class
-            Source of the fields that are not set here.
-        """
+        """Return a copy of `other` with the fields that are set in this object."""
         return replace(other, **self._set_fields())  # type: ignore[type-var]
 
 

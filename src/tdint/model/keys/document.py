@@ -209,13 +209,7 @@ def compose(text: str) -> Any:
 
 
 class _Composer:
-    """Builder of nodes from the events of PyYAML's parser.
-
-    Parameters
-    ----------
-    faults : Faults
-        Collection of errors, extended by this function.
-    """
+    """Builder of nodes from the events of PyYAML's parser; errors are added to `faults`."""
 
     def __init__(self, text: str, faults: Faults) -> None:
         """Start the parser at the beginning of the text."""
