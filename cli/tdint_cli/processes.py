@@ -144,7 +144,7 @@ class _Worker:
     Attributes
     ----------
     pipe : Connection
-        End of the pipe by which this process sends tasks and receives outcomes.
+        End of the pipe of this process, which sends tasks and receives outcomes.
     task_index : int | None
         Index of the task that the worker executes; None if it is idle.
     """

@@ -35,7 +35,7 @@ Numbers: TypeAlias = Sequence[float] | HasArray
 def bisect_interval(
     is_true: Callable[[float], bool], low: float, high: float, max_bisections: int
 ) -> tuple[float, float]:
-    """Bisect an interval in which a condition changes from True to False.
+    """Bisect an interval where a condition changes from True to False.
 
     Parameters
     ----------

@@ -59,8 +59,20 @@ def exported():
 
 
 def definitions(source, module=""):
-    """Return functions and classes of a module that have a docstring."""
+    """Return functions and classes of a module that have a docstring.
+
+    The base class of an exported class counts as exported, because its methods are inherited.
+    """
     found = []
+    tree = ast.parse(source)
+    names = {name for origin, name in exported() if origin == module}
+    names |= {
+        base.id
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and node.name in names
+        for base in node.bases
+        if isinstance(base, ast.Name)
+    }
 
     def add(parent, within, is_private, is_exported):
         for node in ast.iter_child_nodes(parent):
@@ -70,13 +82,13 @@ def definitions(source, module=""):
             name = f"{within}{node.name}"
             is_special = node.name.startswith("__")
             private = is_private or (node.name.startswith("_") and not is_special)
-            public = is_exported or (not within and (module, node.name) in exported())
+            public = is_exported or (not within and node.name in names)
             if text := ast.get_docstring(node):
                 found.append(Definition(name, text, private, public))
             is_function = isinstance(node, ast.FunctionDef)
             add(node, f"{name}.", private or is_function, public)
 
-    add(ast.parse(source), "", False, False)
+    add(tree, "", False, False)
     return found
 
 
@@ -129,7 +141,7 @@ def repeating_the_name(source, module):
 
 def _sentences(text):
     parts = re.split(r"(?<=[.:;])\s+", " ".join(text.split()))
-    return [part.rstrip(".:;") for part in parts if len(part.split()) >= 7]
+    return [part.rstrip(".:;") for part in parts if len(part.split()) >= 8]
 
 
 def repeated_comments(source):

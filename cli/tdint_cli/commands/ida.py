@@ -58,7 +58,7 @@ class _Measure(Name):
 
 
 def _measures() -> tuple[str, ...]:
-    """Return the names of the intensity measures to which ground motions can be scaled."""
+    """Return the names of the intensity measures for the scaling of ground motions."""
     from tdint.campaign.intensity import scalable_measures
 
     return scalable_measures()

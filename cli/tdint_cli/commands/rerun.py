@@ -357,7 +357,7 @@ class _RecordedCommand:
         return "" if self.is_folder else Path(self.output).name
 
     def folder(self) -> Path:
-        """Return the directory in which the command is repeated.
+        """Return the directory where the command is repeated.
 
         The candidates are the original working directory, which follows from -o if the file has not
         been moved, and the current directory. The first one that contains all inputs is returned;

@@ -294,8 +294,7 @@ def command(request: ScaleRequest) -> None:
     def summarize() -> dict[str, Any]:
         """Return the content of the JSON file.
 
-        With the SHA-256 of the table, `tdint campaign` recognizes the table to which the file
-        belongs.
+        With the SHA-256 of the table, `tdint campaign` recognizes the table of the file.
         """
         records = [record_summary(record) for record in suite.records]
         content = table_summary("scale", _settings(request, scaling), records, table.meanings)
@@ -356,7 +355,7 @@ def _scale_function(request: ScaleRequest) -> Any:
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
-    """Return the periods at which the spectra are compared with the target, s.
+    """Return the periods of the comparison of the spectra with the target, s.
 
     The range is, in this order of priority: --range; 0.2 to 2 times the period of --at; 0.2 times
     the shortest to 2 times the longest first period of the buildings; all periods of the target.

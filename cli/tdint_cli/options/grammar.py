@@ -646,8 +646,8 @@ def of(
     request_class : type
         Class that was decorated with `request`.
     argument_name : str
-        Argument by which the command receives the request in addition to other arguments. By
-        default (empty), the request is its only argument.
+        Argument of the command for the request in addition to other arguments. By default (empty),
+        the request is its only argument.
     """
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -340,7 +340,7 @@ def _with_label(signal: Signal, texts: Sequence[str]) -> list[str]:
 _LONGEST_SHIFT = 10.0
 """Maximum shift, s; a larger difference of clocks is not a matter of synchronization."""
 
-# Relative difference up to which a time step equals the sampling interval, because intervals in
+# Maximum relative difference of a time step that equals the sampling interval, because intervals in
 # files are written with six digits
 _ROUNDING = 1e-6
 

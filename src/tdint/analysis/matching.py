@@ -128,8 +128,7 @@ class Match(Tabular):
         )
 
     def origin(self, warnings: Sequence[str] = ()) -> MotionOrigin:
-        """Return the origin of the matched motion (of a pair: of its first component) for the file
-        to which it is written.
+        """Return the origin of the matched motion (of a pair: of its first component) for its file.
 
         Parameters
         ----------

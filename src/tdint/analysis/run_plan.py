@@ -109,7 +109,7 @@ class RunsRequest:
                     damped_by(subject.model, 0.0)  # raises an error if damping cannot be varied
 
     def out_of_range(self) -> dict[tuple[int, int], str]:
-        """Return the samples in which a parameter value is out of range."""
+        """Return the samples with a parameter value out of range."""
         invalid = dict[tuple[int, int], str]()
         for model, draw in combined(range(len(self.subjects)), range(self.draws)):
             try:

@@ -895,8 +895,7 @@ class _Chain:
     def _find_state(
         self, excess: Excess, controlling: int, drift_step: float, drift: Array, base_shear: float
     ) -> tuple[Array, float]:
-        """Find the drifts and the base shear within a step at which a quantity has its required
-        value.
+        """Find the drifts and the base shear within a step where a quantity has its required value.
 
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.
@@ -1007,7 +1006,7 @@ class _Story:
         self.drift = drift
 
     def drift_at_force(self, force: float) -> float | None:
-        """Return the drift (m) at which the story next has a force (N); None if it cannot reach it.
+        """Return the next drift (m) where the story has a force (N); None if it cannot reach it.
 
         The drift increases for a larger force than the present force, and decreases for a smaller
         force.
@@ -1017,9 +1016,9 @@ class _Story:
         if abs(force_change) <= tolerance:
             return self.drift
         is_loading = force_change > 0.0
-        # Newton's method, bracketed by a drift at which the force is not reached yet (`near_drift`)
-        # and a drift at which it is exceeded (`far_drift`). A story that softens before it reaches
-        # the force cannot reach it.
+        # Newton's method, bracketed by a drift with a smaller force (`near_drift`) and a drift with
+        # a larger force (`far_drift`). A story that softens before it reaches the force cannot
+        # reach it.
         near_drift, far_drift = self.drift, None
         stiffness = self.tangent if self.tangent > 0.0 and is_loading else self.initial_tangent
         drift = near_drift + force_change / stiffness

@@ -31,7 +31,7 @@ SITE_FACTORS = {"A": 130.0, "B": 130.0, "C": 90.0, "D": 60.0, "E": 60.0, "F": 60
 
 # Maximum ratio of the target displacement to the elastic displacement (EN 1998-1, B.5)
 _MAX_DISPLACEMENT_RATIO = 3.0
-# Fraction of the yield force at which the effective stiffness intersects the curve (ASCE 41-17,
+# Fraction of the yield force where the effective stiffness intersects the curve (ASCE 41-17,
 # 7.4.3.2.4)
 _SECANT = 0.6
 # Spectral acceleration at a period of 1 s, g, from which a site is a near-fault site (ASCE 41-17,
@@ -43,7 +43,7 @@ _REQUIRED_RANGE = 1.5
 # Relative deviation of the force from the first straight line, from which the building yields. It
 # is a million times the residuals of equilibrium, and a thousandth of the deviation at first yield.
 _YIELD_TOLERANCE = 1e-6
-# Relative difference up to which forces are considered equal; residuals of equilibrium are a
+# Maximum relative difference of forces that are considered equal; residuals of equilibrium are a
 # hundredth of it
 _ROUNDING = 1e-9
 _MAX_BISECTIONS = 100  # more than the number of binary digits of a floating-point number
@@ -133,8 +133,8 @@ class _PushoverCurve:
 
     @classmethod
     def of(cls, pushed: Pushover) -> _PushoverCurve:
-        """Return the curve of a pushover without states in which the roof displacement does not
-        exceed all previous values.
+        """Return the curve of a pushover without states where the roof displacement does not exceed
+        all previous values.
         """
         drift, shear = pushed.way
         roof = drift.sum(axis=1)

@@ -356,8 +356,8 @@ def building_step(
     settings: RunSettings,
     tolerance: float,
 ) -> float | None:
-    """Return the time step for all runs of a building, s: the maximum time step at which the
-    estimated errors of the peak drifts are below a tolerance.
+    """Return the time step for all runs of a building, s: the maximum time step that keeps the
+    estimated errors of the peak drifts below a tolerance.
 
     The errors are estimated for a quarter of the runs, but for at least 4 and at most 8 runs. The
     result is the minimum of the time steps of these runs.

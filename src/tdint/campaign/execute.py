@@ -113,7 +113,7 @@ def execute_plan(
     shard : Shard, optional
         Shard to run; by default the complete campaign.
     max_runs : int, optional
-        Stop after the chunk in which this number of additional runs is reached.
+        Stop after the chunk that reaches this number of additional runs.
     on_chunk : callable
         Called with the progress after each completed chunk.
 
@@ -128,7 +128,7 @@ def execute_plan(
     chunks = range(plan.chunks) if shard is None else shard.chunks(plan)
     missing = sorted(set(chunks) - store.completed_chunks())
     runs_before = sum(map(plan.size, chunks)) - sum(map(plan.size, missing))
-    # Include the chunk in which the limit is reached, because incomplete chunks are never stored.
+    # Include the chunk that reaches the limit, because incomplete chunks are never stored.
     if max_runs is not None:
         cumulative_runs = list(accumulate(map(plan.size, missing)))
         chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
@@ -319,7 +319,7 @@ def campaign(
     source : str or Path
         YAML file of the campaign.
     folder : str or Path, optional
-        Directory in which completed runs are stored. The next call continues from these runs, and
+        Directory where completed runs are stored. The next call continues from these runs, and
         `tdint campaign export FOLDER` writes their tables. By default runs are stored in memory.
     jobs : int, optional
         Number of threads; the default is the number of processors. Results do not depend on it.

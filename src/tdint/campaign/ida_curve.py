@@ -1,8 +1,8 @@
 """IDA curves: responses of a building under one record at increasing levels of intensity.
 
 This module contains the runs of a curve, the search for the levels of the next runs, and the
-capacities of a curve: the intensities at which the building reaches drift ratios or collapses. It
-also computes the state of a building that a mainshock has damaged.
+capacities of a curve: the intensities where the building reaches drift ratios or collapses. It also
+computes the state of a building that a mainshock has damaged.
 """
 
 from __future__ import annotations
@@ -221,8 +221,8 @@ class LevelSearch:
         return None
 
     def _probe_level(self, collapse: IdaRun | None, runs: Sequence[IdaRun]) -> float | None:
-        """Return a level above the first collapse at which the building may survive again: 1.25 or
-        1.5 times the level of this collapse (`_PROBES`). None if the building has been run at both
+        """Return a level above the first collapse where the building may survive again: 1.25 or 1.5
+        times the level of this collapse (`_PROBES`). None if the building has been run at both
         levels, or has not collapsed.
         """
         if collapse is None:
@@ -235,7 +235,7 @@ class LevelSearch:
 
 
 def first_collapse(runs: Sequence[IdaRun]) -> IdaRun | None:
-    """Return the run with the lowest level at which the building collapses; None if it does not
+    """Return the run with the lowest level where the building collapses; None if it does not
     collapse in any of the runs."""
     return min((run for run in runs if run.collapsed), key=lambda run: run.im, default=None)
 
@@ -487,7 +487,7 @@ def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
 def fractiles(
     curves: Sequence[IdaCurve], drift_ratios: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)
 ) -> Array:
-    """Return fractiles, over the records, of the intensity at which the building reaches each drift
+    """Return fractiles, over the records, of the intensity where the building reaches each drift
     ratio.
 
     Records without a run below collapse are omitted. A fractile between two records is interpolated
@@ -582,7 +582,7 @@ class DamagedState:
     record : Record
         Scaled mainshock.
     drift : float
-        Drift ratio to which the mainshock is scaled.
+        Drift ratio that the scaled mainshock causes.
     rest : float
         Time from the last sample of the mainshock until free vibration has decayed, s.
     """
@@ -607,7 +607,7 @@ def damaged(
     drift : float
         Maximum drift ratio that the mainshock has to cause.
     first_factor : float
-        Scale factor at which the search starts; it continues with larger factors.
+        First scale factor of the search; it continues with larger factors.
     dt : float | None
         Time step, s; None: the default of the building.
 

@@ -44,7 +44,13 @@ class _OptionalFields:
         return bool(self._set_fields())
 
     def over(self, other: Self) -> Self:
-        """Return a copy of `other` with the fields that are set in this object."""
+        """Return a copy of `other` with the fields that are set in this object.
+
+        Parameters
+        ----------
+        other : object of the same class
+            Source of the fields that are not set here.
+        """
         return replace(other, **self._set_fields())  # type: ignore[type-var]
 
 

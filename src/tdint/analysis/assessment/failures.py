@@ -415,7 +415,7 @@ def _oscillator(start: tuple[float, float]) -> Model:
 
 
 def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem:
-    """Define a problem in which a method fails if its amplitude grows during 200 time steps.
+    """Define a problem where a method fails if its amplitude grows during 200 time steps.
 
     `*dts` contains the time steps, s, usually on both sides of a stability limit.
     """
@@ -447,7 +447,7 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
 
 
 def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
-    """Define a problem in which a method fails if its first ten large time steps exceed the exact
+    """Define a problem where a method fails if its first ten large time steps exceed the exact
     amplitude by more than 1 %, from an initial displacement (m) and velocity (m/s). `name` is the
     quantity with the initial value 1, `displacement` or `velocity`.
     """

@@ -180,8 +180,8 @@ def _refined_steps(dt_over_t: Array) -> tuple[Array, NDArray[np.intp]]:
     """Add time steps to the requested time steps (divided by the period, increasing), so that roots
     can be tracked. Return all time steps, and the indices of the requested ones.
 
-    The sequence starts at a small time step, at which the roots are identified, and neighboring
-    time steps differ by a small ratio.
+    The sequence starts at a small time step, where the roots are identified, and neighboring time
+    steps differ by a small ratio.
     """
     endpoints = [min(_FIRST_STEP, dt_over_t[0]), *dt_over_t]
     grids = []
@@ -287,7 +287,7 @@ def false_limit(method: Integrator, measured: float) -> str:
 
 
 def _is_unstable(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
-    """Return True for each time step at which the spectral radius exceeds 1 by more than rounding.
+    """Return True for each time step with a spectral radius that exceeds 1 by more than rounding.
 
     `omega_h` contains the products of the circular frequency and the time step, rad.
     """

@@ -212,7 +212,7 @@ class Measured:
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Return the minimum computing time with which each method meets a tolerance.
+        """Return the minimum computing time that each method needs to meet a tolerance.
 
         A time step meets the tolerance only if all smaller time steps meet it also.
 
@@ -283,7 +283,7 @@ class FieldChart(Tabular):
     measured : tuple of Measured
         Results, one entry per problem.
     timing : Timing
-        Conditions under which the points were timed.
+        Conditions of the timing.
     peers : tuple of Peer
         Other programs that have points for some of the problems.
     """

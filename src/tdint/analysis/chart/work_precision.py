@@ -147,7 +147,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Timing:
-    """Conditions under which the runs of a chart were timed.
+    """Conditions of the timing of a chart.
 
     Attributes
     ----------
@@ -244,7 +244,7 @@ class Chart(Tabular):
         Point of average acceleration with the interval as time step. It is measured even if it is
         not included in `points`.
     timing : Timing
-        Conditions under which the points were timed.
+        Conditions of the timing.
     peers : tuple of Peer
         Other programs that have points.
     """

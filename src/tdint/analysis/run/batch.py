@@ -1,7 +1,7 @@
 """Runs of one building with one time step in a batch.
 
-This is the only module in which many runs are integrated and evaluated. The result of a run that
-reaches its end without collapse is that of the compiled call. All other runs are evaluated by
+Only this module integrates and evaluates many runs. The result of a run that reaches its end
+without collapse is that of the compiled call. All other runs are evaluated by
 `tdint.analysis.run.case.Case`, like a single run. Runs with error estimates are integrated
 individually.
 
@@ -367,7 +367,7 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     vary : mapping of str to array
         Values by name: one value, or one value per sample.
     product : bool
-        True for all combinations of the values, in which the last name varies fastest.
+        True for all combinations of the values; the last name varies fastest.
 
     Returns
     -------

@@ -216,9 +216,9 @@ def named_history(
     Parameters
     ----------
     max_input_energy : float, optional
-        Reference energy of the complete run, J, to which the imbalance at each time is related. The
-        default is the reference energy that the workspace contains. If the workspace contains a
-        chunk, this is the maximum up to the end of the chunk, so the argument must be specified.
+        Reference energy of the complete run, J, for the imbalance at each time. The default is the
+        reference energy that the workspace contains. If the workspace contains a chunk, this is the
+        maximum up to the end of the chunk, so the argument must be specified.
     """
     n = building.stories
     table = space.history
@@ -574,7 +574,7 @@ class Case:
         steps : Steps
             Time steps of the run.
         max_input_energy : float
-            Maximum input energy of the run, J, to which energy imbalances are related.
+            Maximum input energy of the run, J, as the reference of energy imbalances.
         every : int, default 1
             Yield only every N-th time step; t = 0 is always the first.
 
@@ -598,7 +598,7 @@ class Case:
         )
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        """Return the exception for a run in which a time step failed with `code`: NOT_FINITE means
+        """Return the exception for a run that failed in a time step with `code`: NOT_FINITE means
         divergence, any other code that the equilibrium iteration did not converge."""
         if code == rows.NOT_FINITE:
             return self._divergence(steps, space)
@@ -702,8 +702,8 @@ class Case:
         """Return the result of a run of a batch that `needs_review` selects.
 
         The result of a run that collapsed and reached its end follows from the arrays of the batch.
-        Any other run is repeated individually, through the step in which it failed, because the
-        batch does not store the facts that the message of a failure states.
+        Any other run is repeated individually, through the step that failed, because the batch does
+        not store the facts that the message of a failure states.
 
         Parameters
         ----------
@@ -999,11 +999,11 @@ a building is at rest.
 
 
 def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
-    """Return the criterion at which a run with the ground at rest ends.
+    """Return the criterion that ends a run with the ground at rest.
 
     Free vibration is examined in windows of a single first period of the building. The run ends
-    after a window in which all velocities are below `AT_REST` times the maximum displacement times
-    the first circular frequency, at the latest after `REST_PERIODS` windows.
+    after a window with all velocities below `AT_REST` times the maximum displacement times the
+    first circular frequency, at the latest after `REST_PERIODS` windows.
 
     Returns
     -------

@@ -406,7 +406,7 @@ class PreparedBuilding:
         ------
         Workspace
             The same workspace for each chunk, with a new history array. Its `rows_before` is the
-            number of rows of the previous chunks. A chunk in which the run fails is not yielded.
+            number of rows of the previous chunks. The chunk of a failure is not yielded.
 
         Raises
         ------

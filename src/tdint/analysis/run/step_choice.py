@@ -269,7 +269,7 @@ class _Search:
         return max(halvings, 1 if is_reference else 0)
 
     def _failure(self, response: Response | FailedRun) -> FailedRun:
-        """Return the failure of a search in which no level meets the tolerance.
+        """Return the failure of a search where no level meets the tolerance.
 
         `response` is the result of the level with the smallest time step.
         """

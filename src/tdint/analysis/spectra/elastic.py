@@ -59,8 +59,8 @@ InterpolationName = Annotated[
 # Maximum number of oscillators integrated together; their data fit into the L1 cache
 _MAX_LANES = 56
 _REGISTER = 8  # number of values in a vector register of the processor
-# Relative amount by which a quotient is reduced before it is rounded up, so that a rounding error
-# does not increase an integer quotient by 1
+# Relative reduction of a quotient before it is rounded up, so that a rounding error does not
+# increase an integer quotient by 1
 _ROUNDING = 1e-9
 
 
@@ -109,7 +109,7 @@ def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "")
 
 @dataclass(frozen=True)
 class Maxima:
-    """Definition of the times at which maxima are evaluated.
+    """Definition of the times of the maxima.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Maxima:
     between : bool
         True if maxima between the endpoints of these parts are also included.
     description : str
-        Description of the times at which maxima are evaluated, for messages.
+        Description of the times of the maxima, for messages.
     """
 
     name: str
@@ -296,7 +296,7 @@ class SpectrumSettings:
     method : str | None
         Method that integrates the oscillators; None for the exact solution.
     maxima : Maxima
-        Times at which maxima are evaluated.
+        Times of the maxima.
     interpolation : Interpolation
         Interpolation of the ground acceleration between its samples.
     """

@@ -426,7 +426,7 @@ def _bracket(
 
 
 class _Reached(Exception):
-    """Exception that carries the point at which a search has reached the target."""
+    """Exception with the point where a search has reached the target."""
 
     def __init__(self, point: Point) -> None:
         super().__init__(point)

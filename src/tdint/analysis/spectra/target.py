@@ -386,7 +386,7 @@ _DAMPED = ",damping="
 
 
 def source_of(targets: Sequence[TargetSpectrum]) -> str:
-    """Return the text with which a user specified one or several targets (`read_targets`).
+    """Return the user's text of one or several targets (`read_targets`).
 
     Several targets of a code differ in their damping ratio, which is removed.
     """

@@ -755,8 +755,8 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
 
 
 def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) -> Fragility:
-    """Fit a lognormal distribution to capacities: the intensities at which the records first exceed
-    a threshold.
+    """Fit a lognormal distribution to capacities: the intensities where the records first exceed a
+    threshold.
 
     Without censored capacities theta is the geometric mean, and beta is the standard deviation of
     the logarithms (n - 1). With censored capacities both are maximum-likelihood estimates.

@@ -371,7 +371,7 @@ def damage_of(
     Raises
     ------
     ModelError
-        A type has no states, or a building lacks data from which the demand is computed.
+        A type has no states, or a building lacks data for the demand.
     """
     # If one model specifies damage states, all models must specify them (`_model_states`).
     models = models_of(buildings)
@@ -532,7 +532,7 @@ def own_type(model: Model) -> BuildingType | None:
     Raises
     ------
     ModelError
-        The model lacks data from which the demand is computed.
+        The model lacks data for the demand.
     """
     if model.damage is None:
         return None

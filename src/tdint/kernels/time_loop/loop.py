@@ -438,8 +438,9 @@ INTEGRATE_MANY = I8(
     TABLE,  # collapse limits
     VECTOR,  # previous peak velocities, one element for each story
     TABLE,  # history, without rows
-    # Free vibration until the building is at rest: number of steps of a window, and maximum number
-    # of windows
+    # After its last step, a run continues in windows of free vibration until the building is at
+    # rest: number of steps of a window, and maximum number of windows (0: the run ends with its
+    # last step).
     I8,
     I8,
     # The building is at rest if the maximum velocity in a window, divided by the maximum
