@@ -37,7 +37,13 @@ GROUPS = {
     ),
     "runs": (
         "Runs",
-        ("tdint.analysis.run", "tdint.analysis.static", "tdint.analysis.target_displacement"),
+        (
+            "tdint.analysis.run",
+            "tdint.analysis.overview",
+            "tdint.analysis.cyclic",
+            "tdint.analysis.pushover",
+            "tdint.analysis.target_displacement",
+        ),
     ),
     "spectra": ("Spectra", ("tdint.analysis.spectra",)),
     "studies": ("Studies of many runs", ("tdint.campaign",)),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tdint.analysis.static import follow_path
+from tdint.analysis.cyclic import follow_path
 from tdint.kernels import layout
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import law_state

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tdint import csv_table
+from tdint.analysis.cyclic import read_drift_path
 from tdint.analysis.spectra.target import read_target
-from tdint.analysis.static import read_drift_path
 from tdint.campaign.definition import FactorsFile
 from tdint.campaign.fragility.fit_table import fragility
 from tdint.campaign.inputs import read_factors

@@ -69,12 +69,16 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.chart.work_precision import chart as chart
     from tdint.analysis.compare import Comparison as Comparison
     from tdint.analysis.compare import compare as compare
+    from tdint.analysis.cyclic import CyclicTest as CyclicTest
+    from tdint.analysis.cyclic import cyclic_test as cyclic_test
     from tdint.analysis.matching import Match as Match
     from tdint.analysis.matching import match as match
     from tdint.analysis.matching import match_suite as match_suite
     from tdint.analysis.overview import Overview as Overview
     from tdint.analysis.overview import modes as modes
     from tdint.analysis.overview import overview
+    from tdint.analysis.pushover import Pushover as Pushover
+    from tdint.analysis.pushover import pushover as pushover
     from tdint.analysis.run.case import Case as Case
     from tdint.analysis.run.many_results import Runs as Runs
     from tdint.analysis.run.outcome import Collapse as Collapse
@@ -112,10 +116,6 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.spectra.rotated import RotatedSpectrum as RotatedSpectrum
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.spectra.target import TargetSpectrum as TargetSpectrum
-    from tdint.analysis.static import CyclicTest as CyclicTest
-    from tdint.analysis.static import Pushover as Pushover
-    from tdint.analysis.static import cyclic_test as cyclic_test
-    from tdint.analysis.static import pushover as pushover
     from tdint.analysis.target_displacement import TargetDisplacements as TargetDisplacements
     from tdint.analysis.target_displacement import target_displacements as target_displacements
     from tdint.campaign.execute import CampaignRuns as CampaignRuns

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from scipy.special import ellipj, ellipk
 
+from tdint.analysis.cyclic import cyclic_test
 from tdint.analysis.overview import modes
 from tdint.analysis.run.outcome import History
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
-from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array as Array
 from tdint.campaign.fragility.fits import fit_stripes
 from tdint.ground_motion.reading.read import make_record

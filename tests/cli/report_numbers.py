@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.static import pushover
+from tdint.analysis.pushover import pushover
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble

@@ -6,7 +6,7 @@ import pytest
 import tdint
 from grid.springs import LAWS
 from selection import every
-from tdint.analysis.static import follow_path
+from tdint.analysis.cyclic import follow_path
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS as TDINT_LAWS
 

@@ -14,7 +14,7 @@ from building_cases import noise
 from selection import every
 from small_buildings import BUILDINGS, LAWS, MASS, MOTION, STIFFNESS, STRENGTH, YIELD_DRIFT
 from tdint import load_model, run, run_many
-from tdint.analysis.static import follow_path
+from tdint.analysis.cyclic import follow_path
 from tdint.errors import ModelError
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.model.building import assemble

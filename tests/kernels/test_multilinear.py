@@ -7,7 +7,7 @@ import pytest
 
 from law_paths import along, follow, law_table, random_path
 from tdint import load_model
-from tdint.analysis.static import follow_path
+from tdint.analysis.cyclic import follow_path
 from tdint.kernels.laws.multilinear import _RULES
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law

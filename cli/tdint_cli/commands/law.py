@@ -18,7 +18,7 @@ from tdint_cli.terminal import say, say_table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tdint.analysis.static import Cycle, CyclicTest
+    from tdint.analysis.cyclic import Cycle, CyclicTest
     from tdint.units import DriftSize, OutputUnits
 
 _CYCLES = Mode("without --path", frozenset(("drifts", "cycles", "points")))
@@ -95,7 +95,7 @@ def command(request: Request) -> None:
     refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
     if request.path == request.model == "-":
         raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
-    from tdint.analysis.static import cyclic_test, path_test, read_drift_path
+    from tdint.analysis.cyclic import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
 
     cycles_per_amplitude = request.cycles or 1

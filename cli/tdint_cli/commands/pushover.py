@@ -15,7 +15,7 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.static import Pushover
+    from tdint.analysis.pushover import Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.units import DriftSize, OutputUnits
 
@@ -67,7 +67,7 @@ def command(
     coefficient method (ASCE 41-17, site class D, C_m 1). Roof displacement, base shear and
     equivalent oscillator are reported on standard error and in the JSON file next to -o.
     """
-    from tdint.analysis.static import pushover
+    from tdint.analysis.pushover import pushover
     from tdint.model.config.model_file import load_model
 
     loaded = load_model(model)

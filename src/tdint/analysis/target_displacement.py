@@ -18,8 +18,8 @@ from functools import partial
 
 import numpy as np
 
+from tdint.analysis.pushover import Pushover, pushover
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
-from tdint.analysis.static import Pushover, pushover
 from tdint.arrays import Array, bisect_interval
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tdint.analysis.compare import Comparison
+    from tdint.analysis.pushover import Pushover
     from tdint.analysis.run.outcome import Response
     from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.static import Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
 
 

@@ -8,9 +8,9 @@ import pytest
 from building_cases import model, noise, story
 from facts import states
 from law_examples import example
-from tdint.analysis import static as cyclic
+from tdint.analysis import cyclic
+from tdint.analysis.cyclic import cyclic_test, follow_path, path_test
 from tdint.analysis.run.run import run
-from tdint.analysis.static import cyclic_test, follow_path, path_test
 from tdint.errors import UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law

@@ -8,7 +8,8 @@ import pytest
 
 from building_cases import Law, model, story
 from tdint import load_model
-from tdint.analysis.static import PATTERNS, _Story, _target, follow_path, pushover
+from tdint.analysis.cyclic import follow_path
+from tdint.analysis.pushover import PATTERNS, _Story, _target, pushover
 from tdint.errors import UsageError
 from tdint.kernels import layout as rows
 from tdint.model.building import assemble

@@ -13,9 +13,9 @@ import numpy as np
 
 from tdint.analysis.arguments import between
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
+from tdint.analysis.cyclic import cyclic_test
 from tdint.analysis.run.compiled_steps import VALIDATED_STEPS, find_instability
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.static import cyclic_test
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError

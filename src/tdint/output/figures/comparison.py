@@ -52,9 +52,10 @@ if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldChart
     from tdint.analysis.chart.work_precision import PerformanceProfile
     from tdint.analysis.compare import Comparison, FloorComparison, FloorSpectra
+    from tdint.analysis.cyclic import CyclicTest
     from tdint.analysis.matching import Match
+    from tdint.analysis.pushover import Pushover
     from tdint.analysis.spectra.fourier import FourierSpectrum
-    from tdint.analysis.static import CyclicTest, Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
 
 _RECORDED, _COMPUTED = LIGHT, MARK

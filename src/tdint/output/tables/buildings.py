@@ -29,9 +29,10 @@ from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.compare import Comparison
+    from tdint.analysis.cyclic import CyclicTest
     from tdint.analysis.fit import FittedValue
+    from tdint.analysis.pushover import Pushover
     from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.static import CyclicTest, Pushover
     from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.model.definition import Law, Model, Story
     from tdint.model.modes import Modes
