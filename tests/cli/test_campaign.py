@@ -592,6 +592,24 @@ def test_invalid_rows_of_an_inventory_are_counted_by_building(study: Path, tdint
     )
 
 
+def test_exports_of_an_earlier_state_are_updated(study: Path, tdint: Command) -> None:
+    tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "1", code=0)
+    tdint("campaign", "export", "part", "--simcenter", code=0)
+    before = len(rows("part/simcenter.csv"))
+    assert "simcenter.csv: updated" in tdint("campaign", "study.yaml", "-o", "part").stderr
+    exported = Path("part/simcenter.csv").read_bytes()
+    assert len(rows("part/simcenter.csv")) == RUNS > before
+    tdint("campaign", "export", "part", "--simcenter")
+    assert Path("part/simcenter.csv").read_bytes() == exported
+    # Components without a partner have separate rows.
+    names = ("building", "record", "component", "scale", "sample")
+    rows_of, runs = (
+        [tuple(row[name] for name in names) for row in rows(f"part/{file}.csv")]
+        for file in ("simcenter", "runs")
+    )
+    assert rows_of == runs and len(set(runs)) == RUNS
+
+
 def test_a_campaign_uses_the_output_units_of_its_models(study: Path, tdint: Command) -> None:
     """If all models have the same output units, the campaign, its export and merge use them, with
     the same result as --output-units."""

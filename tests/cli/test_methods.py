@@ -293,3 +293,21 @@ def test_the_choices_equal_the_options_of_the_library():
     }
     assert set(choices["load"]) == set(LOADS)
     assert set(choices["law"]) == set(STORY_LAWS)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("stability", "--dt-over-t", "0.1"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
+    ids=" ".join,
+)
+def test_figures_show_a_selection_of_the_methods(working_directory, tdint, command):
+    """The table contains all methods; the figure contains a selection, or all methods with
+    --all."""
+    table = tdint(*command, "--plot=few.svg").stdout
+    tdint(*command, "--plot=all.svg", "--all")
+    selection, all_methods = (
+        (working_directory / f"{name}.svg").read_text(encoding="utf-8") for name in ("few", "all")
+    )
+    for name in ("houbolt", "wilson"):
+        assert name in table and name in all_methods and name not in selection
+    assert "newmark-average" in selection
