@@ -184,6 +184,7 @@ def test_change_of_unit_only_scales_theta():
     assert (in_si.beta, in_si.theta_error) == pytest.approx((in_g.beta, in_g.theta_error), rel=1e-8)
 
 
+@pytest.mark.long
 def test_standard_errors_agree_with_repeated_samples():
     """For 400 samples of 60 capacities, the scatter of the estimates equals the mean stated error
     within its sampling error of 7 %."""

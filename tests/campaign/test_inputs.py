@@ -158,6 +158,7 @@ def pairs() -> list[Horizontals]:
     ]
 
 
+@pytest.mark.long
 def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
     def same(result: object, expected: object) -> None:
         assert (result.rule, result.pair, result.damping, result.measure, result.value) == (

@@ -238,6 +238,7 @@ def weak_pairs(count, peak):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("few_starts")
 @pytest.mark.parametrize("rule", ["asce7", "ec8"])
 def test_limits_include_common_factor_of_rule(rule):

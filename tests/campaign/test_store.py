@@ -66,6 +66,7 @@ def plan_of(
     )
 
 
+@pytest.mark.long
 @settings(max_examples=30)
 @given(
     sizes=st.lists(st.integers(2, 4000), min_size=1, max_size=6),

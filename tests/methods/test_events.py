@@ -191,6 +191,7 @@ def test_kinks_are_located_among_curved_laws(name):
         assert abs(response.energy.error) < 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
 def test_bouc_wen_stories_of_low_exponent_are_of_order_4(exponent):
     """The force is not smooth if its hysteretic part changes sign; time steps are divided at this

@@ -173,6 +173,7 @@ def test_total_shear_of_top_story_is_inertia_force_of_roof(method, parts):
         )
 
 
+@pytest.mark.long
 def test_acceleration_peaks_at_yielding_are_found():
     """At yielding, the acceleration has a corner within a step, which does not follow from the ends
     of the step. moment4 finds it on the paths of its stories."""

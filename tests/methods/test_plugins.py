@@ -137,6 +137,7 @@ def test_run_after_check_with_faults_validates_the_step(verlet, monkeypatch, fai
     assert integrator.family.step not in compiled_steps.VALIDATED_STEPS
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize(
     "mistake", every(2, MISTAKES, ("too few rows of state", "a name that is not there"))
@@ -272,6 +273,7 @@ def model_with_law(tmp_path, hyperbolic):
     return tdint.load_model(str(file))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("plain")
 def test_law_of_readme_agrees_with_formula(model_with_law):
     """Along cycles, its force equals its formula."""
@@ -281,6 +283,7 @@ def test_law_of_readme_agrees_with_formula(model_with_law):
     assert check_law(model_with_law, 1) == []
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("plain")
 def test_false_tangent_and_energy_of_law_are_reported(tmp_path, hyperbolic):
     text = hyperbolic.read_text()

@@ -140,6 +140,7 @@ TREES = st.recursive(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4), st.booleans())
 def test_any_tree_of_known_keys_is_read_or_refused(

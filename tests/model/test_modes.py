@@ -95,6 +95,7 @@ def test_first_frequency_bound_is_maximum_row_sum(seed):
     assert building._first_bound == pytest.approx(bound, rel=1e-12)
 
 
+@pytest.mark.long
 def test_modal_damping_exceeding_memory_is_refused(monkeypatch):
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
     with pytest.raises(ModelError, match=r"100000 stories .*298 GiB .*16 GiB; use"):

@@ -80,6 +80,7 @@ def test_each_result_is_drawn(results):
             figure.draw_without_rendering()
 
 
+@pytest.mark.long
 def test_the_main_panel_is_drawn_on_axes_of_the_caller(results):
     for name, result in results.items():
         axes = Figure().subplots()

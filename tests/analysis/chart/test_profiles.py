@@ -286,6 +286,7 @@ def test_models_and_problems_exclude_each_other():
 # ---- Problems
 
 
+@pytest.mark.long
 def test_errors_agree_with_runs_with_fine_steps():
     """The reference runs use average acceleration with small time steps, which is only used to
     confirm the stored reference."""

@@ -337,6 +337,7 @@ def test_offset_of_samples_is_removed(recorded_model):
     assert not has_offset(np.zeros(50))
 
 
+@pytest.mark.long
 def test_poorly_determined_parameter_is_reported(recorded_model):
     """A warning is given for the damping of a mode far above the frequency band, with noise."""
     roof = recorded_model.motions["floor_3"]
@@ -682,6 +683,7 @@ def test_unmet_requirement_is_stated_with_both_bounds(recorded_model):
 # ---- Figure
 
 
+@pytest.mark.long
 def test_figure_shows_floors_with_least_agreement_and_overview(recorded_model):
     """The figure shows the floors with the least agreement, over the time of strong shaking, as a
     close-up of eight cycles on both sides of the roof peak, and as spectra. An overview below

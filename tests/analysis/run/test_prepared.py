@@ -39,6 +39,7 @@ def counted(monkeypatch):
     return count
 
 
+@pytest.mark.long
 def test_scaled_cases_share_matrices_and_modes(counted):
     """Rayleigh damping by modes and a method with a stability limit both require the modes."""
     case = prepare(ten_linear(), noise(samples=11), method="central-difference")

@@ -52,6 +52,7 @@ def test_maxima_of_real_records(name):
     np.testing.assert_allclose(measured, reference(record, periods), rtol=1e-9)
 
 
+@pytest.mark.long
 @settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

@@ -70,6 +70,7 @@ def test_maximum_base_shear_does_not_depend_on_rows(points):
     assert np.max(result.base_shear) <= result.largest_base_shear
 
 
+@pytest.mark.long
 def test_decreasing_roof_displacement_is_followed():
     """The lower story softens by 1.1 / 8 per unit of drift from its capping force 1.1 at a drift of
     5. The upper story with a stiffness of 0.05, which carries half the force, unloads by 10 per
@@ -89,6 +90,7 @@ def test_decreasing_roof_displacement_is_followed():
     assert result.base_shear[falling] == pytest.approx(on_the_fall, abs=1e-9)
 
 
+@pytest.mark.long
 def test_tall_frame_with_p_delta_is_followed_to_zero_strength():
     """Every story loses stiffness by yielding. The first yielding story softens alone, and all
     other stories unload. The drift at zero strength follows in closed form from the stiffness k,

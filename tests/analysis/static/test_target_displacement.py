@@ -221,6 +221,7 @@ def test_coefficient_method_of_hardening_buildings(seed):
     )
 
 
+@pytest.mark.long
 def test_elastic_building_has_no_strength_warning():
     """Forty stories under P-delta are pushed beyond their peak; a strength ratio below 1 is
     elastic."""
