@@ -129,8 +129,12 @@ def overview(source: str | Path) -> Overview:
     warnings = (
         *plausibility_warnings(model, building, pga, has_motion=source_of_record is not None),
         *long_step(building, model.analysis.dt, interval),
-        *_missing_times(model),
     )
+    if source_of_record is None and moves_without_record(model):
+        # Imported here, because most models have a record.
+        from tdint.analysis.run.load_notes import missing_times
+
+        warnings += missing_times(model)
     return Overview(
         model,
         float(building.mass.sum()),
@@ -162,27 +166,6 @@ def modes(model: AnyModel) -> Modes:
     building = assemble(model_of(model))
     result = building.modes()
     return replace(result, damping=result.damping_ratios(building.damping_matrix()))
-
-
-def _missing_times(model: Model) -> list[str]:
-    """Return a sentence about the time step and the duration that a run of the model requires and
-    the file does not contain. Without a load, the ground motion of the command line gives both.
-    """
-    excitation, analysis = model.excitation, model.analysis
-    if excitation.record is not None or not moves_without_record(model):
-        return []
-    # Tables of forces have a default time step.
-    missing = {
-        "dt": analysis.dt is None and not excitation.tables,
-        "duration": analysis.duration is None,
-    }
-    names = [name for name, is_missing in missing.items() if is_missing]
-    if not names:
-        return []
-    return [
-        f"without a record, `tdint run` requires {' and '.join(f'--{name}' for name in names)}, or "
-        f"{' and '.join(f'analysis.{name}' for name in names)} in the model file"
-    ]
 
 
 # Keys of a model file with the names of files of the ground motion.

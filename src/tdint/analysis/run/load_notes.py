@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.model.definition import LoadTable, TableForce
+from tdint.model.definition import LoadTable, Model, TableForce
 from tdint.number_parsing import pluralize
 
 _STEPS_PER_PERIOD = 50
@@ -81,3 +81,20 @@ def _ends_with_force(force: TableForce) -> bool:
 def table_name(force: TableForce) -> str:
     """Return the name of a table for messages: the file name, or `points on floor 2`."""
     return Path(force.table.source).name or f"points on floor {force.floor}"
+
+
+def missing_times(model: Model) -> tuple[str, ...]:
+    """Return a sentence about the time step and the duration that a run of a model without a record
+    requires and the file does not contain; empty if nothing is missing."""
+    # Tables of forces have a default time step.
+    missing = {
+        "dt": model.analysis.dt is None and not model.excitation.tables,
+        "duration": model.analysis.duration is None,
+    }
+    names = [name for name, is_missing in missing.items() if is_missing]
+    if not names:
+        return ()
+    options, keys = (
+        " and ".join(prefix + name for name in names) for prefix in ("--", "analysis.")
+    )
+    return (f"without a record, `tdint run` requires {options}, or {keys} in the model file",)
