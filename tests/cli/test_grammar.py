@@ -431,6 +431,7 @@ VALUES = {
     "--target": "native",
     "--cache": "",
     "--plot": "--plot=p.png",
+    "--changed": "--changed -o out",
     "--output": "out",
     "--history-every": "2 --history=h.csv",
     "--openquake": "f.xml",
