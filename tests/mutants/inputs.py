@@ -111,7 +111,7 @@ def tests_of(mutant: Mutant, measured: dict[str, Measured], seconds: float) -> l
 def noticed_before(reports: list[str]) -> set[str]:
     """Return the mutants that earlier reports name with the test that noticed them."""
     lines = (line for report in reports for line in Path(report).read_text("utf-8").splitlines())
-    found = (re.match(r"[.FEsx]*(.+: .+): (tests/.*|None|interrupted)$", line) for line in lines)
+    found = (re.match(r"(.+: .+): (tests/.*|None|interrupted)$", line) for line in lines)
     return {match[1] for match in found if match}
 
 
@@ -149,11 +149,11 @@ def try_all(session: Session, inputs: list[Inputs], arguments: argparse.Namespac
             noticed_by = result_of(in_copy(work, output), output)
             if noticed_by == "":
                 survivors.append(mutant)
-                print(f"not noticed by {len(names)} tests: {mutant}", flush=True)
+                print(f"\nnot noticed by {len(names)} tests: {mutant}", flush=True)
             else:
                 found += 1
                 if arguments.verbose:
-                    print(f"{mutant}: {noticed_by}", flush=True)
+                    print(f"\n{mutant}: {noticed_by}", flush=True)
     for owner, name in sorted(untested):
         print(f"no test: {owner} {name}")
     tried = found + len(survivors)
