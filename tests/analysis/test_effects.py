@@ -67,3 +67,51 @@ def test_gradient_of_many_runs():
     runs = tdint.run_many(ten_bilinear(), MOTION, method="impulse4", gradient="stiffness_factor")
     alone = tdint.run(ten_bilinear(), MOTION, method="impulse4", gradient="stiffness_factor")
     assert runs.gradient.peak_drift[0] == pytest.approx(alone.gradient.peak_drift, rel=1e-6)
+
+
+def test_methods_and_problems_of_failures():
+    found = tdint.failures(["impulse4", "hht"], ["large-step"])
+    assert [(trial.method, trial.problem) for trial in found] == [
+        ("impulse4", "large-step"),
+        ("hht", "large-step"),
+    ]
+
+
+@pytest.mark.long
+def test_load_law_and_frequency_of_an_order():
+    plain = tdint.order("newmark-average").displacement
+    for changed in ({"load": "free"}, {"law": "polynomial"}, {"frequency_ratio": 0.7}):
+        other = tdint.order("newmark-average", **changed).displacement
+        assert not np.allclose(other, plain, rtol=1e-3)
+
+
+def test_numbers_methods_and_steps_of_the_examples_of_the_paper():
+    found = tdint.paper_examples([1], "impulse", [0.04, 0.02])
+    assert [(run.method, run.dt) for run in found] == [("impulse", 0.04), ("impulse", 0.02)]
+
+
+def test_period_name_and_units_of_a_template(tmp_path):
+    (tmp_path / "model.yaml").write_text(
+        tdint.model_template(2, period=0.7, name="tower", units="us")
+    )
+    model = tdint.load_model(tmp_path / "model.yaml")
+    assert model.name == "tower"
+    assert 2.0 * np.pi / tdint.modes(model).omega[0] == pytest.approx(0.7, rel=1e-3)
+    assert "kip" in (tmp_path / "model.yaml").read_text()
+
+
+def test_duration_of_many_runs():
+    runs = tdint.run_many(ten_bilinear(), MOTION, method="hht", duration=0.5)
+    alone = tdint.run(ten_bilinear(), MOTION, method="hht", duration=0.5)
+    assert runs.stories.peak_drift[0] == pytest.approx(alone.stories.peak_drift, rel=1e-12)
+    assert (
+        runs.stories.peak_drift[0].max()
+        < 0.9 * tdint.run(ten_bilinear(), MOTION, method="hht").stories.peak_drift.max()
+    )
+
+
+def test_title_of_a_figure():
+    spectrum = tdint.spectrum(MOTION, np.array([0.2, 0.5, 1.0]))
+    titles = [tdint.plot(spectrum, title=title).get_suptitle() for title in (True, False)]
+    assert titles[0]
+    assert not titles[1]

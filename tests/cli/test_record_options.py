@@ -9,8 +9,9 @@ import click
 import numpy as np
 import pytest
 
+from cli.conftest import write_record
 from tdint.ground_motion.processing_steps import process
-from tdint.ground_motion.reading.read import make_record
+from tdint.ground_motion.reading.read import make_record, read_record
 from tdint_cli.main import COMMANDS, cli
 
 LINES = {
@@ -28,6 +29,9 @@ LINES = {
 FILES = {"model file": "run model.yaml", "campaign file": "campaign study.yaml -o out --overwrite"}
 """Commands with a file that contains the options as keys of the record."""
 
+COMMANDS_WITH_RECORDS = [
+    pytest.param(command, marks=pytest.mark.slow if command == "chart" else ()) for command in LINES
+]
 LAYOUT = "--skip-lines 2 --column 2 --step 0.01 --units m/s^2"
 PROCESSING = (
     "--trim 0.2:2.2 --baseline linear --pad 0.5:1 --highpass 0.4 --lowpass 20 --filter-order 2 "
@@ -71,12 +75,16 @@ def numbers(folder, tdint):
     the ground motion that it writes. The numbers of `chart` exclude the times."""
 
     def numbers_of(command, text, options):
-        (folder / "motion.txt").write_text(text)
+        line = LINES.get(command, "")
+        if text is None:
+            line = line.replace("motion.txt", "motion.mseed")
+        else:
+            (folder / "motion.txt").write_text(text)
         if command in FILES:
             write_files(folder, options)
             result = tdint(*FILES[command].split(), code=None)
         else:
-            result = tdint(*LINES[command].split(), *options.split(), code=None)
+            result = tdint(*line.split(), *options.split(), code=None)
         assert result.exit_code in (0, 4), result.stderr
         table = result.stdout
         for file in sorted(Path("out").glob("*.csv")):
@@ -104,7 +112,7 @@ def _plain(acceleration, dt):
     return "".join(f"{i * dt!r} {float(a)!r}\n" for i, a in enumerate(acceleration))
 
 
-@pytest.mark.parametrize("command", [*LINES, *FILES])
+@pytest.mark.parametrize("command", [*COMMANDS_WITH_RECORDS, *FILES])
 def test_layout_of_a_table(numbers, samples, command):
     """The second column below two lines, without times."""
     backwards = samples[::-1]
@@ -116,7 +124,7 @@ def test_layout_of_a_table(numbers, samples, command):
     np.testing.assert_allclose(numbers(command, table, LAYOUT), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("command", [*LINES, *FILES])
+@pytest.mark.parametrize("command", [*COMMANDS_WITH_RECORDS, *FILES])
 def test_samples_in_rows(numbers, samples, command):
     """Five samples of one ground motion in each line."""
     lines = samples.reshape(-1, 5)
@@ -126,7 +134,7 @@ def test_samples_in_rows(numbers, samples, command):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("command", [*LINES, *FILES])
+@pytest.mark.parametrize("command", [*COMMANDS_WITH_RECORDS, *FILES])
 def test_processing(numbers, samples, command):
     record = process(
         make_record(samples, dt=0.01, units="m/s^2"),
@@ -141,3 +149,39 @@ def test_processing(numbers, samples, command):
     expected = numbers(command, _plain(record.acceleration, record.dt), "--units m/s^2")
     found = numbers(command, _plain(samples, 0.01), PROCESSING)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12)
+
+
+STATION_XML = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<FDSNStationXML xmlns="http://www.fdsn.org/xml/station/1" schemaVersion="1.2">
+ <Source>test</Source><Created>2026-01-01T00:00:00</Created>
+ <Network code="TD"><Station code="TEST">
+  <Latitude>0</Latitude><Longitude>0</Longitude><Elevation>0</Elevation><Site><Name>t</Name></Site>
+  <Channel code="HNE" locationCode=""><Latitude>0</Latitude><Longitude>0</Longitude>
+   <Elevation>0</Elevation><Depth>0</Depth><Azimuth>90</Azimuth><Dip>0</Dip>
+   <SampleRate>100</SampleRate>
+   <Response>
+    <InstrumentSensitivity><Value>500</Value><Frequency>1</Frequency>
+     <InputUnits><Name>m/s**2</Name></InputUnits><OutputUnits><Name>counts</Name></OutputUnits>
+    </InstrumentSensitivity>
+    <Stage number="1">
+     <PolesZeros><InputUnits><Name>m/s**2</Name></InputUnits>
+      <OutputUnits><Name>counts</Name></OutputUnits>
+      <PzTransferFunctionType>LAPLACE (RADIANS/SECOND)</PzTransferFunctionType>
+      <NormalizationFactor>1</NormalizationFactor>
+      <NormalizationFrequency>1</NormalizationFrequency></PolesZeros>
+     <StageGain><Value>500</Value><Frequency>1</Frequency></StageGain>
+    </Stage>
+   </Response></Channel></Station></Network></FDSNStationXML>
+"""
+"""Response of an accelerometer: 500 counts per m/s^2 at all frequencies."""
+
+
+@pytest.mark.parametrize("command", COMMANDS_WITH_RECORDS)
+def test_inventory(folder, numbers, command):
+    (folder / "station.xml").write_text(STATION_XML)
+    write_record(folder / "motion.mseed", "HNE", integer=True)
+    found = numbers(command, None, "--inventory station.xml")
+    record = read_record("motion.mseed", inventory="station.xml")
+    expected = numbers(command, _plain(record.acceleration, record.dt), "--units m/s^2")
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
