@@ -26,7 +26,16 @@ from tdint_cli.options.suite import (
     check_limit_options,
     without_limits,
 )
-from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
+from tdint_cli.terminal import (
+    Failures,
+    current,
+    is_debug,
+    note,
+    note_of_runs,
+    progress_bar,
+    say,
+    warn,
+)
 
 if TYPE_CHECKING:
     from tdint.campaign.execute import Advance, Engine, Shard
@@ -404,7 +413,7 @@ def execute_campaign(
             reuse_note = reuse_results(folder, plan)
         store, store_notes = _open_store(folder, plan, shard_buildings, overwrite=overwrite)
         warn_of_plan(plan)
-        note(*plan.notes, *store_notes, *filter(None, [reuse_note]))
+        note_of_runs(*plan.notes, *store_notes, *filter(None, [reuse_note]))
         with store:
             # Refuse files with the names of results that were not written from this store.
             if not overwrite:
@@ -480,7 +489,7 @@ def _open_store(
 
 
 def _report_progress(advance: Advance) -> None:
-    """Report the number of runs that this call has completed, with their duration and rate.
+    """Report the number of runs that this call has completed, with --debug their duration and rate.
 
     The number of runs of earlier calls follows. If this call has completed no runs, all runs were
     completed by earlier calls.
@@ -488,7 +497,8 @@ def _report_progress(advance: Advance) -> None:
     new_runs = advance.done - advance.before
     if new_runs:
         before = f", {advance.before} before" if advance.before else ""
-        say(f"{pluralize(new_runs, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
+        duration = f" in {advance.seconds:.3g} s ({_rate(advance)})" if is_debug() else ""
+        say(f"{pluralize(new_runs, 'run')}{duration}{before}.")
     else:
         say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
 

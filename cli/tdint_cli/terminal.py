@@ -19,7 +19,9 @@ from typing import Any, TypeVar
 
 import click
 
+from tdint.analysis.defaults import NO_METHOD
 from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
+from tdint.number_parsing import abbreviate
 from tdint.system import set_nonblocking
 
 
@@ -30,7 +32,7 @@ class Settings:
     Attributes
     ----------
     debug : bool
-        Show a traceback with an error.
+        Show a traceback with an error, and details of a run that do not affect its results.
     quiet : bool
         Print only warnings and errors.
     bar : bool
@@ -57,6 +59,11 @@ def current() -> Settings:
 def is_quiet() -> bool:
     """Return True if the running command has the option --quiet."""
     return current().quiet
+
+
+def is_debug() -> bool:
+    """Return True if the running command has the option --debug."""
+    return current().debug
 
 
 _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor on a terminal
@@ -113,20 +120,25 @@ def note(*texts: str) -> None:
     say(*(f"note: {text}" for text in _combine_equal(texts)))
 
 
+def note_of_runs(*texts: str) -> None:
+    """Print the notes of runs. The note on the default method requires --debug."""
+    note(*(text for text in texts if is_debug() or NO_METHOD not in text))
+
+
 def warn(*texts: str) -> None:
     """Print warnings that affect the meaning of the results; --quiet does not suppress them."""
-    for text in texts:
+    for text in _combine_equal(texts):
         complain(f"Warning: {text}")
 
 
-_SINGLE = 2  # maximum number of files with the same message that are listed on separate lines
+_NAMED = 2  # maximum number of files that a common message names
 
 
 def _combine_equal(texts: Sequence[str]) -> list[str]:
-    """Combine equal messages about more than two files to one line.
+    """Combine equal messages about several files to one line.
 
     Each text is `FILE: MESSAGE`, or a message without a file, which is not combined. The combined
-    lines, `FILE and N more: MESSAGE`, follow after the other texts.
+    lines, `FILE, FILE and N more: MESSAGE`, follow after the other texts.
     """
     files_of_message: dict[str, list[str]] = {}
     for text in texts:
@@ -136,12 +148,11 @@ def _combine_equal(texts: Sequence[str]) -> list[str]:
     common_messages = {
         message: files
         for message, files in files_of_message.items()
-        if len(files) > _SINGLE and all(files)
+        if len(files) > 1 and all(files)
     }
     single_lines = [text for text in texts if _file_and_message(text)[1] not in common_messages]
     return single_lines + [
-        f"{files[0]} and {len(files) - 1} more: {message}"
-        for message, files in common_messages.items()
+        f"{abbreviate(files, _NAMED)}: {message}" for message, files in common_messages.items()
     ]
 
 

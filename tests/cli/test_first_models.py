@@ -169,6 +169,7 @@ def test_shapes_of_modes(folder, tdint, drawn):
     tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
     by_roof = rows(tdint("modes", "f.yaml", "--shapes", "roof", "--plot=m.png").stdout)
     assert [float(row["floor_4_shape"]) for row in by_roof] == pytest.approx([1.0] * 4)
+    assert rows(tdint("modes", "f.yaml", "--shapes").stdout) == by_roof
     assert Path("m.png").stat().st_size > 10_000
     by_participation = rows(tdint("modes", "f.yaml", "--shapes", "participation").stdout)
     for floor in range(1, 5):

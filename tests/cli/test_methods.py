@@ -199,7 +199,7 @@ def test_overshoot_in_nonlinear_motion(working_directory, tdint):
         abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average"
     )
     lines = result.stderr.splitlines()
-    assert states(lines[0], "note: exact is omitted: ... linear buildings only")
+    assert states(lines[0], "note: exact: omitted, ... linear buildings only")
     cells = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
     assert cells["newmark-average"] == [
         "1",
@@ -226,7 +226,10 @@ def test_order_over_the_frequency_ratio(working_directory, tdint, monkeypatch):
         lambda *arguments, **options: solve(*arguments, **options | coarse),
     )
     result = tdint("order", "--method", "central-difference", "--plot", "x.png", code=0)
-    assert result.stderr == ""
+    # The summary has one line per method, below the header.
+    assert [line.split()[:2] for line in result.stderr.splitlines()[1:]] == [
+        ["central-difference", "2.00"]
+    ]
     table = rows(result.stdout)
     np.testing.assert_allclose(
         [float(row["frequency_ratio"]) for row in table], np.geomspace(0.2, 5.0, 15), rtol=1e-11
@@ -250,9 +253,7 @@ def test_methods_that_do_not_support_the_law_are_reported(tdint, command, law):
     call = (*command.split(), "--law", law, "--method")
     result = tdint(*call, "exact,newmark-average", code=0)
     assert set(column(result, "method")) == {"newmark-average"}
-    assert states(
-        result.stderr.splitlines()[0], "note: exact is omitted: ... linear buildings only"
-    )
+    assert states(result.stderr.splitlines()[0], "note: exact: omitted, ... linear buildings only")
     tdint.refused(f"Error: exact ... linear buildings only ... --law {law}\n", *call, "exact")
 
 
@@ -262,7 +263,12 @@ def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(
     result = tdint(
         "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
     )
-    assert each_states(result.stderr.splitlines(), ["note: exact: no order, ... rounding errors"])
+    summary = [line.split() for line in result.stderr.splitlines()[1:3]]
+    assert [line[0] for line in summary] == ["exact", "newmark"]
+    assert summary[0][1:] == ["-"] * 4 and summary[1][1] == "2.00"
+    assert each_states(
+        result.stderr.splitlines()[3:], ["note: exact: no order, ... rounding errors"]
+    )
     assert column(result, "displacement_order")[0] == ""
     assert "errors are rounding" in (working_directory / "x.svg").read_text(encoding="utf-8")
 

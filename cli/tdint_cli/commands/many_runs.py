@@ -24,7 +24,7 @@ from tdint_cli.commands.run_request import Request
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.suite import check_limit_options
-from tdint_cli.terminal import Failures, note, say
+from tdint_cli.terminal import Failures, note_of_runs, say
 
 if TYPE_CHECKING:
     from tdint.campaign.plan import Plan
@@ -71,7 +71,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     check_limit_options(request.limit, request.require, plan.models)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
-    note(*plan.notes)
+    note_of_runs(*plan.notes)
     with store:
         profiles = Profiles(store, request)
         advance = advance_with_bar(plan, store, engine)

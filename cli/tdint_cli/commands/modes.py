@@ -36,9 +36,12 @@ MODES = (
 @options.analysis.model
 @options.option(
     "--shapes",
+    is_flag=False,
+    flag_value="roof",
     type=click.Choice(["roof", "participation"]),
-    help="Also write the mode shapes, one column per floor, normalized to 1 at the roof (roof) or "
-    "to a participation factor of 1 (participation; the sum over all modes is 1 at each floor).",
+    metavar="[roof|participation]",
+    help="Also write the mode shapes, one column per floor, normalized to 1 at the roof (default) "
+    "or to a participation factor of 1 (participation; the sum over all modes is 1 at each floor).",
 )
 @options.studies.target(
     "Run a response spectrum analysis and write the peak responses of the stories instead of the "

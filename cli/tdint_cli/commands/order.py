@@ -13,7 +13,7 @@ from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.grammar import Count, grid
 from tdint_cli.options.output import Outputs
-from tdint_cli.terminal import Failures, note
+from tdint_cli.terminal import Failures, note, say_table
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.order import ObservedOrder
@@ -79,7 +79,8 @@ def command(
 
     The acceleration follows from equilibrium, as in `tdint run`. The algorithmic acceleration is
     the state variable of the method; it is empty if the method has none, and with --stride. There
-    is one row per method and frequency ratio, or one row per method if --load is not harmonic.
+    is one row per method and frequency ratio, or one row per method if --load is not harmonic. A
+    summary with one line per method, the range of its orders, is written to standard error.
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
 
@@ -104,6 +105,7 @@ def command(
         outputs.deliver(
             tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured)
         )
+        say_table(_summary(measured))
         # The order is NaN if too few errors exceed the rounding errors, because the method is exact
         # for this load.
         exact = dict.fromkeys(
@@ -112,3 +114,27 @@ def command(
         note(*(f"{method}: no order, because its errors are rounding errors" for method in exact))
     if failures:
         raise Failures(failures)
+
+
+_QUANTITIES = {
+    "displacement": "displacement",
+    "velocity": "velocity",
+    "acceleration": "acceleration",
+    "algorithmic_acceleration": "algorithmic acceleration",
+}
+"""Labels of the quantities in the summary by their names in `ObservedOrder`."""
+
+
+def _summary(measured: list[ObservedOrder]) -> list[tuple[str, ...]]:
+    """Return the rows of the summary below a header: for each method the range of the orders over
+    the frequency ratios, and - for a quantity without an order."""
+    rows = [("order of method", *_QUANTITIES.values())]
+    for method in dict.fromkeys(order.method for order in measured):
+        results = [order for order in measured if order.method == method]
+        cells = []
+        for quantity in _QUANTITIES:
+            orders = [order.order(quantity) for order in results]
+            texts = [f"{value:.2f}" for value in sorted(orders) if not math.isnan(value)]
+            cells.append(" to ".join(dict.fromkeys([*texts[:1], *texts[-1:]])) or "-")
+        rows.append((method, *cells))
+    return rows

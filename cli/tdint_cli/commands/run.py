@@ -32,7 +32,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.suite import check_limit_options, outcome_text
-from tdint_cli.terminal import complain, is_quiet, note, say, warn
+from tdint_cli.terminal import complain, is_debug, is_quiet, note, note_of_runs, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
@@ -193,7 +193,7 @@ def _run(request: Request) -> None:
         from tdint.output.summary import model_input
 
         # A failed run has no results except the summary, which states the time of the failure.
-        note(*failure.notes)
+        note_of_runs(*failure.notes)
         inputs = [model_input(model), *record_inputs]
         _write(request, {}, _failure_content(request, case, failure, inputs, start_time))
         raise
@@ -210,7 +210,7 @@ def _run(request: Request) -> None:
         complain(subject + _collapse_sentence(response, response.collapse))
     warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
     warn(*_record_warnings(response.record if events else None))
-    note(*response.notes)
+    note_of_runs(*response.notes)
     unmet = [verdict.text for verdict in verdicts if not verdict.met]
     if request.require and unmet:
         subject = "the drift limit is exceeded: " if isinstance(request.limit, float) else ""
@@ -538,7 +538,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
     """Return the summary of a run as text with a sentence per line.
 
-    In a report (`page`), drift ratios are in percent and the computing time is omitted.
+    In a report (`page`), drift ratios are in percent. The computing time requires --debug.
     """
     from tdint.analysis.run.demands import demands
 
@@ -549,11 +549,10 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         pga = units.of(record.pga, "m/s^2")
         pga_text = f"{pga:.3g}" if pga < 1000.0 else f"{pga:.0f}"
         motion = f"{record.name} (PGA {pga_text} {units.unit('m/s^2')[0]})"
-    # The processor time of the thread is the usual clock; only another clock is named.
-    clock = system.clock()
-    clock_text = "" if clock == "thread_time" else f" of {system.CLOCKS[clock]}"
-    microseconds = 1e6 * response.solver_time / response.steps
-    cost = "" if page else f"{microseconds:.3g} us per step{clock_text}, "
+    cost = ""
+    if is_debug() and not page:
+        microseconds = 1e6 * response.solver_time / response.steps
+        cost = f"{microseconds:.3g} us per step ({system.CLOCKS[system.clock()]}), "
     lines = [
         f"{response.model.name}: {pluralize(len(response.model.stories), 'story')}, {motion}.",
         f"{response.method}: {pluralize(response.steps, 'step')} of {response.dt:.6g} s, "

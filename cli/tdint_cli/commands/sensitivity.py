@@ -17,7 +17,7 @@ from tdint_cli import options
 from tdint_cli.options.grammar import FileName, Mode, refuse_idle
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import NAMES, RecordsRequest
-from tdint_cli.terminal import Failures, note, say
+from tdint_cli.terminal import Failures, note_of_runs, say
 
 
 def _ranges(
@@ -134,7 +134,7 @@ def _one_at_a_time(request: Request) -> None:
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
-    note(*dict.fromkeys(plan.notes))
+    note_of_runs(*dict.fromkeys(plan.notes))
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
         report_outcomes(store)

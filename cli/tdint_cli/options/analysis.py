@@ -267,7 +267,7 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
 
 
 def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
-    """Return the methods that support a nonlinear law; write a note for each omitted method.
+    """Return the methods that support a nonlinear law; write a note on omitted methods.
 
     Parameters
     ----------
@@ -285,9 +285,8 @@ def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
             f"{integrators[0].label} supports linear buildings only and cannot be used with "
             f"--law {law}"
         )
-    for integrator in integrators:
-        if integrator not in suited:
-            note(f"{integrator.label} is omitted: it supports linear buildings only")
+    omitted = [integrator.label for integrator in integrators if integrator not in suited]
+    note(*(f"{label}: omitted, because it supports linear buildings only" for label in omitted))
     return suited
 
 

@@ -5,6 +5,10 @@ from __future__ import annotations
 DAMPING = 0.05
 """Default damping ratio."""
 
+NO_METHOD = "no method specified"
+"""Beginning of the note on the default method. It is in every JSON summary; the commands print it
+only with --debug, because the method is in their results."""
+
 PERIODS = "0.01:10:200"
 """Default periods of a spectrum, s: minimum, maximum and number."""
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.defaults import NO_METHOD
 from tdint.analysis.run.batch import Subject
 from tdint.arrays import cached_property
 from tdint.campaign.batch import (
@@ -465,7 +466,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).reported_at_key():
             if analysis.method is None:
-                notes.append(f"no method is specified; using {DEFAULT_METHOD}")
+                notes.append(f"{NO_METHOD}; using {DEFAULT_METHOD}")
             scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
             analysis_settings = (
                 analysis.method or DEFAULT_METHOD,
@@ -494,6 +495,6 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         method = analysis.method or model.analysis.method
         if method is None:
             method = DEFAULT_METHOD
-            notes.append(f"{model.source}: no method is specified; using {DEFAULT_METHOD}")
+            notes.append(f"{model.source}: {NO_METHOD}; using {DEFAULT_METHOD}")
         subjects.append(Subject(model, method))
     return model_buildings(subjects)

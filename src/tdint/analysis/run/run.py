@@ -19,6 +19,7 @@ from tdint.analysis.arguments import (
     ratio_of,
     record_of,
 )
+from tdint.analysis.defaults import NO_METHOD
 from tdint.analysis.run.case import Case, extend_to_rest, validated_case
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import FailedRun as FailedRun
@@ -218,7 +219,7 @@ def prepare(
     if not isinstance(method, str | None):
         raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     specification = method or model.analysis.method
-    remarks = () if specification else (f"no method specified; using {DEFAULT_METHOD}",)
+    remarks = () if specification else (f"{NO_METHOD}; using {DEFAULT_METHOD}",)
     integrator = parse(specification or DEFAULT_METHOD)
     ground = model_record(model) if record is None else record_of(record)
     return Case(model, PreparedBuilding.of(model), ground, integrator, allow_unstable, remarks)
