@@ -443,6 +443,7 @@ class OutputUnits:
             "N": (self.force, force),
             "kg": (self.mass, MASS[self.mass]),
             "N/m": (f"{self.force}/{self.length}", force / length),
+            "m/N": (f"{self.length}/{self.force}", length / force),
             "J": (f"{self.force}*{self.length}", force * length),
             "N*m": (f"{self.force}*{self.length}", force * length),
         }

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.errors import TdintError
+from tdint.errors import TdintError, UsageError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
@@ -15,6 +15,7 @@ from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.analysis.spectra.transfer import TransferFunction
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
@@ -22,9 +23,12 @@ if TYPE_CHECKING:
     from tdint_cli.options.output import Outputs
 
 
+_GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spectra.transfer`
+
 MODES = (
-    _MODE_TABLE := Mode("without --target", frozenset({"shapes"})),
-    _PEAK_TABLE := Mode("with --target"),
+    _MODE_TABLE := Mode("without --target or --transfer", frozenset({"shapes"})),
+    _PEAK_TABLE := Mode("with --target", frozenset({"target"})),
+    _TRANSFER_TABLE := Mode("with --transfer", frozenset({"transfer"})),
 )
 
 
@@ -43,16 +47,30 @@ MODES = (
     help="Also write the mode shapes, one column per floor, normalized to 1 at the roof (default) "
     "or to a participation factor of 1 (participation; the sum over all modes is 1 at each floor).",
 )
+@options.option(
+    "--transfer",
+    is_flag=False,
+    flag_value=_GROUND,
+    metavar="[ground|FLOOR]",
+    help="Write transfer functions instead of the modes: floor accelerations divided by the ground "
+    "acceleration (ground, default), or displacements divided by a force on this floor.",
+)
 @options.studies.target(
     "Run a response spectrum analysis and write the peak responses of the stories instead of the "
     "modes"
 )
 @options.output.to_files(
-    picture="Also draw the shapes of the first modes, or the peaks of the stories, to this file "
-    "(.png, .pdf, .svg), or next to -o.",
+    picture="Also draw the shapes of the first modes, the peaks of the stories, or the transfer "
+    "functions, to this file (.png, .pdf, .svg), or next to -o.",
     page=True,
 )
-def command(model: str, shapes: str | None, target: str | None, outputs: Outputs) -> None:
+def command(
+    model: str,
+    shapes: str | None,
+    transfer: str | None,
+    target: str | None,
+    outputs: Outputs,
+) -> None:
     """Compute natural periods, damping ratios, modal masses and shapes of a building.
 
     CSV, one row per undamped mode with initial stiffness: period, frequency, damping ratio,
@@ -61,13 +79,21 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     input. With --target, one row per story: drifts, shears and displacements of the linear building
     under a design spectrum, with modal peaks combined by SRSS and CQC; floor accelerations, floor
     forces and overturning moments. The JSON file next to -o contains the contribution of each mode.
+
+    With --transfer, one row per frequency, denser at resonances: amplitude and phase of each floor
+    in the harmonic steady state, with the initial stiffness. The damping of the model, dashpots
+    and braced dampers are included exactly; power-law dashpots are refused.
     """
-    refuse_idle(_MODE_TABLE if target is None else _PEAK_TABLE, MODES)
+    mode = _MODE_TABLE if target is None else _PEAK_TABLE
+    refuse_idle(_TRANSFER_TABLE if transfer is not None else mode, MODES)
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
     loaded = load_model(model)
     options.analysis.warn_of(loaded)
+    if transfer is not None:
+        _transfer(loaded, transfer, outputs)
+        return
     if target is not None:
         _peaks(loaded, target, outputs)
         return
@@ -109,6 +135,76 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
     outputs.deliver(table, draw, page=page)
     note(*notes)
+
+
+def _transfer(model: Model, source: str, outputs: Outputs) -> None:
+    """Compute transfer functions, write their outputs and print the maximum of the roof."""
+    from tdint.analysis.spectra.transfer import transfer_function
+
+    floors = len(model.stories)
+    if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
+        raise UsageError(
+            f"--transfer must be {_GROUND}, or a floor from 1 to {floors} for a force on this "
+            f"floor, got {source!r:.40}"
+        )
+    units_of_page = outputs.units or model.page_units
+    outputs = outputs.else_in(model.output_units)
+    result = transfer_function(model, source if source == _GROUND else int(source))
+    warnings = []
+    if not result.is_damped:
+        warnings.append(
+            "a mode is undamped: the amplitude at its frequency is unbounded, and the amplitudes "
+            "near it depend on the frequencies of the table"
+        )
+    notes = []
+    if any(spring.law.name != "linear" for story in model.stories for spring in story.springs):
+        notes.append("the transfer functions are for the initial stiffness: no story yields")
+
+    def page() -> bytes:
+        """Return the HTML report of the transfer functions."""
+        from tdint.output.building_report import transfer_page
+        from tdint.output.page import PageText, page_units
+        from tdint.output.summary import files_read
+
+        verdict = [(None, _transfer_sentence(result, page_units(units_of_page)))]
+        sentences = [f"{text[0].upper()}{text[1:]}." for text in notes]
+        page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+        return transfer_page(result, page_text, units_of_page)
+
+    units = outputs.shown_units
+    maxima = tables.transfer.resonance_table(result).in_units(units)
+    outputs.deliver(
+        tables.transfer.transfer_table(result),
+        lambda: figures.mode_shapes.transfer_picture(result, units),
+        lambda: {
+            "maxima": [dict(zip(maxima.columns, row, strict=True)) for row in maxima.rows],
+            "meanings": maxima.meanings,
+        },
+        page,
+    )
+    say(_transfer_sentence(result, units))
+    note(*notes)
+    warn(*warnings)
+
+
+def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
+    """Return a sentence on the maximum amplitude of the roof and its frequency."""
+    roof = result.maxima[-1]
+    if result.source == _GROUND:
+        amplitude = f"roof acceleration {roof.amplitude:.4g} times the ground acceleration"
+    else:
+        amplitude = (
+            f"roof displacement {units.text(roof.amplitude, 'm/N')} per force on floor "
+            f"{result.source}"
+        )
+    # The first period is that of the undamped building without the braces of dampers.
+    from tdint.model.building import assemble
+
+    frequency = 1.0 / assemble(result.model).first_period
+    return (
+        f"{result.model.name}: maximum {amplitude}, at {roof.frequency:.4g} Hz; first natural "
+        f"frequency {frequency:.4g} Hz."
+    )
 
 
 def _coupling_cause(model: Model) -> str:

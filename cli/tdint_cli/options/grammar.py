@@ -896,12 +896,15 @@ class Command(HelpAsData):
         return remaining
 
     def _valued_options(self) -> set[str]:
-        """Return the names of the options that require a value; --plot and --history do not."""
+        """Return the names of the options that require a value. The metavar of the others is in
+        brackets, such as [FILE]."""
         names: set[str] = set()
         for parameter in self.params:
             if isinstance(parameter, click.Option) and not parameter.is_flag:
-                names.update(parameter.opts)
-        return names - _NAMED_FILES.keys()
+                metavar = parameter.metavar or ""
+                if not (metavar.startswith("[") and metavar.endswith("]")):
+                    names.update(parameter.opts)
+        return names
 
     def _check_needs(self, ctx: click.Context) -> None:
         """Raise UsageError for an option that would have no effect without another option.

@@ -152,7 +152,7 @@ class Building:
         return bool(np.any(self.linear_terms[rows.TANGENT_DAMPING, ..., :-1] != 0.0))
 
     @property
-    def _story_dampers(self) -> Array:
+    def story_dampers(self) -> Array:
         """Coefficients of the dampers of the stories in the initial state, N s/m."""
         tangent = (
             self.linear_terms[rows.TANGENT_DAMPING, :-1]
@@ -313,7 +313,7 @@ class Building:
     def damping_matrix(self) -> Array:
         """Return the damping matrix without power-law dashpots, N s/m, shape (n, n): the sum of the
         dampers in the stories, the dampers from the floors to the ground, and modal damping."""
-        story_matrix = _tridiagonal(self._story_dampers, self.linear_terms[rows.LINK, :-1])
+        story_matrix = _tridiagonal(self.story_dampers, self.linear_terms[rows.LINK, :-1])
         return (
             story_matrix
             + np.diag(self.linear_terms[rows.FLOOR_DAMPER, :-1])
@@ -368,7 +368,7 @@ class Building:
         """
         drift = shape.copy()
         drift[1:] -= shape[:-1]
-        modal_damping = np.add.reduce(self._story_dampers * drift**2)
+        modal_damping = np.add.reduce(self.story_dampers * drift**2)
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2)
         if len(self.modal):
             modal_damping += np.add.reduce((self.modal[:, :-1] @ shape) ** 2)

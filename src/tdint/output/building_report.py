@@ -30,7 +30,7 @@ from tdint.output.report import (
     simplifications,
 )
 from tdint.output.spectrum_text import spectrum_text
-from tdint.output.tables import buildings
+from tdint.output.tables import buildings, transfer
 from tdint.output.tables.table import Table
 from tdint.units import SI, OutputUnits
 
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from tdint.analysis.pushover import Pushover
     from tdint.analysis.run.outcome import Response
     from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.analysis.spectra.transfer import TransferFunction
     from tdint.analysis.target_displacement import TargetDisplacement
 
 
@@ -138,6 +139,29 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
         chapters,
         page_text,
     )
+
+
+def transfer_page(result: TransferFunction, page_text: PageText, units: OutputUnits = SI) -> bytes:
+    """Return the report of the transfer functions of a building."""
+    model, units = result.model, page_units(units)
+    draw = partial(figures.mode_shapes.transfer_picture, result, units)
+    chapters = [
+        Chapter(
+            "Result",
+            (list(page_text.sentences), Picture(draw, "Amplitudes and phases over the frequency")),
+        ),
+        Chapter("Maximum of each floor", (transfer.resonance_table(result).in_units(units),)),
+        model_chapter(model, units),
+        Chapter("Assumptions", ((*_TRANSFER_ASSUMPTIONS, *MODEL_LIMITS),)),
+    ]
+    return page(model.name, f"Transfer functions of {model.name}.", chapters, page_text)
+
+
+_TRANSFER_ASSUMPTIONS = (
+    "Harmonic steady-state response of the building with its initial stiffness: no story yields.",
+    "Damping of the model, linear dashpots and braced dampers are included exactly, by the complex "
+    "dynamic stiffness at each frequency.",
+)
 
 
 def _modes_on_target(result: ModalResponse, units: OutputUnits) -> Figure:

@@ -21,6 +21,7 @@ from tdint.output.figures.style import (
     line_style,
     mark_first_periods,
     over_stories,
+    plain_numbers,
     scaled_unit,
     titled,
 )
@@ -29,6 +30,7 @@ from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.analysis.spectra.transfer import TransferFunction
     from tdint.model.modes import Modes
 
 
@@ -158,6 +160,40 @@ def mode_spectrum_picture(
 
 _MAX_NUMBERED = 6  # maximum number of modes with a number in the figure
 _MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
+
+
+def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figure:
+    """Plot amplitudes and phases of the floors over the frequency, at most `_MAX_LINES` floors."""
+    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    amplitude, phase = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    floors = result.response.shape[1]
+    # The roof is first, and further floors are evenly spaced below it.
+    shown = np.unique(np.rint(np.linspace(floors, 1, min(floors, _MAX_LINES))).astype(int))[::-1]
+    unit = "1" if result.source == "ground" else "m/N"
+    values = units.of(result.amplitude, unit)
+    for number, floor in enumerate(shown.tolist()):
+        label = "roof" if floor == floors else f"floor {floor}"
+        style = line_style(number)
+        amplitude.plot(result.frequency, values[:, floor - 1], label=label, **style)
+        # A jump from -180 to 180 degrees is not drawn as a line.
+        degrees = result.phase[:, floor - 1].copy()
+        degrees[1:][np.abs(np.diff(degrees)) > 180.0] = math.nan
+        phase.plot(result.frequency, degrees, **style)
+    text = "floor acceleration / ground acceleration"
+    if result.source != "ground":
+        text = f"displacement / force on floor {result.source} ({units.label(unit)})"
+    amplitude.set(xscale="log", yscale="log", ylabel=text)
+    amplitude.set_ylim(max(_MIN_AMPLITUDE * values.max(), values.min()), None)
+    phase.set(xlabel="frequency (Hz)", ylabel="phase (degrees)", ylim=(-190.0, 190.0))
+    phase.set_xlim(result.frequency[0], result.frequency[-1])
+    phase.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
+    plain_numbers(phase.xaxis)
+    amplitude.legend(loc="best")
+    return titled(figure, f"{result.model.name}\nTransfer functions, initial stiffness")
+
+
+_MAX_LINES = 4  # maximum number of floors with a line
+_MIN_AMPLITUDE = 1e-5  # minimum amplitude in the figure divided by the maximum
 
 
 def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:

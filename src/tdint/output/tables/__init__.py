@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tdint.output.tables import spectra as spectra
     from tdint.output.tables import studies as studies
     from tdint.output.tables import table as table
+    from tdint.output.tables import transfer as transfer
     from tdint.output.tables import values as values
 
 __getattr__ = modules_on_use(__name__)

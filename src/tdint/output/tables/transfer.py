@@ -1,0 +1,70 @@
+"""Tables of transfer functions of a building."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdint.output.tables.table import Column, Table, elements_of
+from tdint.units import suffix
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.transfer import TransferFunction
+
+
+def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:
+    """Return the columns of transfer functions: frequency, and amplitude and phase of each floor.
+
+    Parameters
+    ----------
+    source : str or int
+        `ground`, or the number of the floor with the force.
+    """
+    unit, meaning = "m/N", f"displacement divided by the force on floor {source}"
+    if source == "ground":
+        unit, meaning = "1", "absolute acceleration divided by the ground acceleration"
+    return (
+        Column("frequency_hz", "Hz", "frequency", "frequency of the harmonic motion"),
+        *(
+            column
+            for floor in range(1, floors + 1)
+            for column in (
+                Column(
+                    f"floor_{floor}_amplitude{suffix(unit)}",
+                    unit,
+                    elements_of("amplitude", np.s_[:, floor - 1]),
+                    f"amplitude of the floor: {meaning}",
+                ),
+                Column(
+                    f"floor_{floor}_phase_deg",
+                    "degree",
+                    elements_of("phase", np.s_[:, floor - 1]),
+                    "phase of the floor, negative for a delay",
+                ),
+            )
+        ),
+    )
+
+
+def transfer_table(result: TransferFunction) -> Table:
+    """Return the table of transfer functions, with one row per frequency."""
+    columns = transfer_columns(result.response.shape[1], result.source)
+    return Table.of_results(columns, [result])
+
+
+RESONANCE = (
+    Column("floor", "1", "floor", "floor, numbered from the ground"),
+    Column("frequency_hz", "Hz", "frequency", "frequency of the maximum amplitude"),
+    Column("amplitude", "1", "amplitude", "maximum absolute acceleration over ground acceleration"),
+)
+RESONANCE_OF_FORCE = (
+    *RESONANCE[:2],
+    Column("amplitude_m_N", "m/N", "amplitude", "maximum displacement over force"),
+)
+
+
+def resonance_table(result: TransferFunction) -> Table:
+    """Return the table of the maximum amplitudes, with one row per floor from the ground."""
+    columns = RESONANCE if result.source == "ground" else RESONANCE_OF_FORCE
+    return Table.of_results(columns, result.maxima)
