@@ -490,8 +490,8 @@ def _median(study: IdaStudy) -> str:
         text += f"{study.im_name} = {median:.4g} {unit}"
     if count > 1 and not math.isnan(low) and not math.isnan(high):
         text += (
-            f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (of the sorted capacities; `tdint "
-            "fragility` fits a lognormal distribution, whose median is their geometric mean)"
+            f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (sorted capacities; the median of "
+            "`tdint fragility` is their geometric mean)"
         )
     if censored := sum(curve.collapse.censored for curve in curves):
         text += f"; {censored} of {count} censored"

@@ -701,7 +701,7 @@ def _doubts(record: Record, motion: Motion) -> list[_Doubt]:
                 f"{abs(final_displacement):.3g} m",
                 abs(final_displacement) / motion.pgd,
                 "its peak",
-                "check for baseline drift (permanent ground displacement is also possible)",
+                "check for baseline drift or permanent displacement",
             )
         )
     return doubts

@@ -892,7 +892,7 @@ class Case:
         advice = (
             f"--until-rest stops after {REST_PERIODS:g} first periods"
             if reached_limit
-            else "--until-rest continues until free vibration has decayed"
+            else "see --until-rest"
         )
         return [
             f"the building still vibrates at the end (drift of story {i + 1} by about "
