@@ -177,7 +177,31 @@ class Profiles:
 
         origins = [MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values()]
         records = self.store.connection.execute("SELECT count(*) FROM records").fetchone()[0]
-        return SuiteLimits(self.profiles, self.request.limit, matched_clause(origins, records))
+        clauses = (matched_clause(origins, records), self._scaling_clause())
+        return SuiteLimits(self.profiles, self.request.limit, ", ".join(filter(None, clauses)))
+
+    def _scaling_clause(self) -> str:
+        """Return a clause on the scale factors from a file, for example `scaled to ec8:... (rule
+        record, factors 0.42 to 4.7)`; empty without such a file."""
+        from tdint.number_parsing import number_text
+        from tdint.output.spectrum_text import spectrum_text
+
+        scaling = self.store.scaling()
+        if not scaling:
+            return ""
+        lists = self.store.parameters()["factors"].values()
+        factors = [factor for values in lists for factor in values]
+        low, high = (number_text(factor, 3) for factor in (min(factors), max(factors)))
+        range_text = f"factor {low}" if low == high else f"factors {low} to {high}"
+        if "target" in scaling:
+            target = f" to {spectrum_text(scaling['target'])}"
+        elif "measure" in scaling:
+            value = f"{scaling['value']:.4g} {scaling.get('unit', '')}".rstrip()
+            target = f" to {scaling['measure']} = {value}"
+        else:
+            target = f" by {scaling['file']}"
+        rule = f"rule {scaling['rule']}, " if "rule" in scaling else ""
+        return f"scaled{target} ({rule}{range_text})"
 
     def _require_profiles(self, option: str) -> None:
         """Raise AnalysisError, with the option that needs them, if no demands are stored."""

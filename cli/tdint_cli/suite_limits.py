@@ -27,7 +27,8 @@ class SuiteLimits:
     limit : float, str or None
         Drift limit or performance level of the command line; None for the limits of the models.
     matched : str
-        Clause on matched ground motions (`tdint.ground_motion.origin.matched_text`).
+        Clause on matched ground motions (`tdint.ground_motion.origin.matched_text`) and on scale
+        factors.
     """
 
     profiles: list[Profile]

@@ -112,6 +112,7 @@ KINDS = {
     "pushover": Kind(f"pushover older.yaml --target {EC8} -o out.csv", models=("older",)),
     "modes": Kind("modes bilinear.yaml -o out.csv"),
     "modes under a target": Kind(f"modes bilinear.yaml --target {SPECTRUM} -o out.csv"),
+    "transfer functions": Kind("modes bilinear.yaml --transfer -o out.csv"),
     "compare": Kind(
         "compare linear.yaml --recorded recorded.yaml --require correlation=0.9 -o out",
         ("run bilinear.yaml --scale 0.5 --export-floors mseed -o recorded",),

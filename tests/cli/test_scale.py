@@ -304,8 +304,19 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
     suite = ("motion.mseed", "other.mseed", *UNITS)
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
     tdint("scale", *suite, *target, "-o", "suite.csv", code=0)
-    tdint("run", "shaken.yaml", *suite, "--factors", "suite.csv", "-o", "out", code=0)
+    call = ("run", "shaken.yaml", *suite, "--factors", "suite.csv", "-o", "out")
+    run = tdint(*call, "--limit", "50%", code=0)
     runs, factors = rows("out/runs.csv"), rows("suite.csv")
+    # The verdict and the summary state rule, target and factors.
+    low, *_, high = sorted(float(row["factor"]) for row in factors)
+    assert states(
+        run.stderr, f"scaled to ... EN 1998-1 ... (rule mean, factors {low:.3g} to {high:.3g})."
+    )
+    assert json.loads(Path("out/summary.json").read_text())["scaling"] == {
+        "file": "suite.csv",
+        "rule": "mean",
+        "target": target[1],
+    }
     assert [(row["record"], row["component"], row["scale"]) for row in runs] == [
         (row["record"], row["component"], row["factor"]) for row in factors
     ]

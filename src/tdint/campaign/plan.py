@@ -124,6 +124,18 @@ class Plan:
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
     @property
+    def scaling(self) -> dict[str, Any]:
+        """File of the scale factors with rule and target of `tdint scale`, which are missing if
+        they are unknown; empty without a file of factors."""
+        if not self.factors:
+            return {}
+        settings = self.scaled.get("settings", {})
+        names = ("rule", "target", "measure", "value", "unit")
+        return {"file": self.factors} | {
+            name: settings[name] for name in names if settings.get(name) not in (None, "")
+        }
+
+    @property
     def unused(self) -> list[tuple[str, str]]:
         """Inputs that could not be used. Each item is a tuple of the category, `record` or
         `building`, and a text with the reasons. Errors in the same line of a file are one item."""

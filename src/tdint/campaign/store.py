@@ -81,6 +81,8 @@ class Identity:
         Rule that combines the demands of the two components of a pair; None: the default.
     building_numbers : sequence of int | None
         Numbers of the buildings that are written to the store, that is, of a shard; None: all.
+    scaling : mapping
+        File of the scale factors with rule and target; empty without such a file.
     """
 
     name: str
@@ -100,6 +102,7 @@ class Identity:
     style: tuple[str, str] = ("", "")
     pair_demand: str | None = None
     building_numbers: Sequence[int] | None = None
+    scaling: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, plan: Plan, building_numbers: Sequence[int] | None) -> Identity:
@@ -123,6 +126,7 @@ class Identity:
             "rates",
             "style",
             "pair_demand",
+            "scaling",
         )
         return cls(
             **{name: getattr(plan, name) for name in plan_attributes},
@@ -181,6 +185,9 @@ def as_json(settings: dict[str, Any]) -> dict[str, str]:
 FILE = "campaign.sqlite"
 """File name of the store in the directory of a campaign."""
 
+_SCALING = "scaling"
+"""Key of the scaling of the ground motions in the table `meta`."""
+
 _ORIGINS = "origins"
 """Key of the origins of motions in the table `meta`."""
 
@@ -238,8 +245,17 @@ class Store:
     def origins(self) -> dict[str, dict[str, Any]]:
         """Return the origins of the motions that tdint wrote, by the number of the motion; empty
         without such motions."""
+        return self._optional_meta(_ORIGINS)
+
+    def scaling(self) -> dict[str, Any]:
+        """Return the file of the scale factors with rule and target of `tdint scale`; empty without
+        such a file."""
+        return self._optional_meta(_SCALING)
+
+    def _optional_meta(self, key: str) -> dict[str, Any]:
+        """Return the mapping of a key of the table `meta`; empty if the key does not exist."""
         query = "SELECT value FROM meta WHERE key = ?"
-        row = self.connection.execute(query, (_ORIGINS,)).fetchone()
+        row = self.connection.execute(query, (key,)).fetchone()
         return dict(json.loads(row[0])) if row else {}
 
     def settings(self) -> dict[str, str]:
@@ -941,6 +957,8 @@ def _create(store: Store, identity: Identity) -> None:
     }
     if origins:
         metadata[_ORIGINS] = json.dumps(origins)
+    if identity.scaling:
+        metadata[_SCALING] = json.dumps(identity.scaling)
     # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
     # these buildings, so do not query each building.
     buildings = identity.buildings

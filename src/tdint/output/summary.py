@@ -113,6 +113,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "name": store.meta("name"),
         "fingerprint": store.meta("fingerprint"),
         "settings": store.parameters(),
+        **({"scaling": scaling} if (scaling := store.scaling()) else {}),
         "buildings": buildings,
         "inputs": [{"file": file, "sha256": digest} for file, digest in store.files().items()],
         "records": [

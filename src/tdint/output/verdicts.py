@@ -104,7 +104,8 @@ def suite_verdicts(
     pair_demand : str
         Rule that combines the components of pairs; empty without pairs.
     matched : str
-        Clause on matched ground motions (`matched_text`); empty for recorded motions.
+        Clause on matched ground motions (`matched_text`) and on scale factors; empty for recorded
+        motions.
     """
     verdicts = []
     pair_text = f" Demand of pairs: {pair_demand}." if pair_demand else ""
