@@ -394,8 +394,9 @@ MODE_ARGUMENTS = {
     ("init", "with --type"): "--type C1",
     ("law", "without --path"): "x --drift 1%",
     ("law", "with --path, which defines all drifts"): "x --path y",
-    ("modes", "without --target"): "x",
+    ("modes", "without --target or --transfer"): "x",
     ("modes", "with --target"): "x --target y",
+    ("modes", "with --transfer"): "x --transfer",
     ("sensitivity", "with a model"): "x",
     (
         "sensitivity",

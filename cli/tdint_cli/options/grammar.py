@@ -896,15 +896,15 @@ class Command(HelpAsData):
         return remaining
 
     def _valued_options(self) -> set[str]:
-        """Return the names of the options that require a value. The metavar of the others is in
-        brackets, such as [FILE]."""
+        """Return the names of the options that require a value; --plot, --history and options whose
+        metavar is in brackets do not."""
         names: set[str] = set()
         for parameter in self.params:
             if isinstance(parameter, click.Option) and not parameter.is_flag:
                 metavar = parameter.metavar or ""
                 if not (metavar.startswith("[") and metavar.endswith("]")):
                     names.update(parameter.opts)
-        return names
+        return names - _NAMED_FILES.keys()
 
     def _check_needs(self, ctx: click.Context) -> None:
         """Raise UsageError for an option that would have no effect without another option.
