@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import pytest
 
 from tdint.errors import OutputError
@@ -87,3 +88,17 @@ def test_partial_writes_are_repeated_until_complete_or_refused(monkeypatch):
         ):
             terminal.emit(data)
     assert complete.taken == data
+
+
+def test_equal_messages_about_files_are_one_line(capsys):
+    """The part after a colon belongs to the message, and two files are named."""
+    with click.Context(click.Command("some"), obj=terminal.Settings()):
+        terminal.note(*(f"{name}.V2: vertical component omitted: V" for name in "abc"))
+        terminal.warn(*(f"{name}.V2: vertical component omitted: {name}" for name in "ab"))
+        terminal.warn("a.V2: cut", "b.V2: cut")
+    assert capsys.readouterr().err.splitlines() == [
+        "note: a.V2, b.V2 and 1 more: vertical component omitted: V",
+        "Warning: a.V2: vertical component omitted: a",
+        "Warning: b.V2: vertical component omitted: b",
+        "Warning: a.V2, b.V2: cut",
+    ]
