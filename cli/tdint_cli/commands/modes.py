@@ -140,6 +140,7 @@ def command(
 def _transfer(model: Model, source: str, outputs: Outputs) -> None:
     """Compute transfer functions, write their outputs and print the maximum of the roof."""
     from tdint.analysis.spectra.transfer import transfer_function
+    from tdint.model.building import assemble
 
     floors = len(model.stories)
     if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
@@ -157,7 +158,7 @@ def _transfer(model: Model, source: str, outputs: Outputs) -> None:
             "near it depend on the frequencies of the table"
         )
     notes = []
-    if any(spring.law.name != "linear" for story in model.stories for spring in story.springs):
+    if not assemble(model).has_linear_laws:
         notes.append("the transfer functions are for the initial stiffness: no story yields")
 
     def page() -> bytes:

@@ -134,7 +134,12 @@ class Building:
         """True if every story has a linear law and no story has a power-law dashpot or a damper
         with a brace."""
         is_damped = self.power_damped | self.braced | self.tangent_damped
-        return not is_damped and self.law_codes <= {LINEAR}
+        return not is_damped and self.has_linear_laws
+
+    @property
+    def has_linear_laws(self) -> bool:
+        """True if all stories and elements have linear laws."""
+        return self.law_codes <= {LINEAR}
 
     @cached_property
     def power_damped(self) -> bool:
