@@ -81,6 +81,7 @@ def test_columns_are_declared_in_table_modules():
         "exports",
         "differences",
         "loads",
+        "transfer",
     }
     assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects | {"table"}}
 
