@@ -1,8 +1,12 @@
 """`tdint drift-spectrum`: rows, files, figure, and usage errors."""
 
+import json
+
 import pytest
 
 from csv_rows import rows
+
+PERIODS = ("--period", "0.5", "--period", "2")
 
 
 def test_building_options_select_stories_height_and_beam(folder, tdint):
@@ -16,6 +20,19 @@ def test_building_options_select_stories_height_and_beam(folder, tdint):
     assert float(low["height_m"]) == pytest.approx(10.0)
     assert beam["story"] == "" and float(beam["peak_drift_ratio"]) > float(beam["roof_drift_ratio"])
     assert (folder / "x.png").exists()
+
+
+def test_the_summary_lists_the_settings_and_the_figure_is_written(folder, tdint, drawn):
+    tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot", code=0)
+    assert (folder / "out" / "motion.png").read_bytes().startswith(b"\x89PNG")
+    settings = json.loads((folder / "out" / "motion.json").read_text())["settings"]
+    buildings = {
+        "stories": None,
+        "story_height": 3.5,
+        "height_period": "0.0731,0.75",
+        "beam": False,
+    }
+    assert {"damping": [0.05], "periods": [0.5, 2.0], **buildings}.items() <= settings.items()
 
 
 @pytest.mark.parametrize(

@@ -187,6 +187,21 @@ def test_beta_scan(working_directory, tdint):
 # ---- overshoot
 
 
+def test_overshoot_messages(tdint):
+    methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5")
+    lines = tdint("overshoot", "--method", ",".join(methods)).stderr.splitlines()
+    assert lines[0] == "Powers of omega dt in the first time step, for omega dt to infinity:"
+    assert [line.split(maxsplit=5) for line in lines[3:]] == [
+        ["newmark-average", "0.0", "0.0", "-2.0", "0.0", "none"],
+        ["generalized-alpha", "0.0", "2.0", "-2.0", "0.0", "velocity"],
+        ["wilson", "2.0", "2.0", "0.0", "0.0", "displacement and velocity"],
+        ["cr", "0.0", "-2.0", "0.0", "0.0", "displacement"],
+        ["rk5", "6.0", "6.0", "4.0", "6.0", "unstable"],
+    ]
+    assert lines[2].split() == ["exact", "motion", "0.0", "1.0", "-1.0", "0.0"]
+    assert "zero" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
+
+
 def test_overshoot_in_nonlinear_motion(working_directory, tdint):
     """The messages contain the maximum overshoot of each method and the omitted methods."""
     options = ("--method", "newmark-average,moment4,exact", "--law", "softening", "--plot", "x.png")

@@ -190,6 +190,15 @@ def test_a_coarse_default_spacing_of_periods_is_reported(folder, tdint, options,
     assert (message in tdint("spectrum", "other.mseed", *options, code=0).stderr) == is_reported
 
 
+@pytest.mark.parametrize(
+    ("axes", "label"),
+    [("tripartite", "pseudo-velocity PSV (m/s)"), ("adrs", "pseudo-acceleration PSA (g)")],
+)
+def test_axes_of_a_figure_of_elastic_spectra(folder, tdint, axes, label, drawn):
+    tdint("spectrum", "other.mseed", "--axes", axes, "--plot=a.svg", code=0)
+    assert label in (folder / "a.svg").read_text(encoding="utf-8")
+
+
 def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
     tdint("spectrum", "--target", EC8, "-o", "ec8.csv", "--plot", code=0)
     assert "ec8.png" in files(folder)

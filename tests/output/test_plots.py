@@ -6,26 +6,36 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from tdint.analysis.assessment.order import order
-from tdint.analysis.run.outcome import ErrorHistory
+from tdint.analysis.run.outcome import STORY_QUANTITIES, ErrorHistory
 from tdint.analysis.run.run import run
+from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.analysis.spectra.inelastic import constant_strength
+from tdint.campaign.profiles import FloorSuite, Profile
+from tdint.campaign.sensitivity import PEAKS, ParameterEffect
 from tdint.errors import OutputError
 from tdint.files import write_file
+from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.assessment import order_picture
 from tdint.output.figures.runs import (
     run_picture,
+    sensitivity_picture,
 )
 from tdint.output.figures.spectrum_curves import (
     draw_adrs,
     draw_tripartite,
+    drift_spectrum_picture,
+    inelastic_picture,
     spectrum_picture,
 )
-from tdint.output.figures.style import picture
+from tdint.output.figures.style import changed, picture, titled
+from tdint.output.figures.suites import floor_suite_picture, profile_picture
 from tdint.units import parse_output_units
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
@@ -88,6 +98,15 @@ def test_long_steps_show_all_samples_of_the_record_and_the_peaks_of_the_table():
     assert run_picture(part).axes[0].get_lines()[0].get_xdata()[-1] == pytest.approx(1.0)
 
 
+def profile_of_suite(building, stood, fell, height=3.0):
+    """Return the profile of two stories under several ground motions, with some collapses."""
+    peaks = {quantity.name: np.full((stood, 2), 0.03) for quantity in STORY_QUANTITIES}
+    peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
+    named = tuple(f"{i}" for i in range(stood))
+    level = (1.0, np.nan, [[]] * stood, 0, fell, 0, ("level", ""), "")
+    return Profile(*level, building, named, np.full(2, height), peaks, {})
+
+
 def loaded(record=None):
     """Run three stories under two equal forces and another force until 0.4 s, in kN."""
     table = {"points": [[0.1, 0], [0.1, 3], [0.2, 0]]}
@@ -122,6 +141,96 @@ def test_figure_of_run_shows_forces_on_floors(record):
     assert lines["floor 3"] == [[0, 0], [0, 0], [0, -1], [1, -1], [1, 0], [1, 0]]
 
 
+def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
+    """Drifts of the other buildings remain in percent of the story height, or all drifts are
+    lengths. The figure states the number of collapsed runs."""
+    stood, fell, flat = (
+        profile_of_suite("stood", 3, 1),
+        profile_of_suite("fell", 0, 4),
+        profile_of_suite("flat", 4, 0, height=np.nan),
+    )
+    drifts = profile_picture([stood, fell]).axes[0]
+    assert (drifts.get_xlabel(), drifts.get_title("left")) == (
+        "drift (% of height)",
+        "5 of 8 collapsed or failed: not drawn",
+    )
+    assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
+    assert (
+        profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed: not drawn"
+    )
+    axes = profile_picture([stood, flat]).axes[0]
+    assert axes.get_xlabel() == "drift (m)" and {
+        line.get_xdata().max() for line in axes.get_lines()
+    } == {0.03}
+
+
+def test_the_panels_of_a_level_have_equal_heights():
+    """In all panels, a floor is at the top of the story below it."""
+    drifts, accelerations, shears = profile_picture([profile_of_suite("frame", 3, 0)]).axes
+    assert drifts.get_ylim() == accelerations.get_ylim() == shears.get_ylim() == (0.5, 2.5)
+    assert {tuple(line.get_ydata()) for line in drifts.lines} == {(0.5, 1.5, 1.5, 2.5), ()}
+    assert {tuple(line.get_ydata()) for line in accelerations.lines} == {(1.5, 2.5), ()}
+
+
+def test_the_shorter_bar_of_a_tornado_is_in_front():
+    """If both values of a parameter change a peak in the same direction, the shorter bar is in
+    front."""
+    peaks = {quantity.name: quantity for quantity in PEAKS}
+    parameter_effects = [
+        ParameterEffect("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
+        for name in (
+            "peak_drift_ratio",
+            "peak_absolute_acceleration",
+            "peak_roof_displacement",
+            "peak_base_shear",
+        )
+        for peak in ((0.7, 1.0, 0.9), (0.9, 1.0, 0.7), (1.2, 1.0, 0.7), (np.nan, 1.0, 0.7))
+    ]
+    for axes in sensitivity_picture(parameter_effects).axes:
+        for low, high in zip(axes.patches[::2], axes.patches[1::2], strict=True):
+            if not np.isnan(low.get_width()):
+                first, last = sorted((low, high), key=lambda bar: bar.get_zorder())
+                assert abs(first.get_width()) >= abs(last.get_width())
+
+
+def test_all_buildings_of_floors_are_in_the_legend():
+    """The legend contains all buildings, also if they have different numbers of floors and some are
+    not in the first panel."""
+    level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""), "")
+    floor_suite = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
+    (legend,) = floor_suite_picture(
+        [floor_suite, replace(floor_suite, building="tall", floor=5)]
+    ).legends
+    names = {text.get_text().partition(",")[0] for text in legend.get_texts()}
+    assert names == {"low", "tall"}
+
+
+def test_a_legend_of_long_names_is_within_its_figure():
+    named = (
+        "base-isolated five-story building",
+        "five-story frame with fluid viscous dampers",
+        "gap",
+    )
+    figure = profile_picture([profile_of_suite(name, 3, 0) for name in named])
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert len(legend.get_texts()) == 6 and box.x0 > 0.0 and box.x1 < figure.bbox.width
+
+
+def test_a_title_is_not_wider_than_its_figure():
+    """A long title with record names is wrapped and remains complete."""
+    figure = Figure(figsize=(7.2, 3.0))
+    content = (
+        "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4, 5 % damping of Sa"
+    )
+    titled(figure, f"imk\n{content}")
+    assert figure.get_suptitle().split() == ["imk", *content.split()]
+    figure.draw_without_rendering()
+    box = figure._suptitle.get_window_extent()
+    assert box.x0 > 0.0 and box.x1 < figure.bbox.width
+
+
 @pytest.mark.parametrize(
     "suffix", [pytest.param(name, marks=[pytest.mark.long] * (name == ".pdf")) for name in STARTS]
 )
@@ -139,6 +248,11 @@ def test_formats(tmp_path, suffix):
     assert sorted(tmp_path.iterdir()) == sorted([file, again])
 
 
+def test_profiles_of_a_run_without_history_are_drawn(forced):
+    labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None)).axes]
+    assert len(labels) == 3 and "story shear" in labels[2]
+
+
 @pytest.mark.long
 def test_names_are_drawn_literally(tmp_path, forced):
     name = "_a $x_ 建物"
@@ -151,6 +265,17 @@ def test_names_are_drawn_literally(tmp_path, forced):
         assert text in (tmp_path / file).read_text(encoding="utf-8")
     long = "two\nlines" + "x" * 300
     rendered_texts(run_picture(replace(forced, model=replace(forced.model, name=long))))
+
+
+@pytest.mark.long
+def test_motions_at_rest_are_drawn():
+    still = replace(motion(), acceleration=np.zeros(50))
+    assert "roof displacement" in rendered_texts(
+        run_picture(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True))
+    )
+    assert "period (s)" in rendered_texts(spectrum_picture([spectrum(still, np.array([1.0]))]))
+    for axes in ("tripartite", "adrs"):
+        rendered_texts(spectrum_picture([spectrum(still, np.array([0.5, 1.0]))], axes))
 
 
 @pytest.mark.parametrize(
@@ -180,6 +305,12 @@ def test_orders_are_drawn_over_several_frequency_ratios(ratios, axis, title):
     ).split("\n")
     assert axis in texts
     assert f"Observed order: harmonic load, linear law{title}" in texts
+
+
+def test_a_processed_record_is_labeled():
+    plain = Record(np.ones(3), 0.01, "", "", "", "x.mseed")
+    assert changed([plain]) == ""
+    assert changed([plain, process(plain, baseline="constant")]) == " (processed)"
 
 
 @pytest.mark.parametrize(
@@ -277,3 +408,47 @@ def test_a_run_in_other_units(shaken, units, labels, limit, part):
     assert f"peak {peak:.3g} {chosen.unit('m')[0]} at " in text
     assert ("collapse drift" in text) is (limit == 1.0)
     assert ("estimated error" in text) is (part == 0.02)
+
+
+@pytest.mark.parametrize(
+    ("floors", "height"), [(1, None), (3, 3.0), pytest.param(60, None, marks=pytest.mark.long)]
+)
+def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
+    """The drift of isolators without a height is written as a length. If no story has a height, no
+    story is shown separately, for any drift; a collapse is shown as a collapse."""
+    upper = {"repeat": floors, "mass": 10, "stiffness": 40000} | (
+        {"height": height} if height else {}
+    )
+    model = load_model({"stories": [{"mass": 10, "stiffness": 100}, upper]})
+    response = run(model, motion(), method="newmark-average", history=True)
+    shown = rendered_texts(run_picture(response))
+    drift = f"{response.stories.peak_drift[0]:#.3g} m"
+    assert (drift in shown.splitlines()) is bool(height)
+    assert ("drift (% of height)" in shown) is bool(height)
+    assert "absolute floor" in shown
+
+
+def test_equal_heights_have_no_axis():
+    """With a large exponent, the height hardly depends on the period, and no axis of heights is
+    possible."""
+    periods = np.array([0.5, 1.0, 2.0])
+    for exponent, count in ((0.75, 1), (1e17, 0)):
+        found = drift_spectrum(
+            motion(), periods, 0.05, stories=2, height_period=HeightPeriod(0.0731, exponent)
+        )
+        assert rendered_texts(drift_spectrum_picture([found])).count("height (m)") == count
+
+
+def test_every_column_of_ductilities_has_the_line_of_first_yield():
+    records = motion(), motion("HNN")
+    spectra = [
+        spectrum
+        for record in records
+        for spectrum in constant_strength(record, np.array([0.5, 1.0, 2.0]), [0.1])
+    ]
+    figure = inelastic_picture(spectra)
+    lines = [
+        sum(np.array_equal(line.get_ydata(), [1.0, 1.0]) for line in axes.get_lines())
+        for axes in figure.axes
+    ]
+    assert lines == [1, 1, 0, 0]

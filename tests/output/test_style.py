@@ -1,11 +1,18 @@
 """Common elements of figures: labels of points, legends, units with a power of ten."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tdint.analysis.chart.profiles import METHODS
+from tdint.methods.catalogue import catalogue
 from tdint.output.figures.legends import add_legend, legend_columns
 from tdint.output.figures.style import (
+    add_ratio_axis,
+    method_styles,
     scaled_unit,
     write_labels,
 )
@@ -63,6 +70,23 @@ def test_a_legend_lists_some_lines_and_counts_the_others():
     assert legend_columns([], 4) == 1 and legend_columns(["x"] * 3, 5) == 3
 
 
+@pytest.mark.parametrize("size", [20, 60, 110, 300])
+def test_a_legend_is_not_wider_than_its_figure(size):
+    """The ends of long labels remain visible, because they distinguish the lines."""
+    figure = Figure(figsize=(7.5, 4.0))
+    axes = figure.subplots()
+    labels = [f"{'a_file_name ' * (size // 12)}, RotD{number}" for number in range(9)]
+    lines = [axes.plot([0, 1], [number, 1])[0] for number in range(9)]
+    add_legend(figure, axes, lines, labels)
+    (legend,) = figure.legends
+    extent = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer())
+    assert extent.width <= figure.bbox.width
+    shown = [" ".join(text.get_text().split()) for text in legend.get_texts()]
+    assert shown == [" ".join(label.split()) for label in labels]
+    # The height of the figure increases by the height of the legend.
+    assert figure.get_figheight() - 4.0 == pytest.approx(extent.height / figure.dpi, abs=0.5)
+
+
 @pytest.mark.parametrize(
     ("largest", "si", "units", "factor", "label"),
     [
@@ -80,3 +104,30 @@ def test_scaled_units_give_short_numbers(largest, si, units, factor, label):
         pytest.approx(factor),
         label,
     )
+
+
+def test_a_ratio_axis_is_at_the_top():
+    axes = Figure().subplots()
+    axes.set_xlim(0.0, 0.06)
+    add_ratio_axis(axes, 3.0, "drift ratio (%)")
+    (top,) = axes.child_axes
+    assert top.get_xlabel() == "drift ratio (%)" and top._functions[0](0.06) == pytest.approx(2.0)
+    assert top._functions[1](2.0) == pytest.approx(0.06)
+    add_ratio_axis(axes, np.nan, "none")
+    assert axes.child_axes == [top]
+
+
+def test_each_method_has_a_unique_style_in_all_figures():
+    """The style of a method does not depend on the other methods of a figure. Methods with
+    parameters and other programs use the remaining styles."""
+    lines = [*catalogue(), "wilson:theta=1.3", "impulse4:rho_inf=0", "openseespy/hht", "scipy/RK45"]
+    plot_styles = method_styles(lines)
+    assert len(
+        {(plot_styles[line]["color"], plot_styles[line]["marker"]) for line in lines}
+    ) == len(lines)
+    assert all(method_styles([name])[name] == plot_styles[name] for name in catalogue())
+    # There are twelve colors. Methods of the standard chart that share a color differ in dashes.
+    shared = Counter(plot_styles[name]["color"] for name in METHODS)
+    assert max(shared.values()) <= 2 and len(shared) >= 12
+    pairs = {(plot_styles[name]["color"], str(plot_styles[name]["linestyle"])) for name in METHODS}
+    assert len(pairs) == len(METHODS)
