@@ -8,8 +8,8 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
 # Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers and
-# Rayleigh damping with the tangent stiffness. If
-# a constant is False, the compiler omits the code that it enables.
+# Rayleigh damping with the tangent stiffness. If a constant is False, the compiler omits the code
+# that it enables.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
 DASHPOTS = VARIANT.dashpots
@@ -66,16 +66,14 @@ def force_rate(forces, j, t):
 def force_impulse(forces, j, t, h):
     """Return the exact impulse of floor force `j` over [t, t + h], N s.
 
-    The impulse of a line (a table in the current step) is h times its value at the middle. The
-    force is otherwise COSINE cos(OMEGA t) + SINE sin(OMEGA t). The integral of the
-    cosine over the step is h sin(x) / x times its value at the middle of the step, with x = OMEGA h
-    / 2; the same applies to the sine. This form has no cancellation.
+    The impulse of a line (a table in the current step) is h times its value at the middle. That of
+    a harmonic force is h sin(x) / x times its value at the middle, with x = OMEGA h / 2. This form
+    has no cancellation.
 
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE and SINE (N)
-        and OMEGA (rad/s).
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
     j : int
         Index of the force.
     t : float
@@ -114,8 +112,7 @@ def force_moment(forces, j, t, h):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
     j : int
         Index of the force.
     t : float
@@ -151,8 +148,7 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
         an additional last column that belongs to no floor.
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
     t : float
         Time, s.
     ground : float
@@ -193,8 +189,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
         Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
         an additional last column that belongs to no floor.
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
     t : float
         Time at the start of the step, s.
     h : float
