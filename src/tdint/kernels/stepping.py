@@ -49,8 +49,7 @@ class Scene(NamedTuple):
     law_parameters : ndarray
         Parameters of the hysteresis models.
     forces : ndarray
-        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-        OMEGA.
+        Forces on floors: one row per force (see `tdint.kernels.layout`).
     flags : ndarray
         Properties of building and method that are set before the time integration.
     """

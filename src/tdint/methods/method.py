@@ -278,8 +278,7 @@ class Integrator:
         building : Building
             Assembled building.
         forces : ndarray
-            Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
-            OMEGA.
+            Forces on floors: one row per force (see `tdint.kernels.layout`).
         h : float
             Time step, s.
         """
