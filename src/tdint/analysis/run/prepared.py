@@ -884,7 +884,7 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
 def all_kernels() -> list[tuple[Kernel, Variant]]:
     """Return all kernels, each in the variant for all buildings, and the loops for buildings
-    without forces on floors, dashpots, elements and tangent damping."""
+    without forces on floors, elements, braces and tangent damping."""
     # Imported here, because a run does not need these kernels.
     from tdint.kernels.oscillators.bilinear import bilinear_response
     from tdint.kernels.oscillators.elastic import peaks
@@ -904,9 +904,7 @@ def all_kernels() -> list[tuple[Kernel, Variant]]:
         bilinear_response,
         *separate_kernels(),
     )
-    plain = Variant(
-        forces=False, dashpots=False, elements=False, braces=False, tangent_damping=False
-    )
+    plain = replace(EVERYTHING, forces=False, elements=False, braces=False, tangent_damping=False)
     loops = [(integrate, plain), (integrate_many, plain)]
     return [*steps, *((kernel, EVERYTHING) for kernel in others), *loops]
 

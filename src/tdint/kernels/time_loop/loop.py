@@ -75,7 +75,7 @@ INTEGRATE = I8(
     *SEEN,
 )
 
-_PARTS = ("forces", "dashpots", "elements", "braces", "tangent_damping")
+_PARTS = ("forces", "elements", "braces", "tangent_damping")
 """Features of the variant on which the loops depend: without them, a step takes up to 10 % less
 time. The laws and the methods have kernels of their own."""
 
