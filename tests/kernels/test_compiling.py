@@ -15,7 +15,7 @@ import pytest
 from facts import states
 from small_kernel import scaled
 from tdint import load_model
-from tdint.analysis.run.prepared import PreparedBuilding, all_kernels, kernels_of_model
+from tdint.analysis.run.prepared import kernels_of_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels import build
 from tdint.kernels.building import compilable, store
@@ -30,7 +30,6 @@ from tdint.kernels.building.sources import OUTSIDE
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.stories.law_state import follow
-from tdint.kernels.time_loop.loop import integrate, integrate_many
 from tdint.methods.catalogue import parse as parse_method
 from tdint.system import lock
 
@@ -211,31 +210,6 @@ def test_only_required_kernels_are_compiled():
         assert variants[name].keys() >= {"moment4:step", "loop:integrate", "law_state:follow"}
         assert variants[name].pop("elastic:peaks") == EVERYTHING.text
         assert set(variants[name].values()) == {variant}
-
-
-def test_loops_contain_only_the_features_of_the_building(monkeypatch):
-    """The loops of a building without forces, elements, braces and tangent damping are compiled
-    without them, and `compile --all` includes these loops."""
-    monkeypatch.setattr(compilable, "WHOLE", False)
-    configs = Path(__file__).parents[2] / "configs"
-    features = {
-        "ten-story-bilinear": set(),
-        "wind-tower": {"forces"},
-        "self-centering-frame": {"elements", "braces", "tangent_damping"},
-    }
-    for loop in (integrate, integrate_many):
-        for name, expected in features.items():
-            required = loop.required_variant(
-                PreparedBuilding.of(load_model(configs / f"{name}.yaml")).variant
-            )
-            found = {
-                feature
-                for feature in ("forces", "elements", "braces", "tangent_damping")
-                if getattr(required, feature)
-            }
-            assert found == expected
-            assert required.laws == () and required.modal and required.dashpots
-        assert loop in [kernel for kernel, variant in all_kernels() if not variant.forces]
 
 
 SOME = Target("some", "")
