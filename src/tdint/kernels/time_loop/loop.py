@@ -16,7 +16,6 @@ from tdint.kernels.compiling import (
     kernel,
     outlined,
 )
-from tdint.kernels.linear_terms import FORCES
 from tdint.kernels.stepping import (
     MEMORY,
     SCENE,
@@ -75,10 +74,6 @@ INTEGRATE = I8(
     *SEEN,
 )
 
-_PARTS = ("forces", "elements", "braces", "tangent_damping")
-"""Features of the variant on which the loops depend: without them, a step takes up to 10 % less
-time. The laws and the methods have kernels of their own."""
-
 OVERFLOW = 1e300
 """Dimensionless. Minimum relative residual for which a step that did not converge is treated as
 divergence."""
@@ -131,7 +126,7 @@ def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
     `slope` is the rate of the ground acceleration, m/s^3.
     """
     may_exceed = observe(scene, span, slope, memory, seen)
-    if FORCES and span.kinked and may_exceed:
+    if span.kinked and may_exceed:
         raise_peaks_in_parts(scene, points, span, memory, seen)
     # The laws are evaluated only at reversals that may cause a new peak shear.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
@@ -192,7 +187,7 @@ def _fit_ground(ground, position, step_ratio, load):
         load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(ground, substep_start, substep_end)
 
 
-@kernel(INTEGRATE, parts=_PARTS)
+@kernel(INTEGRATE, parts=())
 def integrate(
     step,
     initialize_laws,
@@ -282,8 +277,7 @@ def integrate(
     # (`stride` > 1).
     ground_0 = ground_at(ground, first_step, per_sample, stride)
     if first_step == 0:
-        if FORCES:
-            initialize_lines(forces, points)
+        initialize_lines(forces, points)
         start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
@@ -317,10 +311,8 @@ def integrate(
                     else ground_0 + (completed_fraction + substep_fraction) * (ground_1 - ground_0)
                 )
             # The lines of the tables of forces change the accelerations at the start.
-            is_kinked = (
-                FORCES
-                and points.size > 0
-                and start_step(scene, points, substep_fraction * h, load, shifts, memory, seen)
+            is_kinked = points.size > 0 and start_step(
+                scene, points, substep_fraction * h, load, shifts, memory, seen
             )
             code = take_step(step, coefficients, scene, substep_fraction * h, load, memory)
             if code < 0:
@@ -543,7 +535,7 @@ def _end_window(peaks, previous_peaks, n):
     return max_velocity, max_displacement
 
 
-@kernel(INTEGRATE_MANY, parts=_PARTS)
+@kernel(INTEGRATE_MANY, parts=())
 def integrate_many(
     integrate,
     step,
