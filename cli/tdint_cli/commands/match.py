@@ -163,11 +163,14 @@ def command(request: MatchRequest) -> None:
             matches = _match_each(suite.motions, targets, matching_options, show_progress)
     table = tables.spectra.match_table(matches)
 
-    contents, notes = motion_contents([matched.record for matched in matches], request.format)
+    origins = _origins(request, matches)
+    contents, notes = motion_contents(
+        [matched.record for matched in matches], request.format, origins
+    )
     write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)
     written = [
         written_motion(file.name, content, "", origin)
-        for file, content, origin in zip(files, contents, _origins(request, matches), strict=True)
+        for file, content, origin in zip(files, contents, origins, strict=True)
     ]
     note(*notes)
     outputs.deliver(
@@ -339,7 +342,7 @@ def _change_warnings(matched: Match) -> list[str]:
     warnings = []
     if matched.change > _MAX_CHANGE:
         warnings.append(
-            f"{subject}: the added wavelets are {matched.change:.2g} times as large as the "
+            f"{subject}: the added wavelets are {matched.change:.3g} times as large as the "
             "ground motion itself; choose a record with a more similar spectrum"
         )
     # The components of a pair are compared separately.

@@ -31,7 +31,7 @@ from tdint.analysis.spectra.target import TargetSpectrum, read_targets, source_o
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
-from tdint.ground_motion.origin import MotionOrigin
+from tdint.ground_motion.origin import MotionOrigin, change_text
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
 from tdint.tabular import Progress, Tabular, progress_reporter
@@ -228,7 +228,7 @@ class Match(Tabular):
         ]
         text = (
             f"of {self.seed.source} {self.seed.component}: {'; '.join(misfits)}, change "
-            f"{100.0 * self.change:.2g} % of the scaled seed (root mean square)"
+            f"{change_text(self.change)} of the scaled seed (root mean square)"
         )
         if self.directions:
             (ratio, correlation), (ratio_before, correlation_before) = self.directions

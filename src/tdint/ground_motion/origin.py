@@ -1,7 +1,8 @@
 """Origin of ground motions that tdint wrote: seed, factor, target and changes.
 
-`tdint match` and `tdint info --export` write the origins to the JSON file next to the motions. A
-motion is recognized by its SHA-256, so that an edited or replaced file has no origin.
+`tdint match` and `tdint info --export` write the origins to the JSON file next to the motions, and
+to a header line of AT2 and CSV files, which a file keeps without its JSON file. Both contain a
+checksum of what they describe, so that an edited motion has no origin.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
@@ -23,6 +27,12 @@ MATCHED = "matched"
 
 WRITTEN = "written_motions"
 """Key of the JSON file with one entry for each component: file, SHA-256, id and origin."""
+
+_CHECKSUM = "samples_sha256"
+"""Key of the checksum of the samples in a header line."""
+
+_LONGEST_STATEMENT = 900
+"""Characters; readers of header lines omit the end of longer lines."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +116,16 @@ class MotionOrigin:
         warnings = f"; warnings of the match: {'; '.join(self.warnings)}" if self.warnings else ""
         return (
             f"matched to {self.target}: seed {seed} times {self.factor:.3g}, change "
-            f"{100.0 * self.change:.2g} % of the scaled seed (root mean square), largest misfit "
+            f"{change_text(self.change)} of the scaled seed (root mean square), largest misfit "
             f"{100.0 * self.largest_misfit:.2g} %{warnings}"
         )
+
+
+def change_text(change: float) -> str:
+    """Return the change of a motion by matching in percent: two digits, or the integer percent from
+    99.5 % on (`104 %`)."""
+    percent = 100.0 * change
+    return f"{percent:.0f} %" if percent >= 99.5 else f"{percent:.2g} %"
 
 
 def written_motion(file: str, content: bytes, id: str, origin: MotionOrigin) -> dict[str, Any]:
@@ -167,6 +184,68 @@ def origin_of(file: str, digest: str, id: str) -> tuple[MotionOrigin, str, str] 
                 record_digest(name, data)
                 return origin, name, sha256(data).hexdigest()
     return None
+
+
+def header_statement(origin: MotionOrigin, samples: ArrayLike) -> str:
+    """Return the statement of an origin for one line of a file header: a JSON object.
+
+    If the line would be too long, the steps of processing and then the texts of the warnings are
+    omitted; if it is still too long, the statement is empty.
+
+    Parameters
+    ----------
+    samples : array_like, shape (samples,)
+        Samples with the digits and the units of the file.
+    """
+    import json
+
+    count = len(origin.warnings)
+    counted = (f"{pluralize(count, 'warning')} stated by tdint match",) if count else ()
+    without_steps = replace(origin, processing=())
+    for stated in (origin, without_steps, replace(without_steps, warnings=counted)):
+        # The JSON file next to the motion has the same digits.
+        content = {
+            name: float(f"{value:.12g}") if isinstance(value, float) else value
+            for name, value in stated.summary.items()
+        }
+        text = json.dumps(content | {_CHECKSUM: _checksum(samples)})
+        if len(text) <= _LONGEST_STATEMENT:
+            return text
+    return ""
+
+
+def stated_origin(statement: str, samples: ArrayLike) -> MotionOrigin | None:
+    """Return the origin from a header line.
+
+    Parameters
+    ----------
+    statement : str
+        Text of `header_statement`, or any other text.
+    samples : array_like, shape (samples,)
+        Samples of the file, in its units.
+
+    Returns
+    -------
+    MotionOrigin | None
+        None if the line states no origin, or if the samples have been changed.
+    """
+    if not statement:
+        return None
+    # A text that tdint did not write is not an error.
+    with suppress(ValueError, LookupError, TypeError, RecursionError):
+        import json
+
+        content = json.loads(statement)
+        if content[_CHECKSUM] == _checksum(samples):
+            return MotionOrigin.of(content)
+    return None
+
+
+def _checksum(samples: ArrayLike) -> str:
+    """Return the first 16 digits of the SHA-256 of samples, as little-endian numbers of 64 bits."""
+    from hashlib import sha256
+
+    return sha256(np.asarray(samples, dtype="<f8").tobytes()).hexdigest()[:16]
 
 
 class HasOrigin(Protocol):

@@ -15,7 +15,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from tdint.ground_motion.formats.at2 import at2_text
+from tdint.ground_motion.formats.table_columns import ORIGIN
 from tdint.ground_motion.horizontals import at_right_angles, azimuth, motion_names
+from tdint.ground_motion.origin import MotionOrigin, header_statement
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import SI_LOCATION, Record, to_mseed
 from tdint.output.tables.spectra import ground_table
@@ -55,7 +57,7 @@ def motion_file_names(motions: Sequence[GroundMotion], file_format: str) -> list
 
 
 def motion_contents(
-    motions: Sequence[GroundMotion], file_format: str
+    motions: Sequence[GroundMotion], file_format: str, origins: Sequence[MotionOrigin] = ()
 ) -> tuple[list[bytes], tuple[str, ...]]:
     """Return the contents of a file for each component of ground motions, and notes about them.
 
@@ -63,6 +65,9 @@ def motion_contents(
     ----------
     file_format : str
         Format of the files: mseed, at2 or csv.
+    origins : sequence of MotionOrigin, optional
+        Origins of all components, stated in the headers of AT2 and CSV files; a header of MiniSEED
+        has no place for them. Default: none.
 
     Returns
     -------
@@ -77,10 +82,15 @@ def motion_contents(
         MiniSEED cannot express a sampling interval.
     """
     records = [record for motion in motions for record in _named_components(components(motion))]
+    stated = origins or [None] * len(records)
     if file_format == "at2":
-        return [at2_text(record).encode() for record in records], ()
+        texts = map(at2_text, records, stated)
+        return [text.encode() for text in texts], ()
     if file_format == "csv":
-        return [_csv_header(record) + ground_table(record).csv() for record in records], ()
+        return [
+            _csv_header(record) + with_origin(ground_table(record).csv(), origin)
+            for record, origin in zip(records, stated, strict=True)
+        ], ()
 
     # MiniSEED has short codes for the station and the component, and no place for the event.
     stations = _short_stations([_codes(record)[1] for record in records])
@@ -175,6 +185,21 @@ def _csv_header(record: Record) -> bytes:
         "start": record.start,
     }
     return "".join(f"# {key} = {value}\n" for key, value in declared.items() if value).encode()
+
+
+def with_origin(table: bytes, origin: MotionOrigin | None) -> bytes:
+    """Return a CSV table of samples with its origin in a comment line before it.
+
+    Parameters
+    ----------
+    table : bytes
+        Line of column names, and lines with the time in the first and the acceleration in the
+        second column.
+    """
+    rows = table.splitlines()[1:]
+    samples = [float(row.split(b",")[1]) for row in rows] if origin else []
+    statement = header_statement(origin, samples) if origin else ""
+    return (f"# {ORIGIN} = {statement}\n".encode() if statement else b"") + table
 
 
 def _short_stations(stations: Sequence[str]) -> dict[str, str]:

@@ -15,6 +15,7 @@ from typing import Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes
 from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
+from tdint.ground_motion.origin import MotionOrigin, header_statement, stated_origin
 from tdint.ground_motion.record import Record
 from tdint.units import STANDARD_GRAVITY
 
@@ -37,6 +38,8 @@ _TITLE = re.compile(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERI
 _COMPONENT = re.compile(r"\s*([A-Z0-9]{1,6})\b", re.IGNORECASE)
 _START = re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+Z")  # start time in files written by tdint
 _WRITTEN_HERE = "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT"
+_ORIGIN = "; ORIGIN "
+"""Separator of `_WRITTEN_HERE` and the origin of a motion in the first line."""
 
 
 def is_at2(file: Any, **_: Any) -> bool:
@@ -63,7 +66,8 @@ def read_at2(lines: Lines) -> list[Series]:
     # before them are the event and its date.
     attributes: dict[str, Any] = {}
     parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
-    is_tdint_file = header[0].strip() == _WRITTEN_HERE
+    title, _, statement = header[0].strip().partition(_ORIGIN)
+    is_tdint_file = title == _WRITTEN_HERE
     if len(parts) > 2 and (component := _COMPONENT.match(parts[-1])):
         channel = code(parts[-1]) if is_tdint_file else component[1]
         attributes = {"station": code(parts[-2]), "channel": channel}
@@ -84,21 +88,28 @@ def read_at2(lines: Lines) -> list[Series]:
 
     # The header may state the units at several positions. The first unit of ground motion that is
     # found there is used; it must be a unit of the quantity in the header.
-    text = "\n".join(header)
+    text = "\n".join(header[1:] if is_tdint_file else header)
     other = _OTHER.search(text)
     quantity = other[1].lower() if other else "acceleration"
     named = (
         match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1])
     )
     units = next((required_units(name, quantity) for name in named), "")
+    if is_tdint_file:
+        attributes["origin"] = stated_origin(statement, values)
     return [Series(values, step, units, **attributes)]
 
 
-def at2_text(record: Record) -> str:
+def at2_text(record: Record, origin: MotionOrigin | None = None) -> str:
     """Return the text of an AT2 file of a record, in g with nine digits.
 
     The second line contains event, time of the first sample (if known), station and component, in
     the order of PEER files.
+
+    Parameters
+    ----------
+    origin : MotionOrigin, optional
+        Origin of the record, which is stated at the end of the first line. Default: none.
     """
     samples = record.acceleration / STANDARD_GRAVITY
     # A complete id consists of network, station, location and channel, joined by dots.
@@ -106,10 +117,12 @@ def at2_text(record: Record) -> str:
     names = [record.event.replace(",", " "), record.start, station, record.component]
     if not record.start:
         del names[1]
-    head = (_WRITTEN_HERE, ", ".join(names), "ACCELERATION TIME SERIES IN UNITS OF G")
-    rows = [
-        "".join(f"{value:16.8E}" for value in samples[i : i + 5]) for i in range(0, samples.size, 5)
-    ]
+    numbers = [f"{value:16.8E}" for value in samples]
+    # The checksum in the statement is that of the written digits.
+    statement = header_statement(origin, [float(text) for text in numbers]) if origin else ""
+    title = f"{_WRITTEN_HERE}{_ORIGIN}{statement}" if statement else _WRITTEN_HERE
+    head = (title, ", ".join(names), "ACCELERATION TIME SERIES IN UNITS OF G")
+    rows = ["".join(numbers[i : i + 5]) for i in range(0, samples.size, 5)]
     return "\n".join((*head, f"NPTS= {samples.size}, DT= {record.dt!r} SEC", *rows, ""))
 
 

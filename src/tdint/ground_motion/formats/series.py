@@ -24,6 +24,7 @@ from tdint.ground_motion.miniseed_checks import (
     compare,
     last_place,
 )
+from tdint.ground_motion.origin import MotionOrigin
 from tdint.units import GROUND_MOTION, parse_units
 
 with quiet_import():
@@ -81,6 +82,8 @@ class Series:
         Quantity of the samples stated in the header (`velocity`); empty if it is not stated.
     event : str
         Earthquake named in the header, on one line; empty if it is not named.
+    origin : MotionOrigin | None
+        Origin stated in the header of a motion that tdint wrote.
     """
 
     samples: NDArray[Any]
@@ -98,6 +101,7 @@ class Series:
     pgd: float | None = None
     quantity: str = ""
     event: str = ""
+    origin: MotionOrigin | None = None
 
     @property
     def id(self) -> str:
@@ -203,6 +207,7 @@ def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
         "tdint_peaks": (part.pgv, part.pgd),
         "tdint_quantity": part.quantity,
         "tdint_event": part.event,
+        "tdint_origin": part.origin,
     }
     if part.start is not None:
         header["starttime"] = UTCDateTime(part.start)

@@ -286,6 +286,9 @@ _KEYS = {
 COLUMNS = "columns"
 """Key of the line of column names in the header."""
 
+ORIGIN = "tdint origin"
+"""Key of the origin of a motion that tdint wrote (`header_statement`)."""
+
 _MEANINGS = {name: meaning for meaning, names in _KEYS.items() for name in names}
 _PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
 
@@ -297,7 +300,7 @@ class TableHeader:
     Attributes
     ----------
     declared : dict of str to str
-        Declared values by key: the keys of `_KEYS` (such as `dt`) and `COLUMNS`.
+        Declared values by key: the keys of `_KEYS` (such as `dt`), `COLUMNS` and `ORIGIN`.
     names : tuple of ColumnName
         Names of the columns; empty if the header does not name them.
     """
@@ -421,6 +424,9 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     """
     comment = COMMENT.fullmatch(line)
     content = comment[1] if comment else line
+    # An origin contains commas and other texts of the user, and is not searched further.
+    if comment and content.startswith(f"{ORIGIN} = "):
+        return [(ORIGIN, content.removeprefix(f"{ORIGIN} = ").strip())]
     if names := column_names(content):
         # A table with times in another unit, such as minutes, is not recognized.
         if names[0].quantity == TIME and names[0].units not in SECONDS:

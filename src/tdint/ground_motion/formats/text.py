@@ -45,6 +45,7 @@ from tdint.ground_motion.formats.table_columns import (
     COLUMNS,
     COMMENT,
     MOTIONS,
+    ORIGIN,
     OTHER,
     SECONDS,
     TIME,
@@ -67,6 +68,7 @@ from tdint.ground_motion.formats.table_evidence import (
     unexplained_first_line,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP
+from tdint.ground_motion.origin import stated_origin
 from tdint.number_parsing import pluralize
 from tdint.units import parse_units
 
@@ -261,6 +263,9 @@ def table_series(
             f"{assumption}; if the lines continue a single ground motion, specify `rows`",
             stacklevel=2,
         )
+    if header.get(ORIGIN) and len(component_columns) == 1:
+        origin = stated_origin(header.get(ORIGIN), columns[component_columns[0]])
+        common = replace(common, origin=origin)
     return [
         _series(common, columns, header, index, component_columns) for index in component_columns
     ]

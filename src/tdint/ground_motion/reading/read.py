@@ -437,9 +437,12 @@ def _read_components(
         # The inventory is an input of a record only if its response was used.
         if instruments is not None and record.units_from == "inventory":
             inputs.append(instruments.input)
+        # The origin in the header of a file is used if no JSON file describes this file.
+        origin = trace.stats.get("tdint_origin")
         if found := origin_of(input_file.file, input_file.sha256, channel.id):
             origin, *origin_file = found
             inputs.append(Input(*origin_file))
+        if origin is not None:
             # A matched motion has a note of its own, which contains its target.
             steps = origin.processing if not origin.target else (origin.text,)
             record = replace(

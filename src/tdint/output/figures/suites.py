@@ -70,8 +70,9 @@ def profile_picture(
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
     shown = list(rows.values())[:_MAX_ROWS]
-    # In one column of a page, the height is reduced with the width: the rows are higher.
-    row_height = 5.4 if is_narrow() else 3.6
+    # In one column of a page, the height is reduced with the width: the rows are higher. Several
+    # rows are lower, because a tall figure is reduced on a page, with its text.
+    row_height = 5.4 if is_narrow() else 3.6 if len(shown) == 1 else 2.6
     figure = Figure(figsize=(8.0, 0.9 + row_height * len(shown)), layout="constrained")
     panels = figure.subplots(len(shown), 3, squeeze=False)
     plot_styles = building_styles(profile.building for profile in profiles)
