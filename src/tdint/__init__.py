@@ -23,8 +23,8 @@ Each command has a function. The result of a function has a one-line description
 notebook, columns (`to_dict`) and a figure (`plot`), and can be pickled:
 
     Buildings        model_template, check, run (run_many, run_case of prepare, run_sequence), modes
-                     (response_spectrum_analysis), cyclic_test, pushover (target_displacements),
-                     compare, inventory
+                     (response_spectrum_analysis, transfer_function), cyclic_test, pushover
+                     (target_displacements), compare, inventory
     Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals,
                      constant_ductility, constant_strength, floor_spectra of a response),
                      drift_spectrum, fourier_spectrum
@@ -116,6 +116,8 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.spectra.rotated import RotatedSpectrum as RotatedSpectrum
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.spectra.target import TargetSpectrum as TargetSpectrum
+    from tdint.analysis.spectra.transfer import TransferFunction as TransferFunction
+    from tdint.analysis.spectra.transfer import transfer_function as transfer_function
     from tdint.analysis.target_displacement import TargetDisplacements as TargetDisplacements
     from tdint.analysis.target_displacement import target_displacements as target_displacements
     from tdint.campaign.execute import CampaignRuns as CampaignRuns

@@ -89,6 +89,10 @@ CASES = {
         ("modes", "shaken.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8"),
         lambda: package.response_spectrum_analysis("shaken.yaml", "asce7:sds=0.4,sd1=0.3,tl=8"),
     ),
+    "modes --transfer": (
+        ("modes", "shaken.yaml", "--transfer"),
+        lambda: package.transfer_function("shaken.yaml"),
+    ),
     "order": (
         ("order", "--method", "hht", "--frequency-ratio", "0.5"),
         lambda: package.order("hht", frequency_ratio=0.5),

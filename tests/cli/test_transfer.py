@@ -61,6 +61,18 @@ def test_displacement_for_a_force(frame, tdint):
     assert "mm/kN per force on floor 2" in result.stderr
 
 
+def test_the_option_may_precede_the_model(frame, tdint):
+    """A file after an option is not its value; a floor or a norm is."""
+    after = tdint("modes", frame, "--transfer", code=0).stdout
+    assert tdint("modes", "--transfer", frame, code=0).stdout == after
+    assert tdint("modes", "--transfer", "./" + frame, code=0).stdout == after
+    assert tdint("modes", "--transfer", "ground", frame, code=0).stdout == after
+    force = tdint("modes", frame, "--transfer", "2", code=0).stdout
+    assert tdint("modes", "--transfer", "2", frame, code=0).stdout == force != after
+    shapes = tdint("modes", frame, "--shapes", code=0).stdout
+    assert tdint("modes", "--shapes", frame, code=0).stdout == shapes
+
+
 def test_invalid_calls_are_refused(frame, tdint):
     for source in ("3", "0", "roof"):
         tdint.refused(

@@ -709,6 +709,26 @@ def with_named_files(
     return result
 
 
+_FILE = re.compile(r"-|.*[/\\].*|.*\.[a-z]\w*", re.IGNORECASE | re.DOTALL)
+"""Pattern of words that are files rather than values of options: `-`, `frame.yaml`."""
+
+
+def _with_default_values(arguments: Sequence[str], defaults: Mapping[str, str]) -> list[str]:
+    """Return a command line where an option with an optional value has its default value if the
+    next word is a file: `--transfer frame.yaml` becomes `--transfer=ground frame.yaml`.
+
+    Click would use the file as the value. `defaults` contains the default values of these options.
+    """
+    result: list[str] = []
+    for i, word in enumerate(arguments):
+        if word == "--":
+            return [*result, *arguments[i:]]
+        following = arguments[i + 1] if i + 1 < len(arguments) else ""
+        is_alone = word in defaults and _FILE.fullmatch(following)
+        result.append(f"{word}={defaults[word]}" if is_alone else word)
+    return result
+
+
 def recorded_words(command: click.Command, arguments: Sequence[str]) -> tuple[str, ...]:
     """Return the words of a command line without the options that are not recorded.
 
@@ -882,6 +902,7 @@ class Command(HelpAsData):
         for word, next_word in takewhile(lambda pair: pair[0] != "--", pairwise(args)):
             if word in self._valued_options() and next_word in option_names:
                 raise UsageError(f"{word} requires a value, but {next_word} is an option")
+        args = _with_default_values(args, self._default_values())
         try:
             remaining = super().parse_args(ctx, with_named_files(args, option_names))
         except click.NoSuchOption as error:
@@ -894,6 +915,16 @@ class Command(HelpAsData):
         if not ctx.resilient_parsing:
             self._check_needs(ctx)
         return remaining
+
+    def _default_values(self) -> dict[str, str]:
+        """Return the default values of the options whose value is an optional word."""
+        return {
+            name: parameter.flag_value
+            for parameter in self.params
+            if isinstance(parameter, click.Option) and isinstance(parameter.flag_value, str)
+            for name in parameter.opts
+            if name not in _NAMED_FILES and not parameter.is_flag
+        }
 
     def _valued_options(self) -> set[str]:
         """Return the names of the options that require a value; --plot, --history and options whose

@@ -59,6 +59,14 @@ def _columns(find: Callable[[], Sequence[Column]]) -> Callable[[Any], list[tuple
     return lambda result: tables.values.column_values(find(), result)
 
 
+def _columns_of_floors(result: Any) -> list[tuple[Column, Any]]:
+    """Return the columns of transfer functions, whose number depends on the building, with their
+    values."""
+    floors = result.response.shape[1]
+    columns = tables.transfer.transfer_columns(floors, result.source)
+    return tables.values.column_values(columns, result)
+
+
 def _row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any]], Table]:
     """Return the function `rows` of a class with fixed columns, which `find` returns."""
     return lambda results: tables.table.Table.of_results(find(), results)
@@ -258,6 +266,11 @@ PRESENTATIONS: dict[str, Presentation] = {
     "TargetDisplacement": Presentation(
         _columns(lambda: tables.buildings.TARGET_DISPLACEMENT),
         picture=lambda results, units: figures.comparison.target_picture(results, units),
+    ),
+    "TransferFunction": Presentation(
+        _columns_of_floors,
+        picture=lambda result, units: figures.mode_shapes.transfer_picture(result, units),
+        alone=True,
     ),
     "Trial": Presentation(
         rows=lambda results: tables.methods.failure_table(results),

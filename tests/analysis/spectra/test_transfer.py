@@ -89,6 +89,33 @@ def test_braced_dampers_and_dashpots_agree_with_a_state_space_model():
     assert result.is_damped
 
 
+def test_a_dashpot_with_exponent_1_is_a_linear_dashpot():
+    frequency = np.geomspace(0.5, 20.0, 30)
+    story = {"mass": MASS, "stiffness": STIFFNESS}
+    power = building({**story, "dashpot": {"coefficient": 6e3, "exponent": 1.0}})
+    linear = building({**story, "dashpot": 6e3})
+    assert transfer_function(power, frequency=frequency).response == pytest.approx(
+        transfer_function(linear, frequency=frequency).response, rel=1e-12
+    )
+
+
+def test_displacements_for_forces_on_other_floors_are_reciprocal():
+    """The displacement of floor i for a force on floor j is that of floor j for a force on floor i;
+    slow forces on floor 1 move all floors by 1 / k1."""
+    frequency = np.array([1e-3, 1.0, 3.0, 12.0])
+    model = building(
+        {"mass": 1000.0, "stiffness": 4e5, "dashpot": 3e3},
+        {"mass": 600.0, "stiffness": 2e5, "dashpot": 500.0},
+        {"mass": 400.0, "stiffness": 3e5},
+    )
+    responses = [transfer_function(model, floor, frequency).response for floor in (1, 2, 3)]
+    for i in range(3):
+        assert responses[0][0, i] == pytest.approx(1.0 / 4e5, rel=1e-4)
+        for j in range(i):
+            assert responses[i][:, j] == pytest.approx(responses[j][:, i], rel=1e-9)
+    assert abs(responses[0][2, 2]) != pytest.approx(abs(responses[2][2, 2]), rel=0.1)
+
+
 def test_the_brace_of_a_locked_damper_is_a_spring():
     """With a very large coefficient, the brace is a spring in parallel with the story."""
     frequency = np.geomspace(0.5, 20.0, 30)

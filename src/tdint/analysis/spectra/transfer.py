@@ -24,6 +24,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.model.building import Building, assemble
 from tdint.model.definition import Model
+from tdint.tabular import Tabular
 
 GROUND = "ground"
 """Source of the motion: the ground acceleration."""
@@ -45,8 +46,8 @@ class Resonance(NamedTuple):
     amplitude: float
 
 
-@dataclass(frozen=True)
-class TransferFunction:
+@dataclass(frozen=True, repr=False)
+class TransferFunction(Tabular):
     """Complex response of each floor to a harmonic ground acceleration or floor force.
 
     Attributes
@@ -70,6 +71,16 @@ class TransferFunction:
     frequency: Array
     response: Array
     is_damped: bool
+
+    def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
+        roof = self.maxima[-1]
+        unit = "" if self.source == GROUND else " m/N"
+        source = GROUND if self.source == GROUND else f"a force on floor {self.source}"
+        return (
+            f"of {self.model.name!r} for {source}: roof at most {roof.amplitude:.4g}{unit}, at "
+            f"{roof.frequency:.4g} Hz"
+        )
 
     @property
     def amplitude(self) -> Array:

@@ -70,10 +70,11 @@ def profile_picture(
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
     shown = list(rows.values())[:_MAX_ROWS]
-    # In one column of a page, the height is reduced with the width: the rows are higher. Several
-    # rows are lower, because a tall figure is reduced on a page, with its text.
-    row_height = 5.4 if is_narrow() else 3.6 if len(shown) == 1 else 2.6
-    figure = Figure(figsize=(8.0, 0.9 + row_height * len(shown)), layout="constrained")
+    # In one column of a page, the height is reduced with the width: the rows are higher. A figure
+    # with several rows is smaller, because a page reduces a tall figure with its text.
+    is_tall = len(shown) > 1 and not is_narrow()
+    width, row_height = (6.8, 2.3) if is_tall else (8.0, 5.4 if is_narrow() else 3.6)
+    figure = Figure(figsize=(width, 0.9 + row_height * len(shown)), layout="constrained")
     panels = figure.subplots(len(shown), 3, squeeze=False)
     plot_styles = building_styles(profile.building for profile in profiles)
     for axes, row in zip(panels, shown, strict=True):
