@@ -90,21 +90,49 @@ def test_a_matched_motion_keeps_its_origin_in_every_result(tdint):
 
 @pytest.mark.usefixtures("folder", "short_matching")
 @pytest.mark.long
-def test_an_edited_or_moved_motion_has_no_origin(tdint):
-    """The origin belongs to the content of the file, and to the directory with the JSON file."""
-    Path("one.yaml").write_text(MODEL)
+def test_an_edited_motion_has_no_origin(tdint):
+    """The origin belongs to the samples of the file; a moved CSV file has it in its header."""
     tdint(*CALL, *TARGET, "--format", "csv", code=0)
     file = next(path for path in Path("m").glob("*.csv") if path.name != "matched.csv")
     record = tdint_api.read_record(str(file), units="m/s^2")
     assert record.origin.target == TARGET[1] and record.processing == record.origin.processing
     Path("moved.csv").write_bytes(file.read_bytes())
-    assert tdint_api.read_record("moved.csv", units="m/s^2").origin is None
+    assert tdint_api.read_record("moved.csv").origin == record.origin
+    # Another line end changes the SHA-256 of the file, but not the samples.
     file.write_text(file.read_text() + "\n")
-    assert tdint_api.read_record(str(file), units="m/s^2").origin is None
+    assert tdint_api.read_record(str(file)).origin == record.origin
+    lines = file.read_text().splitlines()
+    time, value, *others = lines[100].split(",")
+    lines[100] = ",".join((time, f"{2.0 * float(value):.12g}", *others))
+    for path in (file, Path("moved.csv")):
+        path.write_text("\n".join(lines))
+        assert tdint_api.read_record(str(path)).origin is None
     # A JSON file of another program is ignored.
     for text in ("[]", "{", '{"written_motions": [{"sha256": 1}]}', "\0"):
         Path("moved.json").write_text(text)
         assert tdint_api.read_record("moved.csv", units="m/s^2").origin is None
+
+
+@pytest.mark.usefixtures("folder", "short_matching")
+@pytest.mark.long
+@pytest.mark.parametrize("suffix", ["at2", "csv"])
+def test_a_file_without_its_json_file_declares_its_origin(suffix, tdint):
+    """The header states what matched.json states; verdict, notes and summary repeat it."""
+    Path("one.yaml").write_text(MODEL)
+    tdint(*CALL, *TARGET, "--format", suffix, code=0)
+    (entry,) = json.loads(Path("m/matched.json").read_text())["written_motions"]
+    alone = Path("alone") / entry["file"]
+    alone.parent.mkdir()
+    alone.write_bytes((Path("m") / entry["file"]).read_bytes())
+    assert entry["sha256"] == hashlib.sha256(alone.read_bytes()).hexdigest()
+    result = tdint("run", "one.yaml", str(alone), "--limit", "2%", "-o", "out", code=0)
+    content = json.loads(Path("out/summary.json").read_text())
+    assert content["record"]["origin"] == entry["origin"]
+    assert not any(item["file"].endswith("matched.json") for item in content["inputs"])
+    factor = f"(seed factor {entry['origin']['factor']:.3g})"
+    assert f"1 ground motion, matched to {TARGET[1]} {factor}." in result.stderr
+    assert f"note: matched to {TARGET[1]}: seed motion.mseed HNE times" in result.stderr
+    tdint("rerun", "out", code=0)
 
 
 @pytest.mark.usefixtures("folder", "short_matching")
@@ -126,6 +154,8 @@ def test_processing_of_an_exported_motion_is_stated_by_the_commands_that_read_it
     record = tdint_api.read_record("q.csv")
     assert record.origin.target == TARGET[1] and record.origin.seed == "motion.mseed"
     assert len(record.processing) == 2 and "20 Hz" in record.processing[1]
+    # An exported CSV file is a table without comments, which all programs read.
+    assert Path("q.csv").read_text().startswith("time_s,")
 
 
 def exported(file):

@@ -10,6 +10,7 @@ import pytest
 from selection import every
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals, PairNames, motion_names
+from tdint.ground_motion.origin import MotionOrigin
 from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 from tdint.ground_motion.reading.suites import read_suite
 from tdint.ground_motion.record import Record
@@ -104,6 +105,75 @@ def write(folder: Path, motions, suffix):
     for name, content in zip(names, contents, strict=True):
         (folder / name).write_bytes(content)
     return names, notes
+
+
+TARGET = "ec8:type=1,soil=B,ag=0.25g"
+ORIGINS = {
+    "matched": MotionOrigin(
+        "in/ünit, cm; dt = 0.02, NPTS= 5, DT= 0.5.mseed",
+        "HNE",
+        ("matched to " + TARGET,),
+        TARGET,
+        1.23456789012345678,
+        0.51,
+        0.04,
+        0.01,
+        ("velocity time series in units of cm/s # start = 2000-01-01", '"quoted"'),
+    ),
+    "processed": MotionOrigin("a.mseed", "HNN", ("highpass 0.2 Hz: Butterworth filter",)),
+    "long steps": MotionOrigin("a.mseed", "1", ("x" * 2000,), TARGET, 2.0, 0.1, 0.1, 0.1),
+    "long warnings": MotionOrigin("a", "1", (), TARGET, 2.0, 0.1, 0.1, 0.1, ("y" * 600,) * 2),
+    "long name": MotionOrigin("a" * 2000, "1", (), TARGET, 2.0, 0.1, 0.1, 0.1),
+}
+
+
+@pytest.mark.parametrize("suffix", ["at2", "csv"])
+@pytest.mark.parametrize("name", ORIGINS)
+def test_a_header_states_the_origin_and_nothing_else(name, suffix, tmp_path):
+    """The origin is read again with 12 digits from one line, and the rest of the file and of the
+    record is the same as without it."""
+    origin, (source, _) = ORIGINS[name], components("peer")
+    (plain,), _ = motion_contents([source], suffix)
+    (content,), _ = motion_contents([source], suffix, [origin])
+    records = []
+    for file, data in (("plain", plain), ("stated", content)):
+        (tmp_path / f"{file}.{suffix}").write_bytes(data)
+        records.append(read_record(tmp_path / f"{file}.{suffix}"))
+    without, record = records
+    assert np.array_equal(without.acceleration, record.acceleration)
+    for attribute in ("dt", "start", "id", "event", "units", "quantity", "warnings"):
+        assert getattr(without, attribute) == getattr(record, attribute)
+    assert without.origin is None
+    # One line differs, and a fixed-length reader has the lines of a file of PEER.
+    changed = set(content.splitlines()) - set(plain.splitlines())
+    if name == "long name":
+        assert content == plain and record.origin is None
+        return
+    (line,) = changed
+    assert len(line) < 1000 and line.isascii()
+    if suffix == "at2":
+        assert content.splitlines()[1:] == plain.splitlines()[1:]
+        assert line.startswith(b"PEER ")
+    expected = {
+        "long steps": replace(origin, processing=()),
+        "long warnings": replace(origin, warnings=("2 warnings stated by tdint match",)),
+    }.get(name, replace(origin, factor=float(f"{origin.factor:.12g}")))
+    assert replace(expected, **numbers(record.origin)) == record.origin
+    assert numbers(record.origin) == pytest.approx(numbers(expected), nan_ok=True)
+    assert record.processing == expected.processing
+    assert (record.origin.text in record.notes) == bool(origin.target)
+    # Changed samples are no longer the motion of the statement; another statement is the user's.
+    (other,), _ = motion_contents([source.scaled(1.001)], suffix)
+    edited = b"\n".join([line, *other.splitlines()[suffix == "at2" :]]) + b"\n"
+    (tmp_path / f"edited.{suffix}").write_bytes(edited)
+    assert read_record(tmp_path / f"edited.{suffix}").origin is None
+    broken = content.replace(b'"seed"', b'"sead"').replace(b'{"', b'["', 1)
+    (tmp_path / f"broken.{suffix}").write_bytes(broken)
+    assert read_record(tmp_path / f"broken.{suffix}").origin is None
+
+
+def numbers(origin):
+    return {name: getattr(origin, name) for name in ("change", "largest_misfit", "mean_misfit")}
 
 
 def station(record):

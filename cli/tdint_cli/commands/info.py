@@ -171,7 +171,6 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     from tdint.ground_motion.measures import channels_of
     from tdint.ground_motion.origin import WRITTEN, written_motion
     from tdint.ground_motion.record import to_mseed
-    from tdint.output.motion_files import with_origin
     from tdint.output.summary import in_units, json_bytes, table_summary
 
     if request.export is None:
@@ -204,10 +203,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
         )
     else:
         units = request.outputs.shown_units
-        # An origin is stated only if the motion differs from its source.
-        origin = motions[0].written_origin
-        is_changed = bool(origin.target or origin.processing)
-        content = with_origin(table.in_units(units).csv(), origin if is_changed else None)
+        content = table.in_units(units).csv()
         ids.append("")
     # The descriptions of the columns are already in the output units.
     columns = {"columns": table.in_units(units).meanings}

@@ -1,8 +1,8 @@
 """Origin of ground motions that tdint wrote: seed, factor, target and changes.
 
-`tdint match` and `tdint info --export` write the origins to the JSON file next to the motions, and
-to a header line of AT2 and CSV files, which a file keeps without its JSON file. Both contain a
-checksum of what they describe, so that an edited motion has no origin.
+`tdint match` and `tdint info --export` write the origins to the JSON file next to the motions.
+`tdint match` also writes them to a header line of AT2 and CSV files, which a file keeps without its
+JSON file. Both contain a checksum of what they describe, so that an edited motion has no origin.
 """
 
 from __future__ import annotations

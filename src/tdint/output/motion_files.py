@@ -82,14 +82,13 @@ def motion_contents(
         MiniSEED cannot express a sampling interval.
     """
     records = [record for motion in motions for record in _named_components(components(motion))]
-    stated = origins or [None] * len(records)
+    stated: Sequence[MotionOrigin | None] = origins or [None] * len(records)
     if file_format == "at2":
         texts = map(at2_text, records, stated)
         return [text.encode() for text in texts], ()
     if file_format == "csv":
         return [
-            _csv_header(record) + with_origin(ground_table(record).csv(), origin)
-            for record, origin in zip(records, stated, strict=True)
+            _csv_content(record, origin) for record, origin in zip(records, stated, strict=True)
         ], ()
 
     # MiniSEED has short codes for the station and the component, and no place for the event.
@@ -173,9 +172,10 @@ def _codes(record: Record) -> list[str]:
     return codes if len(codes) == 4 else [""] * 4
 
 
-def _csv_header(record: Record) -> bytes:
-    """Return the comment lines at the start of a CSV file of samples: event, network, station,
-    component and start time. Unknown values are omitted."""
+def _csv_content(record: Record, origin: MotionOrigin | None) -> bytes:
+    """Return the content of a CSV file of samples. Comment lines before the table state event,
+    network, station, component, start time and origin; unknown values are omitted."""
+    table = ground_table(record).csv()
     network, station, _, _ = _codes(record)
     declared = {
         "event": re.sub("[,;]", " ", record.event),
@@ -184,22 +184,12 @@ def _csv_header(record: Record) -> bytes:
         "component": record.component,
         "start": record.start,
     }
-    return "".join(f"# {key} = {value}\n" for key, value in declared.items() if value).encode()
-
-
-def with_origin(table: bytes, origin: MotionOrigin | None) -> bytes:
-    """Return a CSV table of samples with its origin in a comment line before it.
-
-    Parameters
-    ----------
-    table : bytes
-        Line of column names, and lines with the time in the first and the acceleration in the
-        second column.
-    """
-    rows = table.splitlines()[1:]
-    samples = [float(row.split(b",")[1]) for row in rows] if origin else []
-    statement = header_statement(origin, samples) if origin else ""
-    return (f"# {ORIGIN} = {statement}\n".encode() if statement else b"") + table
+    if origin:
+        # The checksum in the statement is that of the written digits, in the second column.
+        samples = [float(row.split(b",")[1]) for row in table.splitlines()[1:]]
+        declared[ORIGIN] = header_statement(origin, samples)
+    header = "".join(f"# {key} = {value}\n" for key, value in declared.items() if value)
+    return header.encode() + table
 
 
 def _short_stations(stations: Sequence[str]) -> dict[str, str]:
