@@ -415,7 +415,7 @@ def test_options_that_do_not_affect_results_are_not_recorded(folder, tdint):
         for name in option.opts
     }
     call_options = {"--jobs", "--max-runs", "--overwrite", "--quiet", "-q", "--debug", "--help-all"}
-    assert unrecorded == {"--dask"} | call_options
+    assert unrecorded == {"--dask", "--changed"} | call_options
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     typed = ["-q", "campaign", "campaign.yaml", "--jobs", "1", "--max-runs=1000", "-qo", "study"]
     tdint(*typed, "--overwrite", "--debug", code=0)

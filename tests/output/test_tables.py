@@ -193,7 +193,7 @@ def test_history(monkeypatch, stories, rows_at_once):
     ]
 
 
-UNITS = ("m", "s", "m/s", "m/s^2", "N", "N*m", "N*s", "N/m", "J", "kg", "Hz", "degree")
+UNITS = ("m", "s", "m/s", "m/s^2", "N", "N*m", "N*s", "N/m", "m/N", "J", "kg", "Hz", "degree")
 
 
 def declared_columns():
