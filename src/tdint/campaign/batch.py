@@ -22,6 +22,7 @@ from tdint.analysis.run.batch import Subject, run_batch
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
+from tdint.analysis.run.load_case import LoadCase
 from tdint.analysis.run.outcome import (
     ELEMENT_QUANTITIES,
     NO_STEP,
@@ -485,12 +486,24 @@ class Batch:
         # The start times of the events of a sequence depend on the decay of free vibration, which
         # differs between runs. Sequences are therefore integrated individually.
         results = Rows()
+        single_runs = []
         for run in runs:
-            if isinstance(self.motions.records[run.motion], JoinedRecord):
+            record = self.motions.records[run.motion]
+            if isinstance(record, JoinedRecord):
                 results.extend(self._run_sequence(run, max_step))
-        single_runs = [
-            run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
-        ]
+            elif isinstance(record, LoadCase):
+                # The forces are part of the building, so that each load case is a building.
+                loaded = replace(self, subject=self.subject.loaded(record, run.scale))
+                results.extend(loaded._run_together([run], max_step))
+            else:
+                single_runs.append(run)
+        results.extend(self._run_together(single_runs, max_step))
+        return results
+
+    def _run_together(self, single_runs: Sequence[Run], max_step: float | None) -> Rows:
+        """Integrate runs that are not sequences, as `results`. The runs of a load case must be runs
+        of the building under this load case."""
+        results = Rows()
         # The time step depends on the sampling interval of the motion, but not on the scale factor:
         # compute it one time for each motion.
         step_limit = math.inf if max_step is None else max_step
@@ -738,7 +751,8 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     Parameters
     ----------
     record : Record
-        Ground motion. The result for a sequence is the maximum over its events.
+        Ground motion. The result for a sequence is the maximum over its events; a load case has no
+        spectral acceleration (None).
 
     Returns
     -------
@@ -746,6 +760,8 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
         Spectral accelerations; None for a period that is too short for the sampling interval of the
         record.
     """
+    if isinstance(record, LoadCase):
+        return [None] * len(periods)
     if isinstance(record, JoinedRecord):
         values_by_period = zip(
             *(spectral_accelerations(event, periods) for event in record.events), strict=True

@@ -15,6 +15,7 @@ import numpy as np
 
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.fragility.type_states import DamageRequest
+from tdint.campaign.load_cases import LoadFiles
 from tdint.campaign.motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -566,7 +567,7 @@ class CampaignFile:
     name: str
     source: str
     buildings: ModelFiles | InventoryFile
-    records: RecordFiles | SequenceFile | GridFile | FieldFile
+    records: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisOverrides
     settings: RunSettings

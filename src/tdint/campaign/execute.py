@@ -183,7 +183,9 @@ def compile_for(plan: Plan) -> None:
     variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
-        variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
+        # Forces of a load case belong to the building.
+        variant = subject.case(plan.motions[0].record).prepared.variant
+        variants |= dict.fromkeys(kernels(subject.integrator, variant))
     load_or_compile(list(variants))
     # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The record
     # and the period of the call are arbitrary; its result is not used.

@@ -25,6 +25,7 @@ from tdint.campaign.definition import (
     SequenceFile,
 )
 from tdint.campaign.fragility.type_states import ClassDamage, read_class_damage
+from tdint.campaign.load_cases import LoadFiles, read_load_cases
 from tdint.campaign.motions import (
     Assignment,
     CampaignMotions,
@@ -130,6 +131,8 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     # If the campaign file lists no records, the table of factors lists them.
     if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
         factors, motions = read_listed_motions(factors, campaign.records)
+    elif isinstance(campaign.records, LoadFiles):
+        motions = read_load_cases(campaign.records, models, rows, campaign.source)
     else:
         motions = _READERS[type(campaign.records)](campaign.records)
     # Omit buildings that are too far from all sites before a sweep multiplies them. The sites have

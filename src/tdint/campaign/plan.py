@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from tdint.analysis.defaults import NO_METHOD
 from tdint.analysis.run.batch import Subject
+from tdint.analysis.run.load_case import LoadCase
+from tdint.analysis.run.load_notes import table_notes
 from tdint.arrays import cached_property
 from tdint.campaign.batch import (
     BuildingRuns,
@@ -46,6 +48,7 @@ from tdint.campaign.motions import (
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
 from tdint.model.plausibility import study_plausibility_warnings
@@ -243,6 +246,13 @@ class Plan:
         for dt, duration in sorted(analyses, key=str):
             for first_motion in first_motions.values():
                 record = first_motion.record
+                if isinstance(record, LoadCase):
+                    if (settings.duration or duration) is None:
+                        raise UsageError(
+                            "the duration is required, because forces have no record; specify "
+                            "`analysis: {duration: SECONDS}` in the campaign file, or in each model"
+                        )
+                    continue
                 try:
                     choose_steps(
                         settings.dt or dt, settings.duration or duration, record.dt, record.duration
@@ -270,7 +280,7 @@ class Plan:
     def _cuts(self) -> NDArray[np.int64]:
         """Number of the first run of each chunk, followed by the number of all runs. All chunks
         need about the same estimated time."""
-        mean_samples = np.mean([motion.record.acceleration.size for motion in self.motions])
+        mean_samples = np.mean([_samples(motion.record) for motion in self.motions])
         buildings = self.buildings
         stories = (
             buildings.rows.stories
@@ -382,6 +392,13 @@ class Plan:
         return factors
 
 
+def _samples(record: Record) -> int:
+    """Return the number of samples of a record, or of rows of the table of a load case."""
+    if isinstance(record, LoadCase):
+        return int(record.loads[0].table.times.size)
+    return record.acceleration.size
+
+
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     """Return the plan of a campaign: its buildings, ground motions, scale factors and settings, and
     the notes and warnings that are shown before the runs.
@@ -401,6 +418,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     durations = [duration or model.analysis.duration for model in inputs.models] or [duration]
     shortest_duration = min(filter(None, durations), default=math.inf)
     notes += cut_off((motion.record for motion in motions.motions), shortest_duration)
+    for motion in motions.motions:
+        if isinstance(motion.record, LoadCase) and inputs.models:
+            loads = motion.record.on(inputs.models[0]).excitation.tables
+            notes += table_notes(loads, shortest_duration)
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     depends_on_residual = damage and any(
         "residual" in states.demand for states in damage.types.values()

@@ -12,9 +12,11 @@ from tdint.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
     FactorsFile,
+    FieldFile,
     InventoryFile,
     ModelFiles,
     RecordFiles,
+    SequenceFile,
     Varied,
     read_sweep,
 )
@@ -27,8 +29,9 @@ from tdint.campaign.intensity import (
     scalable_measures,
     scaling_obstacle,
 )
+from tdint.campaign.load_cases import LOAD_CASES, LoadFiles, read_requested_load_cases
 from tdint.campaign.motion_keys import MOTIONS, SEED, read_requested_motions
-from tdint.campaign.motions import MeasureLevels, Scales
+from tdint.campaign.motions import GridFile, MeasureLevels, Scales
 from tdint.campaign.pairs import PAIR_DEMANDS
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -181,6 +184,11 @@ CAMPAIGN = Keys(
             "files and directories, or a grid; by default the records of the table of factors",
         ),
         Key(
+            "forces",
+            LOAD_CASES,
+            "forces on floors instead of records: one load case per CSV file, the ground at rest",
+        ),
+        Key(
             "intensity",
             _INTENSITY,
             "scale factors or intensity levels of the motions; unscaled by default",
@@ -253,10 +261,11 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     # The key `records` is optional if the file specifies a table of factors, which lists records.
     intensity = section.get("intensity")
     are_listed = intensity is not None and intensity.peek("factors") is not None
+    forces_value = section.get("forces")
     records_value = (
         section.get("records")
-        if are_listed
-        else section.need("records", "give `files` or a `grid`")
+        if are_listed or forces_value
+        else section.need("records", "give `files` or a `grid`, or `forces` for loads on floors")
     )
     _check_combinations(section)
     analysis, outputs_value = section.inner("analysis"), section.get("outputs")
@@ -275,8 +284,10 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         if added_tables:
             has_stories = added_tables.read("stories", False)
             has_profiles = added_tables.read("profiles", are_models)
-    motions = None
-    if records_value:
+    motions: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles | None = None
+    if forces_value:
+        motions = read_requested_load_cases(forces_value)
+    elif records_value:
         motions = read_requested_motions(records_value, are_listed=are_listed)
     return CampaignFile(
         name=section.read("name") or name,
@@ -317,13 +328,25 @@ def _read_pair_demand(records: Value | None) -> str | None:
 def _check_combinations(section: Section) -> None:
     """Record errors for keys of the intensity and the analysis that have no effect with the type of
     ground motions that the file requests."""
-    records = section.get("records")
+    records, forces = section.get("records"), section.get("forces")
+    if forces and records:
+        forces.fault(
+            "cannot be used with `records`; remove one of them (forces together with a ground "
+            "motion are `excitation.forces` of the model file)"
+        )
 
     def value_of(section_name: str, name: str) -> Value | None:
         """Return the value of a key in a section; None if the key or the section is missing."""
         value = section.get(section_name)
         return value.peek(name) if value else None
 
+    for name in ("measure", "factors"):
+        entry = value_of("intensity", name)
+        if entry and forces:
+            entry.fault(
+                "cannot be used with `forces`, which have no ground motion; use `scales` to "
+                "multiply the forces"
+            )
     # The key `pair` of the intensity requires pairs of components. The files of a grid always
     # contain both components, so that the key `pairs` is not needed.
     pair, pairs = value_of("intensity", "pair"), value_of("records", "pairs")

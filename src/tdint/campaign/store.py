@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from tdint.analysis.run.load_case import LoadCase
 from tdint.arrays import cached_property
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import ChunkResult, RunRow
@@ -138,6 +139,12 @@ class Identity:
             units=output_units(plan.buildings),
             building_numbers=building_numbers,
             files=model_files(plan.buildings)
+            | {
+                entry.file: entry.sha256
+                for motion in plan.motions
+                if isinstance(motion.record, LoadCase)
+                for entry in motion.record.inputs
+            }
             | {file: digest_of(Path(file)) for file in plan.inventory},
         )
 
@@ -978,14 +985,16 @@ def _create(store: Store, identity: Identity) -> None:
 
 def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
     """Yield the row of the table `records` for each ground motion: number, name, component,
-    direction, sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256."""
+    direction, sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256. A load
+    case has no samples; its other numbers are 0."""
     for number, motion in enumerate(motions):
         record = motion.record
+        names = number, stored_text(motion.name), stored_text(motion.component), motion.direction
+        if isinstance(record, LoadCase):
+            yield (*names, 0.0, 0, 0.0, 0.0, record.digest)
+            continue
         yield (
-            number,
-            stored_text(motion.name),
-            stored_text(motion.component),
-            motion.direction,
+            *names,
             record.dt,
             record.acceleration.size,
             record.pga,

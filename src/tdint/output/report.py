@@ -28,6 +28,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
+from tdint.output.load_case_report import load_case_chapter
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
 from tdint.output.summary import campaign_summary
@@ -391,7 +392,8 @@ def suite_page(
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(subject.model, units) for subject in subjects.values()),
-        motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
+        load_case_chapter(plan, units)
+        or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
         _suite_assumptions(plan, store, [*subjects.values()]),
         Chapter("Notes", (once(notes),)),
     ]

@@ -105,7 +105,6 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records "
         "ORDER BY id"
     )
-    keys = ("file", "component", "direction", "dt_s", "samples", "pga_m_s2", "pgv_m_s", "sha256")
     origins = store.origins()
     buildings = store.connection.execute("SELECT count(*) FROM buildings").fetchone()[0]
     return {
@@ -117,7 +116,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "buildings": buildings,
         "inputs": [{"file": file, "sha256": digest} for file, digest in store.files().items()],
         "records": [
-            {**dict(zip(keys, row, strict=True)), **origins.get(str(number), {})}
+            {**_record_entry(row), **origins.get(str(number), {})}
             for number, row in enumerate(records)
         ],
         "runs": {
@@ -138,6 +137,16 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         **({"damage": damage_summary(store)} if store.damage() else {}),
         "versions": {**versions(), **({"plugins": code} if (code := store.code()) else {})},
     }
+
+
+def _record_entry(row: Sequence[Any]) -> dict[str, Any]:
+    """Return the entry of a ground motion or a load case, a row of the table `records` of a store.
+    A load case has no samples, and no values of a ground motion."""
+    keys = ("file", "component", "direction", "dt_s", "samples", "pga_m_s2", "pgv_m_s", "sha256")
+    entry = dict(zip(keys, row, strict=True))
+    if entry["samples"]:
+        return entry
+    return {"file": entry["file"], "sha256": entry["sha256"]}
 
 
 def without_error(store: Store) -> int | None:

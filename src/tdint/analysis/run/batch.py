@@ -31,6 +31,7 @@ from tdint.analysis.run.case import (
 )
 from tdint.analysis.run.elements import element_peaks
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
+from tdint.analysis.run.load_case import LoadCase
 from tdint.analysis.run.outcome import (
     STORY_QUANTITIES,
     Collapse,
@@ -79,10 +80,16 @@ class Subject:
 
     def case(self, record: Record | None, scale: float = 1.0) -> Case:
         """Return the case of the building under a ground motion times `scale`, or with the ground
-        at rest if `record` is None.
+        at rest if `record` is None. A load case replaces the tables of forces of the building.
         """
+        if isinstance(record, LoadCase):
+            return self.loaded(record, scale).case(None)
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         return Case(self.model, self.prepared, scaled, self.integrator)
+
+    def loaded(self, load_case: LoadCase, scale: float = 1.0) -> Subject:
+        """Return the building under a load case times `scale`."""
+        return Subject(load_case.scaled(scale).on(self.model), self.method)
 
     @cached_property
     def period(self) -> float:

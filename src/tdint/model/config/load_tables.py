@@ -40,7 +40,7 @@ class _Request:
 
     Attributes
     ----------
-    value : Value
+    value : Value or _Failing
         Entry of the model file, for messages.
     floor : int
         Floor, from 1.
@@ -50,7 +50,7 @@ class _Request:
         Factor on the values, and time that is added to the times (s).
     """
 
-    value: Value
+    value: Value | _Failing
     floor: int
     column: str
     factor: float
@@ -177,9 +177,46 @@ def _invalid_times(times: np.ndarray) -> list[int]:
     return sorted((*decreases.tolist(), *repeats.tolist()))[:1]
 
 
-def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits) -> list[TableForce]:
+def read_load_file(
+    path: str, columns: Sequence[tuple[int, str]], scale: float, start: float
+) -> tuple[TableForce, ...]:
+    """Return the forces from a file that is not part of a model file: a load case of a campaign.
+
+    Parameters
+    ----------
+    path : str
+        CSV file.
+    columns : sequence of (int, str)
+        Floor and column of each force; the column is empty for the only column of forces.
+    scale, start : float
+        Factor on the values, and time that is added to the times (s).
+
+    Raises
+    ------
+    ModelError
+        The file is invalid, a column does not exist, or its name has no unit of force.
+    """
+    failing = _Failing(path)
+    wanted = [_Request(failing, floor, column, scale, start) for floor, column in columns]
+    return tuple(_read_file(path, wanted, None))
+
+
+@dataclass(frozen=True)
+class _Failing:
+    """Entry without a position in a file: an error is raised at once."""
+
+    path: str
+
+    def fault(self, message: str) -> None:
+        """Raise ModelError."""
+        raise ModelError(f"{self.path}: {message.removesuffix(f' in {self.path}')}")
+
+
+def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits | None) -> list[TableForce]:
     """Return the forces from the columns of one file. ModelError is raised if the file is invalid.
     Errors of single columns are reported at their entries instead.
+
+    `unit` contains the units of columns without a unit; None: they are an error.
     """
     table, rows = stream_table(path, _NEEDS, columns=(), read_first=True)
     time_column, time_factor = _time_column(table)
@@ -269,10 +306,10 @@ def _column_and_factor(
     return None
 
 
-def _unit_of(title: str, unit: ModelUnits, table: CsvTable) -> float:
+def _unit_of(title: str, unit: ModelUnits | None, table: CsvTable) -> float:
     """Return the factor to N of the unit at the end of a name such as `roof_kN`. A name without a
     unit has the unit of force of the model file. ModelError is raised for the unit of another
-    quantity.
+    quantity, and without a unit if there is no model file.
     """
     ending = title.rpartition("_")[2] if "_" in title else ""
     # MN and mN differ only in case, so that case matters for this unit.
@@ -285,6 +322,11 @@ def _unit_of(title: str, unit: ModelUnits, table: CsvTable) -> float:
         raise ModelError(
             f"{table.source}:{table.header_line}: the column {title} has the unit {ending}, which "
             f"is not a unit of force; known: {', '.join(FORCE)}"
+        )
+    if unit is None:
+        raise ModelError(
+            f"{table.source}:{table.header_line}: the column {title} has no unit; add it to the "
+            f"name, for example {title}_kN (the models of a campaign can have different units)"
         )
     return unit.force
 
