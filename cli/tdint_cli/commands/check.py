@@ -22,7 +22,7 @@ _MODELS = Mode("with models", frozenset(("models", "output_units")))
 _SCHEMA, _PLUGINS = Mode("with --schema"), Mode("with --plugin alone")
 MODES = (_MODELS, _SCHEMA, _PLUGINS)
 
-_CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
+_CAMPAIGN = re.compile(rb"^(buildings|records|forces)\s*:", re.MULTILINE)
 """A top-level key of campaign files that model files do not have."""
 
 
@@ -180,7 +180,8 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 def _models_of_campaign(file: str) -> tuple[str, ...] | None:
     """Return the model files of a campaign file (none if the buildings are derived from an
     inventory); None if the file is not a campaign file. ModelError lists all errors of the campaign
-    file and its inventory. Warnings about unusual rows of the inventory are printed.
+    file and its inventory, RecordError those of its load cases. Warnings about unusual rows of the
+    inventory are printed.
     """
     if file == "-" or not is_file(file):
         return None
@@ -189,10 +190,14 @@ def _models_of_campaign(file: str) -> tuple[str, ...] | None:
     if not _CAMPAIGN.search(read_source(file).data):
         return None
     from tdint.campaign.definition import ModelFiles
+    from tdint.campaign.inputs import check_load_cases
+    from tdint.campaign.load_cases import LoadFiles
     from tdint.campaign.reader import load_campaign
 
     campaign = load_campaign(file)
     say(f"{file}: valid campaign file")
+    if isinstance(campaign.records, LoadFiles):
+        check_load_cases(campaign)
     if isinstance(campaign.buildings, ModelFiles):
         return campaign.buildings.files
     from tdint.campaign.inputs import read_rows

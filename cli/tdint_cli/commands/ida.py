@@ -217,6 +217,11 @@ def command(request: IdaRequest) -> None:
         check=request.check,
         thresholds=request.threshold or None,
     )
+    if not request.records and request.factors is None and model.excitation.has_forces:
+        raise UsageError(
+            "RECORD is required: the levels are intensities of ground motions; for forces alone, "
+            "run load cases at several scales (key `forces` of `tdint campaign`)"
+        )
     suite, _ = read_table_of_factors(
         request.records, request.factors, request.choice, request.pairs
     )

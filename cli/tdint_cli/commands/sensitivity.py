@@ -104,6 +104,14 @@ def command(request: Request) -> None:
             correlations = rank_correlations(store)
         request.outputs.deliver(Table.of_results(CORRELATIONS, correlations))
         return
+    if request.ranges and not request.records:
+        from tdint.model.config.model_file import load_model
+
+        if load_model(request.building).excitation.has_forces:
+            raise UsageError(
+                "RECORDs are required; for forces alone, run a campaign with `vary` and load cases "
+                "(key `forces` of `tdint campaign -o DIR`), then `tdint sensitivity DIR`"
+            )
     if not request.records or not request.ranges:
         raise UsageError(
             "RECORDs and --vary NAME=LOW:HIGH are required, or a campaign directory with `vary`"

@@ -156,6 +156,31 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     return Inputs(models, rows, motions, assignment, factors, damage, faults, too_far)
 
 
+def check_load_cases(campaign: CampaignFile) -> None:
+    """Read the load cases of a campaign file without runs, for `tdint check`. Models that are
+    invalid are ignored, because they are checked separately.
+
+    Raises
+    ------
+    ModelError
+        A floor does not exist in a building.
+    RecordError
+        Files of load cases are invalid; the message has the reasons, one line each.
+    """
+    assert isinstance(campaign.records, LoadFiles)
+    models: list[Model] = []
+    rows: InventoryRows | None = None
+    if isinstance(campaign.buildings, ModelFiles):
+        for file in campaign.buildings.files:
+            with suppress(ModelError):
+                models.append(load_model(file))
+    else:
+        rows, _ = read_rows(campaign.buildings)
+    motions = read_load_cases(campaign.records, models, rows, campaign.source)
+    if motions.failures:
+        raise RecordError("\n".join(map(str, motions.failures)))
+
+
 def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Model, ...]:
     """Read model files and apply the campaign's settings for all buildings.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tdint.analysis.run.load_case import LoadCase
 from tdint.campaign.motions import CampaignMotions
-from tdint.errors import ModelError, TdintError, UsageError
+from tdint.errors import ModelError, RecordError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.model.definition import Model
 from tdint.model.inventory import InventoryRows
@@ -98,8 +98,7 @@ def _columns(section: Section) -> tuple[tuple[int, str], ...]:
     if floors is None:
         floor = section.need("floor", "give the floor, counted from 1 at the bottom, or roof")
         column = section.get("column")
-        number = floor.floor(None) if floor else 0
-        return ((number, (column.text() if column else "") or ""),)
+        return ((floor.floor(None) if floor else 0, (column.text() if column else "") or ""),)
     section.refuse(("floor", "column"), "cannot be used with `floors`; give one of the two")
     named = floors.named(
         "a mapping of floors to columns, such as {roof: top_kN, 1: 0.6 top_kN}",
@@ -139,9 +138,9 @@ def read_load_cases(
     Raises
     ------
     ModelError
-        No file can be used; the message has the reasons, one line each.
-    UsageError
         A building does not have a floor that is loaded.
+    RecordError
+        No file can be used; the message has the reasons, one line each.
     """
     # Imported here, because only campaigns of load cases read tables of forces.
     from tdint.model.config.load_tables import read_load_file
@@ -153,7 +152,7 @@ def read_load_cases(
         heights.append((rows[lowest].id, int(rows.stories[lowest])))
     for name, count in heights:
         if highest > count:
-            raise UsageError(
+            raise ModelError(
                 f"{source}: forces: floor {highest} does not exist in {name}, which has "
                 f"{pluralize(count, 'floor')}; remove the floor, or use {ROOF} for the highest "
                 "floor of each building"
@@ -163,11 +162,10 @@ def read_load_cases(
         try:
             loads = read_load_file(file, requested.columns, requested.scale, requested.start)
         except ModelError as error:
-            # An error without a line of an inventory or a model is listed as a record.
-            failures.append(UsageError(str(error)))
+            failures.append(RecordError(str(error)))
             continue
         load_case = LoadCase.of(loads)
         motions.append(SuiteMotion(load_case, file, "", load_case))
     if not motions:
-        raise ModelError("\n".join(map(str, failures)))
+        raise RecordError("\n".join(map(str, failures)))
     return CampaignMotions(tuple(motions), tuple(failures))

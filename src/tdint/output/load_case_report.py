@@ -19,9 +19,7 @@ _MAX_PICTURES = 6
 def load_case_chapter(plan: Plan, units: OutputUnits) -> Chapter | None:
     """Return the chapter of the load cases of a campaign, with the forces on the first building;
     None if the campaign has records instead."""
-    load_cases = [
-        motion.record for motion in plan.motions if isinstance(motion.record, LoadCase)
-    ]
+    load_cases = [motion.record for motion in plan.motions if isinstance(motion.record, LoadCase)]
     if not load_cases:
         return None
     building = plan.buildings[0].subject().model

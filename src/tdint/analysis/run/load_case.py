@@ -51,10 +51,20 @@ class LoadCase(Record):
         ]
         return hashlib.sha256(repr((parts, self.scale)).encode()).hexdigest()
 
-    @property
-    def highest_floor(self) -> int:
-        """Highest floor with a number; 0 if only the roof is loaded."""
-        return max(load.floor for load in self.loads)
+    def scaled(self, factor: float) -> LoadCase:
+        """Return the load case with its forces multiplied by `factor`.
+
+        Parameters
+        ----------
+        factor : float
+            Factor on the forces; may be negative.
+
+        Returns
+        -------
+        LoadCase
+            Its attribute `scale` is the product of all factors.
+        """
+        return replace(self, scale=self.scale * factor)
 
     def on(self, model: Model) -> Model:
         """Return a model under this load case. Its own tables of forces are replaced, as its own

@@ -560,7 +560,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     if not has_result.any():
         raise ModelError(
             f"{table.source}: no run has both an intensity and a result; at least one completed "
-            "run is required"
+            "run is required, and load cases (key `forces` of a campaign) have no intensity"
         )
     im = im[has_intensity]
     return _Runs(
