@@ -372,8 +372,7 @@ def suite_page(
         "Floor spectra: mean, envelope",
     )
     # Only the first buildings are described, because the report must remain readable.
-    buildings_by_name = {building.name: building for building in plan.buildings[:_MAX_MODELS]}
-    subjects = {name: building.subject() for name, building in buildings_by_name.items()}
+    subjects = {building.name: building.subject() for building in plan.buildings[:_MAX_MODELS]}
     # Warnings about the scaling and the records are printed at the top. Notes with the same text
     # are omitted.
     scaling_parts, scaling_warnings = _scaling(plan, units, periods)
