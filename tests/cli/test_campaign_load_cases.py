@@ -102,6 +102,28 @@ def test_shards_merge_and_export(cases, tdint):
     assert Path("whole/runs.csv").read_bytes() == before
 
 
+def test_floor_spectra_equal_those_of_a_run(cases, tdint):
+    tdint("campaign", "c.yaml", "-o", "out", "--floor-spectra", "roof", code=0)
+    loads = LOADS.replace("scale: 1.5", "scale: -3.0")
+    force = f"excitation: {{forces: [{{file: blast.csv, {loads}}}]}}\n"
+    Path("one.yaml").write_text(Path("m.yaml").read_text() + force)
+    tdint("run", "one.yaml", "--no-check", "--floor-spectra", "roof", "-o", "one", code=0)
+    expected = rows_of("one/floor-spectra.csv")
+    found = [
+        row
+        for row in rows_of("out/floor-spectra.csv")
+        if (row["record"], row["scale"]) == ("blast.csv", "-2")
+    ]
+    assert [{name: row[name] for name in expected[0]} for row in found] == expected
+
+
+def test_sweeps_and_their_correlations(cases, tdint):
+    Path("c.yaml").write_text(CAMPAIGN + "vary: {stiffness_factor: [0.8, 1, 1.2]}\n")
+    tdint("campaign", "c.yaml", "-o", "out", code=0)
+    assert len(rows_of("out/runs.csv")) == 12
+    assert "stiffness_factor" in tdint("sensitivity", "out", code=0).stdout
+
+
 def test_changed_keeps_the_other_load_cases(cases, tdint):
     tdint("campaign", "c.yaml", "-o", "out", code=0)
     Path("blast.csv").write_text("t_ms,roof_kN,other_kN\n0,95,1\n60,0,2\n")
@@ -179,6 +201,8 @@ def test_refusals_name_the_remedy(cases, tdint):
         Path("c.yaml").write_text(base + extra)
         assert message in tdint("campaign", "c.yaml", "-o", "out", code=3).stderr
     Path("c.yaml").write_text(base)
+    error = tdint("campaign", "c.yaml", "-o", "out", "--im", "pgv", code=2).stderr
+    assert "--im cannot be used with `forces`" in error
     tdint("campaign", "c.yaml", "-o", "out", code=0)
     assert "load cases (key `forces` of a campaign) have no" in tdint("fragility", "out").stderr
     Path("m.yaml").write_text(MODEL)

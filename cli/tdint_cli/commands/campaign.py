@@ -203,6 +203,7 @@ def _run(request: CampaignRequest) -> None:
     check_names(Path(request.output), request)
     from tdint.campaign.execute import Shard, cluster, threads
     from tdint.campaign.inputs import read_inputs
+    from tdint.campaign.load_cases import LoadFiles
     from tdint.campaign.plan import make_plan
     from tdint.campaign.reader import load_campaign
 
@@ -224,6 +225,10 @@ def _run(request: CampaignRequest) -> None:
     else:
         engine = threads(request.jobs or processors())
     campaign = load_campaign(request.arguments[0])
+    if request.im and isinstance(campaign.records, LoadFiles):
+        raise UsageError(
+            "--im cannot be used with `forces`, which have no ground motion; omit --im"
+        )
     campaign = replace(campaign, pair_demand=request.pair_demand or campaign.pair_demand)
     plan = make_plan(campaign, read_inputs(campaign))
     apply_style(plan.style, campaign.source, drawn=bool(request.plot or request.report))
