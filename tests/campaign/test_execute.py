@@ -62,7 +62,7 @@ def test_remaining_chunks_are_executed_in_order(
     before = sum(size(number) for number in shard_chunks if number in ready)
     store, reported = Kept(*ready), list[Advance]()
     last = execute_plan(
-        SimpleNamespace(chunks=CHUNKS, size=size),
+        SimpleNamespace(chunks=CHUNKS, size=size, kept={}),
         store,
         engine,
         shard=shard,
