@@ -2,9 +2,14 @@
 
 import csv
 import json
+import sqlite3
+from contextlib import closing
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
+
+from tdint import run
 
 MODEL = """\
 units: {length: m, mass: t, force: kN}
@@ -73,13 +78,28 @@ def test_each_run_equals_a_run_of_the_model_with_the_file(cases, tdint, analysis
     assert len({row["peak_drift_m"] for row in runs}) == 4
 
 
+def test_stored_numbers_equal_those_of_a_run(cases, tdint):
+    """The numbers of the store are not rounded: they equal those of a run to the last bit."""
+    tdint("campaign", "c.yaml", "-o", "out", code=0)
+    query = "SELECT record, scale, peak_drift_m, energy_error FROM run_rows"
+    with closing(sqlite3.connect("out/campaign.sqlite")) as store:
+        rows = store.execute(query).fetchall()
+    assert len(rows) == 4
+    for record, scale, peak_drift, energy_error in rows:
+        file = ("gust.csv", "blast.csv")[record]
+        loads = LOADS.replace("scale: 1.5", f"scale: {1.5 * scale}")
+        force = f"excitation: {{forces: [{{file: {file}, {loads}}}]}}\n"
+        Path("one.yaml").write_text(Path("m.yaml").read_text() + force)
+        response = run("one.yaml")
+        assert peak_drift == response.stories.peak_drift.max()
+        assert energy_error == response.energy.error
+
+
 def test_summary_rerun_report_and_status(cases, tdint):
     tdint("campaign", "c.yaml", "-o", "out", "--plot", "--report", "out/report.html", code=0)
     summary = json.loads(Path("out/summary.json").read_text())
     hashes = {item["file"]: item["sha256"] for item in summary["inputs"]}
     assert {"gust.csv", "blast.csv", "m.yaml", "c.yaml"} == set(hashes)
-    from hashlib import sha256
-
     assert hashes["gust.csv"] == sha256(Path("gust.csv").read_bytes()).hexdigest()
     assert [set(item) for item in summary["records"]] == [{"file", "sha256"}] * 2
     report = Path("out/report.html").read_text()
