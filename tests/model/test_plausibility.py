@@ -236,3 +236,21 @@ def test_limits_of_the_period_increase_with_height() -> None:
         limits.append((float(low[:-2]), float(high[:-2])))
     for lower, higher in pairwise(limits):
         assert lower[0] <= higher[0] and lower[1] <= higher[1]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        # Corrected floors of 300 kg.
+        "units: {length: m, force: kgf, mass: t}\nstories: [{repeat: 3, mass: 300, height: 3.5, "
+        "stiffness: 30000}]\ndamping: 5%",
+        # The yield force is 11 times the weight already; a lighter building would be less likely.
+        "stories: [{repeat: 3, mass: 3.0e+5, height: 3.5, stiffness: 3.0e+7, law: {type: bilinear, "
+        "yield_force: 1.0e+8, hardening: 0.05}}]\ndamping: 5%",
+    ],
+)
+def test_weights_are_not_the_cause_if_the_corrected_masses_are_unusual(text: str) -> None:
+    """A usual period with the corrected masses does not suffice."""
+    warnings = warnings_of(text)
+    assert warnings[0].startswith("unusual fundamental period of 3 stories")
+    assert "probable cause" not in "".join(warnings)

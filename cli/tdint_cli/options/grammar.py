@@ -1069,11 +1069,7 @@ def general() -> list[click.Parameter]:
             "quiet",
             "Print only errors and warnings that affect results.",
         ),
-        _setting(
-            ["--debug"],
-            "debug",
-            "Show a traceback with an error, and the time per step and default method of a run.",
-        ),
+        _setting(["--debug"], "debug", "Show tracebacks and step times."),
     ]
 
 

@@ -319,7 +319,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         for usual_range, value in checked_values
         if not usual_range.contains(value)
     ]
-    cause = _weights_as_masses(model, period, period_range)
+    cause = _weights_as_masses(model, building, period, period_range)
     is_period_unusual = not period_range.contains(period)
     if is_period_unusual:
         warnings[0] += cause
@@ -411,11 +411,13 @@ def _period_range(building: Building) -> UsualRange:
     return replace(usual_range, high=PERIOD.high) if building.isolators else usual_range
 
 
-def _weights_as_masses(model: Model, period: float, period_range: UsualRange) -> str:
+def _weights_as_masses(
+    model: Model, building: Building, period: float, period_range: UsualRange
+) -> str:
     """Return the end of a warning: the probable cause, if the numbers of `mass` are weights.
 
-    The text is empty if the file specifies weights, or if the period (s) of the corrected masses
-    would be unusual as well.
+    The text is empty if the file specifies weights, or if the corrected masses would be unusual as
+    well: too light for floors or for the strength, or with an unusual period (s).
     """
     factor = model.weight_factor
     corrected_period = period / math.sqrt(factor)
@@ -423,6 +425,12 @@ def _weights_as_masses(model: Model, period: float, period_range: UsualRange) ->
     # results from kgf, which have the same numbers as kg.
     is_cause = period_range is not PERIOD and not math.isclose(factor, 1.0, rel_tol=1e-3)
     if not is_cause or not period_range.contains(corrected_period):
+        return ""
+    corrected_mass = building.mass / factor
+    base_strength_ratio = yield_strength(model.stories[0]) / (
+        STANDARD_GRAVITY * float(corrected_mass.sum())
+    )
+    if unusual_stories(FLOOR, corrected_mass) or base_strength_ratio > BASE_STRENGTH.high:
         return ""
     size = (
         f"{factor:.4g} times too large" if factor > 1.0 else f"{1.0 / factor:.4g} times too small"

@@ -155,7 +155,7 @@ omits its second run, because the peaks at the start remain the maxima.
 """
 
 _SLOW_RUN = 2.0
-"""Processor time of the time loops, s, above which a note states the time for error estimation."""
+"""Processor time of the time loops, s, above which a note states how to omit the second run."""
 
 
 def run_with_error_estimate(
@@ -280,11 +280,8 @@ def with_error_estimate(
             replace(response, notes=(*response.notes, note)),
             replace(check, corrected=None),
         )
-    if (spent := response.solver_time + other.solver_time) > _SLOW_RUN:
-        note = (
-            f"error estimation took {other.solver_time:.2g} of {spent:.2g} s of solver time; "
-            "--no-check omits it"
-        )
+    if response.solver_time + other.solver_time > _SLOW_RUN:
+        note = "a second run estimates the errors, with most of the time; --no-check omits it"
         response = replace(response, notes=(*response.notes, note))
     if history_errors and response.history_chunks is not None and other.history_chunks is not None:
         ratio = round(response.dt / other.dt)
