@@ -77,6 +77,12 @@ def office(tmp_path_factory):
 MARKS = {"examples": [pytest.mark.slow], "compile": [pytest.mark.long]}
 
 
+def test_global_options_have_one_line_each(tdint):
+    """`tdint --help` is the longest text that a page asks to print."""
+    general = tdint("--help").stdout.partition("General:\n")[2].partition("\n\n")[0].splitlines()
+    assert [line.split()[0] for line in general] == ["-q,", "--debug", "--version", "-h,"]
+
+
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=MARKS.get(name, [])) for name in COMMANDS]
 )

@@ -233,6 +233,16 @@ def building_with_a_gap():
     return model(stories), replace(noise(), dt=0.0125)
 
 
+def test_the_note_on_a_slow_estimate_states_no_times(monkeypatch):
+    """A quick run has no such note."""
+    case = oscillator(2.0 * np.pi, displacement=(1.0,))
+    slow_run = "a second run estimates the errors, with most of the time; --no-check omits it"
+    assert slow_run not in run(case, dt=0.02, duration=1.0, check=True).notes
+    monkeypatch.setattr(error_estimate, "_SLOW_RUN", 0.0)
+    assert slow_run in run(case, dt=0.02, duration=1.0, check=True).notes
+    assert slow_run not in run(case, dt=0.02, duration=1.0, check=False).notes
+
+
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
 @pytest.mark.parametrize("samples", [5, 10])
 def test_long_steps_are_compared_with_steps_of_sampling_interval(method, samples):
