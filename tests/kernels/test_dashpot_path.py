@@ -7,6 +7,7 @@ from scipy.interpolate import BPoly
 
 from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import power_damper
+from tdint.kernels.peaks_between_steps import is_near_rest
 from tdint.kernels.stepping import Seen, Span
 from tdint.kernels.stories import path
 from tdint.kernels.stories.dashpot_path import follow_dashpot
@@ -123,7 +124,7 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
     def work(powers, rates):
         return 0.5 * h * sum(powers) + h**2 / 12.0 * (rates[0] - rates[1])
 
-    searched = 0
+    searched = decided = 0
     for _ in range(40):
         u, v, a = (
             random.normal(size=(3, 2, n)) * np.array([1.0, 1.0 / h, 1.0 / h**2])[:, None, None]
@@ -153,8 +154,12 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
                 seen = Seen(observer_state, peaks, np.zeros((3, n)), totals, np.zeros((0, 0)))
                 span = Span(h, h, 0.0, 0.0, False, False, False, False)
                 found = _observe_dashpots(span, terms, state, seen)
-                assert bool(found) == expected
+                # A step near the rest of a dashpot with an exponent below 1 is always searched.
+                ends = [difference @ one for one in v]
+                near_rest = any(is_near_rest(terms, i, ends[0][i], ends[1][i]) for i in range(n))
+                assert bool(found) == (expected or near_rest)
                 searched += found
+                decided += not near_rest
         scale = h * max(powers) + h**2 * max(map(abs, rates))
         energy = work(powers, rates)
         assert totals[rows.ENERGY_DASHPOTS] == pytest.approx(energy, abs=1e-6 * scale)
@@ -166,4 +171,5 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
         assert found == pytest.approx(per_acceleration, rel=1e-6, abs=1e-3)
         raised_to = peaks[rows.PEAK_DRIFT_RATE, n - 1]
         assert raised_to == max((1.0 + 1e-9) * points[n - 1], abs((difference @ v[1])[n - 1]))
-    assert searched == 120
+    assert decided == 30
+    assert searched == 240 - decided // 2

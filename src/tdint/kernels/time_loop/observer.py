@@ -367,7 +367,7 @@ def _update_energies(scene, span, slope, sums, memory, seen):
 @outlined
 def _observe_dashpots(span, linear_terms, state, seen):
     """Update the work of the dashpots and the peaks of the drift rates; return True if a drift rate
-    can exceed its peak in the step.
+    can exceed its peak in the step, or a dashpot with an exponent below 1 comes to rest.
 
     The force F of a dashpot, linear or of a power law, depends on the drift rate v of its story
     only. Its power P = F v has the rate P' = (F + F' v) a, with the drift acceleration a and F' =
