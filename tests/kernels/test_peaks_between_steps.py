@@ -298,7 +298,7 @@ def test_recorded_peak_just_below_extremum_is_raised(row):
     possible = row + rows.PEAK_ROWS
     rng = np.random.default_rng(row)
     raised = 0
-    for _ in range(400):
+    for _ in range(1500):
         h = 10.0 ** rng.uniform(-3.0, 0.0)
         v0, v1 = rng.uniform(0.0, 1.0), -rng.uniform(0.0, 1.0)
         mean = (v1 - v0) / h * rng.uniform(0.6, 1.4)
