@@ -486,7 +486,7 @@ class Reference:
 def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Reference:
     """Return the reference for a problem over a number of samples, from the cache if available.
 
-    For linear buildings under ground motion only, the exact method is used and confirmed by
+    For linear buildings without harmonic forces, the exact method is used and confirmed by
     impulse4. Otherwise impulse4 is used and confirmed by average acceleration, extrapolated from
     two steps. The method gauss4 would not be an independent confirmation, because it equals
     impulse4 for linear buildings. The gap is the difference between the solutions of both methods.

@@ -155,7 +155,8 @@ def _read_level(
 def _read_values(
     entry: Value, quantity: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> tuple[float, ...] | None:
-    """Return the limit of each story, nan without a limit; None after reporting an error.
+    """Return the limit of each story, nan without a limit or after reporting an error; None if no
+    story has the quantity, which is reported.
 
     `stories` contains the stories of the model; empty after an error.
     """
