@@ -133,7 +133,7 @@ def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Co
             2,
             "MODEL.yaml has no effect with --schema",
         ),
-        (("check", "--schema", "forced.yaml"), 2, "'model', 'campaign'"),
+        (("check", "--schema", "forced.yaml"), 2, "MODEL.yaml has no effect with --schema"),
         (("check", "none.yaml"), 3, "none.yaml: file not found"),
     ],
 )

@@ -151,7 +151,8 @@ def test_model_command_line_and_library_agree(folder, tdint):
     response = run(load_model("shaken.yaml"), record)
     drifts = [float(row["peak_drift_m"]) for row in rows(by_model.stdout)]
     np.testing.assert_allclose(drifts, response.stories.peak_drift, rtol=5.1e-12)
-    assert set(record.processing) <= set(notes(by_model))
+    # The notes on both filters are one line.
+    assert all(step.partition(":")[0] in by_model.stderr for step in record.processing)
     summary = json.loads((folder / "out" / "summary.json").read_text())
     assert summary["record"]["processing"] == list(record.processing)
 
@@ -163,10 +164,9 @@ def test_an_option_replaces_the_same_step_of_the_model(folder, tdint):
         .replace("component: HNE", "component: HNE, highpass: 1, lowpass: 20")
     )
     (folder / "shaken.yaml").write_text(text)
-    steps = [
-        note.partition(" Hz")[0] for note in notes(tdint("run", "shaken.yaml", "--lowpass", "10"))
-    ]
-    assert {"highpass 1", "lowpass 10"} <= set(steps) and "lowpass 20" not in steps
+    messages = tdint("run", "shaken.yaml", "--lowpass", "10").stderr
+    assert "highpass 1 Hz" in messages and "lowpass 10 Hz" in messages
+    assert "lowpass 20" not in messages
     other = tdint(
         "run", "shaken.yaml", "--record", "other.mseed", "--units", "m/s^2", "--lowpass", "10"
     )

@@ -40,7 +40,7 @@ WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 
 CALLS = {
     "init": ("new.yaml", 3_850, ""),
-    "check": ("office.yaml", 18_000, "obspy"),
+    "check": ("office.yaml", 18_100, "obspy"),
     "run": ("office.yaml", 23_600, "obspy"),
     "modes": ("office.yaml", 10_150, ""),
     "law": ("office.yaml --drift 1%", 12_400, ""),

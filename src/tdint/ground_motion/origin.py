@@ -13,14 +13,14 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any, Protocol
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
 from tdint.number_parsing import number_text, pluralize
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 MATCHED = "matched"
 """Name of the files with table and JSON of matched motions, without suffix."""
@@ -244,6 +244,9 @@ def stated_origin(statement: str, samples: ArrayLike) -> MotionOrigin | None:
 def _checksum(samples: ArrayLike) -> str:
     """Return the first 16 digits of the SHA-256 of samples, as little-endian numbers of 64 bits."""
     from hashlib import sha256
+
+    # Imported here, because the help of commands does not need it.
+    import numpy as np
 
     return sha256(np.asarray(samples, dtype="<f8").tobytes()).hexdigest()[:16]
 
