@@ -44,7 +44,7 @@ CALLS = {
     "run": ("office.yaml", 23_600, "obspy"),
     "modes": ("office.yaml", 10_150, ""),
     "law": ("office.yaml --drift 1%", 12_400, ""),
-    "pushover": ("office.yaml --points 20", 12_500, ""),
+    "pushover": ("office.yaml --points 20", 12_600, ""),
     "compare": ("office.yaml --recorded recorded.yaml", 24_850, "scipy.optimize"),
     "inventory": ("buildings.csv --units ft", 9_500, ""),
     "info": ("motion.mseed --trim 0.5:2.5 --baseline linear --pad 1:2", 15_400, "obspy"),
