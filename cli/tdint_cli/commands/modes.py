@@ -177,10 +177,7 @@ def _transfer(model: Model, source: str, outputs: Outputs) -> None:
     outputs.deliver(
         tables.transfer.transfer_table(result),
         lambda: figures.mode_shapes.transfer_picture(result, units),
-        lambda: {
-            "maxima": [dict(zip(maxima.columns, row, strict=True)) for row in maxima.rows],
-            "meanings": maxima.meanings,
-        },
+        lambda: maxima.as_summary("maxima"),
         page,
     )
     say(_transfer_sentence(result, units))
@@ -280,10 +277,7 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     outputs.deliver(
         tables.buildings.modal_response_table(result),
         lambda: figures.mode_shapes.modal_response_picture(result, units),
-        lambda: {
-            "modes": [dict(zip(modes.columns, row, strict=True)) for row in modes.rows],
-            "meanings": modes.meanings,
-        },
+        lambda: modes.as_summary("modes"),
         page,
     )
     say(_peak_sentence(result, units))
