@@ -1,6 +1,8 @@
 """Continuation after a change of records or buildings: --changed of `tdint run` and of `tdint
 campaign` keeps the results of all other runs."""
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -112,10 +114,8 @@ def test_an_interrupted_campaign_keeps_its_completed_runs(integrated, tdint):
 
 
 def test_corrupt_results_are_not_kept(integrated, tdint):
-    import sqlite3
-
     tdint("campaign", "study.yaml", "-o", "out", code=0)
-    with sqlite3.connect("out/campaign.sqlite") as store:
+    with closing(sqlite3.connect("out/campaign.sqlite")) as store, store:
         store.execute("UPDATE run_rows SET peak_drift_m = 1 WHERE building = 0 AND record = 0")
     write_record(3, amplitude=1.5)
     tdint("campaign", "study.yaml", "-o", "out", "--changed", code=0)

@@ -1,6 +1,6 @@
 """Ground motions written as files: pairs are recognized again when they are read."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 
@@ -158,7 +158,8 @@ def test_a_header_states_the_origin_and_nothing_else(name, suffix, tmp_path):
         "long steps": replace(origin, processing=()),
         "long warnings": replace(origin, warnings=("2 warnings stated by tdint match",)),
     }.get(name, replace(origin, factor=float(f"{origin.factor:.12g}")))
-    assert replace(expected, **numbers(record.origin)) == record.origin
+    # As dictionaries: nan is equal to itself there, but not in data classes from Python 3.13 on.
+    assert asdict(replace(expected, **numbers(record.origin))) == asdict(record.origin)
     assert numbers(record.origin) == pytest.approx(numbers(expected), nan_ok=True)
     assert record.processing == expected.processing
     assert (record.origin.text in record.notes) == bool(origin.target)
