@@ -66,7 +66,7 @@ class SuiteLimits:
         for profile, checks in self.checks:
             if not self.is_limited(profile):
                 continue
-            lost = LostMotions(profile.collapsed + profile.failed, profile.runs)
+            lost = LostMotions.of(profile)
             verdicts = suite_verdicts(checks, lost, profile.pair_demand, units, self.matched)
             # Without a completed run there are no demands: the limit counts as exceeded.
             if not profile.motions:
@@ -112,10 +112,13 @@ class SuiteLimits:
 
     def table(self, units: OutputUnits) -> Table | None:
         """Return the comparisons with the limits as a table of the report; None without limits."""
-        from tdint.output.verdicts import limit_table
+        from tdint.output.verdicts import LostMotions, limit_table
 
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
-        return limit_table(listed, units, mean=True) if listed else None
+        reasons = {
+            self.building(profile): LostMotions.of(profile).reason for profile, _ in self.checks
+        }
+        return limit_table(listed, units, mean=True, reasons=reasons) if listed else None
 
     def summary(self) -> dict[str, Any]:
         """Return the comparisons for summary.json; empty without limits.

@@ -119,6 +119,9 @@ def test_a_collapse_does_not_meet_any_limit(study: Path, tdint: Command) -> None
     verdicts = re.findall(r'<p class="v ?(\w*)">(.*?)</p>', body)
     assert verdicts[0][0] == "broken" and "collapsed" in verdicts[0][1]
     assert "Limits" not in verdicts[0][1] and "Limits exceeded" in verdicts[1][1]
+    # The table states why a demand below its limit does not meet it.
+    (row,) = re.findall(r"<td.*?isolator displacement.*?</tr>", body, re.DOTALL)
+    assert "exceeded: status collapsed" in row
     several = tdint("run", "model.yaml", *MOTIONS, *UNITS, "--require", code=5)
     assert "None of 2 ground motions was completed" in several.stderr
 

@@ -3,6 +3,7 @@ hand."""
 
 import json
 import math
+import re
 import statistics
 from collections.abc import Callable
 from pathlib import Path
@@ -48,6 +49,16 @@ def fractile(values: list[float], part: float) -> float:
     ordered, position = sorted(values), part * (len(values) - 1)
     below = min(int(position), len(values) - 2)
     return ordered[below] + (position - below) * (ordered[below + 1] - ordered[below])
+
+
+def limit_results(page: str) -> list[str]:
+    """Return the column `result` of the table of limits of a report."""
+    body = Path(page).read_text().partition("<body>")[2]
+    lines = re.findall(r"<tr>(.*?)</tr>", body, re.DOTALL)
+    cells = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", line, re.DOTALL) for line in lines]
+    (start,) = (i for i, line in enumerate(cells) if "demand/limit" in line)
+    column = cells[start].index("result")
+    return [line[column] for line in cells[start + 1 :] if len(line) == len(cells[start])]
 
 
 def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -> list[float]:
@@ -221,9 +232,14 @@ def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: 
     Path("factors.csv").write_text("\n".join(lines) + "\n")
     Path("weak.yaml").write_text(STIFF.replace("name: stiff", "name: weak\ncollapse_drift: 0.02"))
     run = ("run", "weak.yaml", *MOTIONS, "--units", "m/s^2", "--factors", "factors.csv")
-    result = tdint(*run, "-o", "out", "--limit", "50%", "--require", code=5)
+    result = tdint(*run, "-o", "out", "--limit", "50%", "--require", "--report", "out.html", code=5)
     assert "of 3 ground motions, 1 collapsed; " in result.stderr
     assert "exceeded, because 1 of 3 motions collapsed or failed" in result.stderr
+    # The table states why a demand below its limit does not meet it. A limit that the mean exceeds
+    # needs no reason.
+    assert limit_results("out.html") == ["exceeded: 1 of 3 motions collapsed or failed"]
+    tdint(*run, "--limit", "0.0001%", "--report", "low.html", code=0)
+    assert limit_results("low.html") == ["exceeded"]
     (row,) = (
         row
         for row in rows("out/profiles.csv")

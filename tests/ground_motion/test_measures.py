@@ -182,11 +182,11 @@ class TestUnusualRecords:
             ),
             (
                 [1, -0.5, 0, 1, -2, 1, 0],
-                ["first sample is 1 m/s^2, 50% of the peak; "],
+                ["first sample is 1 m/s^2, 50 % of the peak; "],
             ),
             (
                 [0, 1, 1, 0],
-                ["velocity at the end is 1 m/s, 100% of its peak; "],
+                ["velocity at the end is 1 m/s, 100 % of its peak; "],
             ),
             ([0, 1, -2, 1, 0], []),
         ],
@@ -205,7 +205,7 @@ class TestBaseline:
         samples = [0, 1, 1, 0, -1, -1, 0]
         (note,) = baseline_notes(record(samples, 0.4))
         assert note.startswith("the displacement at the end is ")
-        assert "100% of its peak" in note
+        assert "100 % of its peak" in note
         stored = replace(record(samples, 0.4), peaks=(None, 2.0))
         assert baseline_notes(stored) == ()
 
@@ -213,7 +213,7 @@ class TestBaseline:
         suite = [replace(record(self.drift), source=f"{name}.csv") for name in "abcdefgh"]
         suite.insert(3, replace(record(self.sound), source="sound.csv"))
         (note,) = baseline_notes_of_suite(suite)
-        assert states(note, "velocity at the end ... a.csv (2.05 m/s, 100%), b.csv ... baseline")
+        assert states(note, "velocity at the end ... a.csv (2.05 m/s, 100 %), b.csv ... baseline")
         assert "sound" not in note and "more" in note
         (note,) = baseline_notes_of_suite(suite[2:4])
         assert note == f"c.csv: {baseline_notes(suite[2])[0]}"

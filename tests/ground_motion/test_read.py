@@ -53,7 +53,7 @@ class TestRecordAttributes:
             (wave(peak=319.0), "325 g; usual values are 0.0001 g to 5 g"),
             (wave(peak=1e-6), "1.02e-06 g; usual"),
             (np.zeros(10), "all samples are zero"),
-            (0.1 * wave() + 0.1, "25% of the peak"),
+            (0.1 * wave() + 0.1, "25 % of the peak"),
         ],
     )
     def test_suspect_samples_are_noted(self, tmp_path, data, note):

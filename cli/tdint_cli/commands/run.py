@@ -421,13 +421,15 @@ def _report_page(
     # A collapse is the headline of the report, before the limit and the maximum demands.
     if response.collapse:
         verdict.insert(0, (False, _collapse_sentence(response, response.collapse)))
+    # A building that collapses meets no limit, whatever its demand.
+    reasons = {} if response.status == "done" else {"": f"status {response.status}"}
     page_text = PageText(
         sentences=[line for line in lines if line not in verdict_texts],
         verdict=verdict,
         warnings=[*_record_warnings(response.record), *response.warnings],
         head=model.page_head,
         inputs=merged_inputs(inputs, files_read()),
-        limits=limit_table({"": checks}, units, mean=False) if checks else None,
+        limits=limit_table({"": checks}, units, mean=False, reasons=reasons) if checks else None,
         governing_story=governing_story(checks),
     )
     floors = request.floor_request.run_spectra(response)

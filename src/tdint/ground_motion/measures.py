@@ -636,7 +636,10 @@ def baseline_notes_of_suite(records: Iterable[Record]) -> list[str]:
     notes = []
     for subject, members in doubts_by_subject.items():
         first_record, first = members[0]
-        listed = [f"{record.name} ({doubt.value}, {doubt.share:.0%})" for record, doubt in members]
+        listed = [
+            f"{record.name} ({doubt.value}, {100.0 * doubt.share:.0f} %)"
+            for record, doubt in members
+        ]
         notes.append(
             f"{first_record.name}: {first}"
             if len(members) == 1
@@ -660,9 +663,8 @@ class _Doubt(NamedTuple):
 
     def __str__(self) -> str:
         """Return the note about one record."""
-        return (
-            f"{self.subject} is {self.value}, {self.share:.0%} of {self.reference}; {self.remedy}"
-        )
+        share = f"{100.0 * self.share:.0f} % of {self.reference}"
+        return f"{self.subject} is {self.value}, {share}; {self.remedy}"
 
 
 def _doubts(record: Record, motion: Motion) -> list[_Doubt]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.model.limits import DRIFT_RATIO, ISOLATOR, QUANTITIES, LimitCheck, by_level
 from tdint.number_parsing import DIGITS, number_text, pluralize
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import OutputUnits, suffix
+
+if TYPE_CHECKING:
+    from tdint.campaign.profiles import Profile
 
 
 class Verdict(NamedTuple):
@@ -78,12 +81,22 @@ class LostMotions(NamedTuple):
     lost: int
     motions: int
 
+    @classmethod
+    def of(cls, profile: Profile) -> LostMotions:
+        """Return the numbers of motions of a building at an intensity level."""
+        return cls(profile.collapsed + profile.failed, profile.runs)
+
+    @property
+    def reason(self) -> str:
+        """Reason why no limit is met; empty if all runs are completed without collapse."""
+        if not self.lost:
+            return ""
+        return f"{self.lost} of {pluralize(self.motions, 'motion')} collapsed or failed"
+
     @property
     def text(self) -> str:
         """Clause for the end of a result; empty if all runs are completed without collapse."""
-        if not self.lost:
-            return ""
-        return f", because {self.lost} of {pluralize(self.motions, 'motion')} collapsed or failed"
+        return self.reason and f", because {self.reason}"
 
 
 def suite_verdicts(
@@ -239,7 +252,11 @@ def has_isolator_limit(checks: Iterable[LimitCheck]) -> bool:
 
 
 def limit_table(
-    checks_by_name: Mapping[str, Sequence[LimitCheck]], units: OutputUnits, *, mean: bool
+    checks_by_name: Mapping[str, Sequence[LimitCheck]],
+    units: OutputUnits,
+    *,
+    mean: bool,
+    reasons: Mapping[str, str],
 ) -> Table:
     """Return the comparisons of demands with limits as a table of a report, the governing
     comparisons first.
@@ -251,6 +268,9 @@ def limit_table(
         is one building at a single level.
     mean : bool
         True for a suite, with the columns of the maximum and its motion.
+    reasons : mapping of str to str
+        Reason by the same name if no limit is met because of a collapse or a missing result. It is
+        part of the result if the demand is below the limit.
     """
     rows: list[tuple[Cell, ...]] = []
     has_names = any(checks_by_name)
@@ -267,7 +287,7 @@ def limit_table(
                     _demand(check, units),
                     _limit(check, units),
                     f"{number_text(check.ratio, unlike=1.0)}",
-                    "met" if check.within else "exceeded",
+                    _result(check, reasons.get(name, "")),
                 ]
                 if mean:
                     row += [_text(check, check.largest, units), check.motion]
@@ -280,6 +300,14 @@ def limit_table(
         columns += ["largest", "motion"]
     meanings = {name: {"meaning": "", "unit": TEXT} for name in columns}
     return Table(tuple(columns), rows, meanings)
+
+
+def _result(check: LimitCheck, reason: str) -> str:
+    """Return the result of a comparison as text, with the reason of a result that does not follow
+    from the ratio of demand to limit."""
+    if check.within:
+        return "met"
+    return "exceeded" if check.ratio > 1.0 or not reason else f"exceeded: {reason}"
 
 
 def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str, Any]]:

@@ -184,6 +184,22 @@ def test_readme_table_lists_every_run():
     assert len(digest()) == len(runs(1, 0.02))
 
 
+@pytest.mark.long
+def test_errors_of_example_3_over_all_masses_and_of_mass_1():
+    """The maximum error of all masses and the error of mass 1, which the paper draws. The values
+    are from another implementation of Newmark's method, against DOP853 with a tolerance of
+    1e-11."""
+    expected = {
+        "newmark-average": (5.351843e-3, 4.272969e-3),
+        "newmark-linear": (4.321329e-3, 2.899372e-3),
+        "central-difference": (4.346657e-3, 2.970660e-3),
+    }
+    for method, errors in expected.items():
+        result = runs(3, 0.02)[method, ""]
+        measured = [result.error("displacement", "finer", floor=floor) for floor in (None, 1)]
+        assert measured == pytest.approx(errors, rel=1e-5), method
+
+
 # ---- The variants by other routes
 
 

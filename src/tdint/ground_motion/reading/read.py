@@ -182,8 +182,8 @@ def sample_notes(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
         notes.append("all samples are zero")
     elif abs(mean) > _MAX_MEAN_FRACTION * peak:
         notes.append(
-            f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: check whether the "
-            "record has a zero offset"
+            f"the mean is {mean:.3g} m/s^2, {100.0 * abs(mean) / peak:.0f} % of the peak: check "
+            "whether the record has a zero offset"
         )
     return tuple(notes)
 
