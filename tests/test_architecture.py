@@ -389,14 +389,15 @@ NAMED_ELSEWHERE = {
 """Modules outside of the directories of `HOMES_OF_NAMES` with names, by the reason."""
 
 
-def names_in(tree):
+def names_in(parts):
     """Return the names of laws, methods and formats among the texts of a module, without
-    docstrings. A name can be followed by parameters, as in `newmark:beta=0.25`."""
+    docstrings. A name can be followed by parameters, as in `newmark:beta=0.25`. `parts` are all
+    nodes of the syntax tree."""
     names = {name for found in HOMES_OF_NAMES.values() for name in found}
-    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    docstrings = {id(node.value) for node in parts if isinstance(node, ast.Expr)}
     texts = [
         re.sub(r":\w+=.*", "", node.value)
-        for node in ast.walk(tree)
+        for node in parts
         if isinstance(node, ast.Constant)
         and isinstance(node.value, str)
         and id(node) not in docstrings
@@ -412,10 +413,10 @@ def test_names_of_laws_methods_and_formats_are_in_their_modules():
         for path, names in files.items():
             allowed[path].update(names.split())
     found = {}
-    for _, path, (tree, *_) in trees():
+    for _, path, parts in trees():
         elsewhere = {
             name
-            for name in names_in(tree)
+            for name in names_in(parts)
             if not any(
                 path.startswith(home) and name in HOMES_OF_NAMES[home] for home in HOMES_OF_NAMES
             )
@@ -428,7 +429,7 @@ def test_names_of_laws_methods_and_formats_are_in_their_modules():
 def test_table_of_names_is_found():
     lines = ('"""linear."""', 'STIFF = {"gap": 1}', 'law.name == "tanh"', 'M = "newmark:beta=0"')
     source = "\n".join([*lines, "DEFAULT = 'exact: '"])
-    assert names_in(ast.parse(source)) == {"gap", "tanh", "newmark"}
+    assert names_in(list(ast.walk(ast.parse(source)))) == {"gap", "tanh", "newmark"}
 
 
 def test_choices_of_options_are_names_of_the_library():

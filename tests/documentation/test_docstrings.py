@@ -2,9 +2,7 @@
 
 import ast
 import inspect
-import io
 import re
-import tokenize
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -58,13 +56,34 @@ def exported():
     }
 
 
+@cache
+def tree_of(source):
+    """Return the syntax tree of a module; several tests read each module."""
+    return ast.parse(source)
+
+
+def statements(parent):
+    """Yield the statements inside a statement or module, without their expressions."""
+    for field in ("body", "orelse", "handlers", "finalbody", "cases"):
+        yield from getattr(parent, field, ())
+
+
+def docstrings(parent):
+    """Yield the docstrings of a module, and of its classes and functions."""
+    if isinstance(parent, ast.Module | ast.ClassDef | ast.FunctionDef):
+        yield ast.get_docstring(parent) or ""
+    for node in statements(parent):
+        yield from docstrings(node)
+
+
+@cache
 def definitions(source, module=""):
     """Return functions and classes of a module that have a docstring.
 
     The base class of an exported class counts as exported, because its methods are inherited.
     """
     found = []
-    tree = ast.parse(source)
+    tree = tree_of(source)
     names = {name for origin, name in exported() if origin == module}
     names |= {
         base.id
@@ -75,7 +94,7 @@ def definitions(source, module=""):
     }
 
     def add(parent, within, is_private, is_exported):
-        for node in ast.iter_child_nodes(parent):
+        for node in statements(parent):
             if not isinstance(node, ast.FunctionDef | ast.ClassDef):
                 add(node, within, is_private, is_exported)
                 continue
@@ -148,20 +167,18 @@ def repeated_comments(source):
     """Return sentences of comments that are also in a docstring of the module."""
     told = {
         sentence
-        for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-        for sentence in _sentences(ast.get_docstring(node) or "")
+        for docstring in docstrings(tree_of(source))
+        for sentence in _sentences(docstring)
     }
     blocks = [""]
     previous = 0
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            text = token.string.lstrip("# ")
-            if token.start[0] == previous + 1:
-                blocks[-1] += f" {text}"
-            else:
-                blocks.append(text)
-            previous = token.start[0]
+    for number, line in enumerate(source.splitlines(), 1):
+        _, sign, comment = line.partition("# ")
+        if sign:
+            if number != previous + 1:
+                blocks.append("")
+            blocks[-1] += f" {comment.strip()}"
+            previous = number
     return [sentence for block in blocks for sentence in _sentences(block) if sentence in told]
 
 
