@@ -299,7 +299,7 @@ def not_longer_than(seconds: float) -> Iterator[None]:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
-@pytest.mark.parametrize("name", READING)
+@pytest.mark.parametrize("name", every(3, READING))
 def test_a_named_pipe_does_not_block_a_command(study: Path, tdint: Command, name: str) -> None:
     line, code = READING[name]
     arguments = arguments_of(line)
@@ -457,10 +457,13 @@ def lay_out(study: Path, file: str, read: Path, copy: str = "") -> None:
 
 @pytest.mark.parametrize(
     ("name", "link"),
-    [
-        *((name, "") for name in KEPT_SAFE),
-        *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard")),
-    ],
+    every(
+        3,
+        [
+            *((name, "") for name in KEPT_SAFE),
+            *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard")),
+        ],
+    ),
 )
 def test_input_files_are_never_replaced(study: Path, tdint: Command, name: str, link: str) -> None:
     file, suffix, line = KEPT_SAFE[name]
@@ -483,11 +486,14 @@ def test_input_files_are_never_replaced(study: Path, tdint: Command, name: str, 
 @pytest.mark.parametrize("where", every(2, ["is a file, not a directory", "the file exists"]))
 @pytest.mark.parametrize(
     "name",
-    [
-        name
-        for name, (file, _, line) in KEPT_SAFE.items()
-        if "{written}" in line and file != "own.py"
-    ],
+    every(
+        3,
+        [
+            name
+            for name, (file, _, line) in KEPT_SAFE.items()
+            if "{written}" in line and file != "own.py"
+        ],
+    ),
 )
 def test_unwritable_outputs_are_reported_before_the_computation(
     study: Path, tdint: Command, name: str, where: str

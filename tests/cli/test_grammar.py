@@ -8,6 +8,7 @@ import pytest
 
 from cli.conftest import BEGINNINGS
 from csv_rows import rows
+from selection import every
 from tdint_cli.main import COMMANDS
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import BESIDE, with_named_files
@@ -289,7 +290,7 @@ def valid_value(parameter: click.Option) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "parameter"), DEPENDENT_OPTIONS, ids=lambda part: getattr(part, "name", part)
+    ("name", "parameter"), every(3, DEPENDENT_OPTIONS), ids=lambda part: getattr(part, "name", part)
 )
 def test_an_option_without_effect_is_refused(working_directory, tdint, name, parameter):
     """The option is refused before any file is read; the named files do not exist. Formerly,
@@ -469,7 +470,7 @@ def idle_options():
                     )
 
 
-@pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), list(idle_options()))
+@pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), every(4, list(idle_options())))
 def test_an_option_that_a_mode_does_not_support_is_refused(
     working_directory, tdint, name, mode, parameter, chooses
 ):

@@ -14,6 +14,7 @@ import pytest
 
 import tdint as package
 from csv_rows import rows
+from selection import every
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.output.tables.table import cell_text
 from tdint_cli.main import COMMANDS
@@ -160,7 +161,13 @@ CASES = {
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.long] * name.startswith("pushover")) for name in CASES],
+    every(
+        2,
+        [
+            pytest.param(name, marks=[pytest.mark.long] * name.startswith("pushover"))
+            for name in CASES
+        ],
+    ),
 )
 def test_functions_return_the_printed_tables(name, study, tdint):
     arguments, call = CASES[name]
@@ -179,29 +186,38 @@ def test_functions_return_the_printed_tables(name, study, tdint):
 
 @pytest.mark.parametrize(
     ("name", "pairs"),
-    [
-        ("spectrum", "period_s=periods sd_m=sd psv_m_s=psv psa_m_s2=psa sv_m_s=sv sa_m_s2=sa"),
-        (
-            "spectrum --ductility",
-            "yield_sd_m=yield_displacement yield_psa_m_s2=yield_acceleration residual_m=residual",
-        ),
-        (
-            "spectrum --ductility",
-            "yield_strength_ratio=yield_strength_ratio reduction_factor=reduction_factor",
-        ),
-        (
-            "drift-spectrum",
-            "height_m=heights peak_drift_ratio=peak_drift_ratio roof_drift_ratio=roof_drift_ratio",
-        ),
-        ("fourier", "frequency_hz=frequencies fourier_amplitude_m_s=amplitude"),
-        (
-            "info",
-            "pga_m_s2=record.pga pgv_m_s=measures.pgv pgd_m=measures.pgd mean_m_s2=measures.mean",
-        ),
-        ("info", "arias_intensity_m_s=measures.arias cav_m_s=measures.cav d5_75_s=measures.d5_75"),
-        ("modes --target", "shear_cqc_N=shear_cqc"),
-        ("pushover --target", "drift_m=drift"),
-    ],
+    every(
+        3,
+        [
+            ("spectrum", "period_s=periods sd_m=sd psv_m_s=psv psa_m_s2=psa sv_m_s=sv sa_m_s2=sa"),
+            (
+                "spectrum --ductility",
+                "yield_sd_m=yield_displacement yield_psa_m_s2=yield_acceleration "
+                "residual_m=residual",
+            ),
+            (
+                "spectrum --ductility",
+                "yield_strength_ratio=yield_strength_ratio reduction_factor=reduction_factor",
+            ),
+            (
+                "drift-spectrum",
+                "height_m=heights peak_drift_ratio=peak_drift_ratio "
+                "roof_drift_ratio=roof_drift_ratio",
+            ),
+            ("fourier", "frequency_hz=frequencies fourier_amplitude_m_s=amplitude"),
+            (
+                "info",
+                "pga_m_s2=record.pga pgv_m_s=measures.pgv pgd_m=measures.pgd "
+                "mean_m_s2=measures.mean",
+            ),
+            (
+                "info",
+                "arias_intensity_m_s=measures.arias cav_m_s=measures.cav d5_75_s=measures.d5_75",
+            ),
+            ("modes --target", "shear_cqc_N=shear_cqc"),
+            ("pushover --target", "drift_m=drift"),
+        ],
+    ),
 )
 def test_columns_equal_the_attributes_of_the_result(name, pairs, study):
     result = CASES[name][1]()

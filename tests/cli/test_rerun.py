@@ -19,6 +19,7 @@ import click
 import pytest
 
 from cli.conftest import STUDY, change
+from selection import every
 from tdint.errors import OutputError
 from tdint.kernels.building import sources
 from tdint.output.tables.differences import Difference, differences
@@ -372,14 +373,17 @@ def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
 
 @pytest.mark.parametrize(
     "options",
-    [
-        ["--dask", "{address}"],
-        ["--jobs", "4"],
-        ["--max-runs=1"],
-        ["--overwrite"],
-        ["-q"],
-        ["--help"],
-    ],
+    every(
+        3,
+        [
+            ["--dask", "{address}"],
+            ["--jobs", "4"],
+            ["--max-runs=1"],
+            ["--overwrite"],
+            ["-q"],
+            ["--help"],
+        ],
+    ),
     ids=lambda options: options[0].partition("=")[0],
 )
 def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, options):
@@ -610,15 +614,18 @@ def test_a_missing_plugin_is_reported(folder, tdint, rerun):
 
 @pytest.mark.parametrize(
     "forged",
-    [
-        {"files": 5, "motions": 5},
-        {"files": [5, {"file": 5}], "motions": {"a": 1}},
-        {"peaks": 10**400},
-        {"peaks": {"drift_m": 10**400}},
-        {"peaks": float("nan")},
-        {"peaks": None},
-        {"unknown": 1},
-    ],
+    every(
+        3,
+        [
+            {"files": 5, "motions": 5},
+            {"files": [5, {"file": 5}], "motions": {"a": 1}},
+            {"peaks": 10**400},
+            {"peaks": {"drift_m": 10**400}},
+            {"peaks": float("nan")},
+            {"peaks": None},
+            {"unknown": 1},
+        ],
+    ),
 )
 def test_forged_json_files_are_different(folder, tdint, rerun, forged):
     tdint(*ONE_RUN, code=0)

@@ -166,9 +166,7 @@ def _sentences(text):
 def repeated_comments(source):
     """Return sentences of comments that are also in a docstring of the module."""
     told = {
-        sentence
-        for docstring in docstrings(tree_of(source))
-        for sentence in _sentences(docstring)
+        sentence for docstring in docstrings(tree_of(source)) for sentence in _sentences(docstring)
     }
     blocks = [""]
     previous = 0

@@ -11,6 +11,7 @@ from fuzz.oracle import REFUSED, Failure, outcome, read
 from fuzz.printed import check
 from fuzz.run import BITS, flipped_bits
 from fuzz.sandbox import MODELS, run, sandbox
+from selection import every
 from tdint.ground_motion.reading import contents
 
 SLOW = {"order", "failures", "chart", "campaign", "ida", "scale", "fragility", "compare", "match"}
@@ -54,7 +55,7 @@ def work():
         yield
 
 
-@pytest.mark.parametrize(("input_type", "name"), CASES)
+@pytest.mark.parametrize(("input_type", "name"), every(4, CASES))
 @pytest.mark.usefixtures("short_matching")
 @pytest.mark.filterwarnings("ignore")
 def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
@@ -67,10 +68,13 @@ def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.long] * (name in ("limits", "compare")))
-        for name in studies.STUDIES
-    ],
+    every(
+        3,
+        [
+            pytest.param(name, marks=[pytest.mark.long] * (name in ("limits", "compare")))
+            for name in studies.STUDIES
+        ],
+    ),
 )
 @pytest.mark.usefixtures("short_matching")
 def test_intact_studies_are_done(work, name):

@@ -60,7 +60,7 @@ def assert_close(result, expected, tolerance=_TOLERANCE):
             assert difference <= max(allowed, _NEGLIGIBLE), (part, name)
 
 
-@pytest.mark.parametrize("number", every(8, range(len(CASES))))
+@pytest.mark.parametrize("number", every(16, range(len(CASES))))
 def test_equal_bits(number):
     """`run`, `run_case` and `run_many`, with and without history.
 

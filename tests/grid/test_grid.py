@@ -51,7 +51,7 @@ def fast_runs(number):
     return [(LABELS[i], STEPS[(number + i) % len(STEPS)]) for i in methods]
 
 
-@pytest.mark.parametrize("number", every(4, range(len(CASES))))
+@pytest.mark.parametrize("number", every(8, range(len(CASES))))
 def test_errors_are_within_twice_their_estimates(number):
     assert_within_estimates(number, fast_runs(number))
 

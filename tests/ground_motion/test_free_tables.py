@@ -314,7 +314,7 @@ def test_end_mark_of_every_format(file, name, mark):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", every(3, range(3)))
 def test_random_tables(file, kind, seed):
     """`python tests/fuzz/random_tables.py` reads thousands."""
     assert outcome(kind, seed, file) != WRONG
@@ -360,7 +360,7 @@ def damaged(content):
     yield "part before", "\n".join([*rows[:first], *rows[first : first + len(rows) // 4], values])
 
 
-@pytest.mark.parametrize("name", every(5, STATED))
+@pytest.mark.parametrize("name", every(10, STATED))
 def test_damage_never_changes_a_stated_motion(file, name):
     case = CASES[name]
     expected = read(file, case.text, case.units, **case.layout)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from selection import every
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import Processing, parse_pad, parse_trim
 from tdint.ground_motion.processing_steps import process
@@ -213,7 +214,7 @@ def test_refined_resampling_keeps_old_samples(parts):
     assert process(done, resample=DT / parts) is done
 
 
-@pytest.mark.parametrize("new", [0.0025, 0.004, 1.0 / 128.0, 0.02, 0.025, 0.0137, 0.1])
+@pytest.mark.parametrize("new", every(2, [0.0025, 0.004, 1.0 / 128.0, 0.02, 0.025, 0.0137, 0.1]))
 def test_resampling_keeps_sine_below_nyquist_frequencies(new):
     """The sine is kept up to 0.9 of the old Nyquist frequency for a shorter interval, or 0.8 of the
     new one for a longer interval."""
@@ -224,7 +225,7 @@ def test_resampling_keeps_sine_below_nyquist_frequencies(new):
     np.testing.assert_allclose(middle(done.acceleration), middle(exact), atol=2e-5)
 
 
-@pytest.mark.parametrize("new", [0.02, 0.025, 0.0137, 0.1])
+@pytest.mark.parametrize("new", every(2, [0.02, 0.025, 0.0137, 0.1]))
 @pytest.mark.parametrize("part", [1.0, 1.1, 1.3])
 def test_resampling_removes_frequencies_above_nyquist_without_aliasing(new, part):
     done = process(sine(part * 0.5 / new), resample=new)

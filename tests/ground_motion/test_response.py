@@ -7,6 +7,7 @@ import pytest
 
 from facts import states
 from ground_motion.files import START, counts, trace, wave, write
+from selection import every
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.instrument import parse_input_unit, read_instruments
@@ -125,30 +126,33 @@ def test_flat_response_divides_by_gain(tmp_path):
 
 @pytest.mark.parametrize(
     ("units", "value"),
-    [
-        ("M/S**2", 1.0),
-        ("M/S^2", 1.0),
-        ("m/s2", 1.0),
-        ("M/S/S", 1.0),
-        ("M/(S**2)", 1.0),
-        ("m s-2", 1.0),
-        ("M*S**-2", 1.0),
-        ("m.s^-2", 1.0),
-        ("m/s\N{SUPERSCRIPT TWO}", 1.0),
-        ("meters/second**2", 1.0),
-        ("Metre per second per second", 1.0),
-        ("M/SEC2 - Acceleration in meters per second per second", 1.0),
-        ("CM/S/S", 1e-2),
-        ("cm/sec^2", 1e-2),
-        ("GAL", 1e-2),
-        ("nm/s**2", 1e-9),
-        ("\N{MICRO SIGN}m/s**2", 1e-6),
-        ("\N{GREEK SMALL LETTER MU}m/s^2", 1e-6),
-        ("micrometers/s2", 1e-6),
-        ("G", 9.80665),
-        ("mg", 9.80665e-3),
-        ("IN/S**2", 0.0254),
-    ],
+    every(
+        3,
+        [
+            ("M/S**2", 1.0),
+            ("M/S^2", 1.0),
+            ("m/s2", 1.0),
+            ("M/S/S", 1.0),
+            ("M/(S**2)", 1.0),
+            ("m s-2", 1.0),
+            ("M*S**-2", 1.0),
+            ("m.s^-2", 1.0),
+            ("m/s\N{SUPERSCRIPT TWO}", 1.0),
+            ("meters/second**2", 1.0),
+            ("Metre per second per second", 1.0),
+            ("M/SEC2 - Acceleration in meters per second per second", 1.0),
+            ("CM/S/S", 1e-2),
+            ("cm/sec^2", 1e-2),
+            ("GAL", 1e-2),
+            ("nm/s**2", 1e-9),
+            ("\N{MICRO SIGN}m/s**2", 1e-6),
+            ("\N{GREEK SMALL LETTER MU}m/s^2", 1e-6),
+            ("micrometers/s2", 1e-6),
+            ("G", 9.80665),
+            ("mg", 9.80665e-3),
+            ("IN/S**2", 0.0254),
+        ],
+    ),
 )
 def test_acceleration_in_any_unit(tmp_path, units, value):
     """The gain per unit is the gain per m/s^2 times the value of the unit; the record is equal."""

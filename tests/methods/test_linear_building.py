@@ -14,6 +14,7 @@ from building_cases import (
     ten_linear,
 )
 from references import drifts, exact_linear, orders
+from selection import every
 from tdint import run
 
 DAMPINGS = {
@@ -48,7 +49,7 @@ def test_exact_with_dashpots_coupling_modes():
     assert drift_errors(building, "exact", 2).max() < 1e-9
 
 
-@pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
+@pytest.mark.parametrize("damping", every(2, DAMPINGS.values()), ids=DAMPINGS)
 @pytest.mark.parametrize("method", ["impulse", "impulse4", "moment4"])
 def test_impulse_methods_are_of_order_4(method, damping):
     errors = drift_errors(ten_linear(damping), method, 3)

@@ -99,7 +99,7 @@ def test_same_stories_with_the_damping_of_the_initial_stiffness(case, expected):
     assert response.stories.peak_drift[0] == pytest.approx(expected, rel=6e-6)
 
 
-@pytest.mark.parametrize("name", SECOND)
+@pytest.mark.parametrize("name", every(3, SECOND))
 def test_order_at_branch_changes(name):
     """The error of the history falls in proportion to h^2, although the damping force jumps at
     every branch change (factor 64 here; 8 for a method of order 1)."""
@@ -192,7 +192,7 @@ def test_published_case_is_converged_at_the_sampling_interval():
     assert peak == pytest.approx(0.0464958, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", every(3, METHODS))
 def test_order_with_a_curved_law(name):
     """The reference contains the derivative of the restoring force."""
 

@@ -47,7 +47,7 @@ def test_number_of_stories_is_compared_with_the_type(
 
 
 @pytest.mark.parametrize("year", every(2, [1960, 1930, 2005]))
-@pytest.mark.parametrize("height", ["", "4", "3", "2.7"])
+@pytest.mark.parametrize("height", every(2, ["", "4", "3", "2.7"]))
 def test_usual_buildings_of_all_types_have_no_warning(
     tmp_path: Path, year: int, height: str
 ) -> None:

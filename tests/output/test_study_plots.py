@@ -9,6 +9,7 @@ import pytest
 from matplotlib.text import Text
 
 from building_cases import model, story
+from selection import every
 from tdint.analysis.spectra.target import TargetSpectrum
 from tdint.campaign.fragility.fits import fit_capacities, fit_cloud, fit_stripes
 from tdint.campaign.ida import IdaStudy
@@ -52,23 +53,30 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
 
 @pytest.mark.parametrize(
     ("curves", "expected", "missing"),
-    [
-        ([COLLAPSING], ["1 record", "capacity against collapse"], ["1 records", "median", "16 %"]),
-        ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
-        (
-            [((1.0, 0.01), (2.0, 0.03))] * 3,
-            ["does not collapse up to here", "median"],
-            ["capacity against"],
-        ),
-        (
-            [(*COLLAPSING, (2.6, 0.04))] * 2,
-            ["no collapse at a higher level"],
-            ["capacity against collapse"],
-        ),
-        ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
-        ([((1.0, math.inf),)], ["1 record"], ["capacity against"]),
-        ([((1.0, 0.0), (2.0, 0.0))], ["1 record"], ["capacity against collapse"]),
-    ],
+    every(
+        2,
+        [
+            (
+                [COLLAPSING],
+                ["1 record", "capacity against collapse"],
+                ["1 records", "median", "16 %"],
+            ),
+            ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
+            (
+                [((1.0, 0.01), (2.0, 0.03))] * 3,
+                ["does not collapse up to here", "median"],
+                ["capacity against"],
+            ),
+            (
+                [(*COLLAPSING, (2.6, 0.04))] * 2,
+                ["no collapse at a higher level"],
+                ["capacity against collapse"],
+            ),
+            ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
+            ([((1.0, math.inf),)], ["1 record"], ["capacity against"]),
+            ([((1.0, 0.0), (2.0, 0.0))], ["1 record"], ["capacity against collapse"]),
+        ],
+    ),
 )
 def test_incremental_dynamic_analyses(curves, expected, missing):
     text = figure_texts(ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves)))))
@@ -98,38 +106,41 @@ PAIR = Horizontals(record(0), record(1))
 
 @pytest.mark.parametrize(
     ("scaling", "expected"),
-    [
-        (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
-        (
-            scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
-            ["2 records", "median", "Sa_avg = 2 m/s²"],
-        ),
-        (
-            scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
-            ["1 pair", "RotD50", "PGV = 0.3 m/s"],
-        ),
-        (
-            scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
-            ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"],
-        ),
-        (
-            scale_p695([PAIR] * 3, 1.0, 2.0),
-            ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"],
-        ),
-        (
-            Scaling(
-                (PAIR,) * 11,
-                np.ones(11),
-                "asce7",
-                "rotd100",
-                0.05,
-                target=TARGET,
-                periods=np.array([0.2, 2.0]),
-                least=(1.02, 0.4),
+    every(
+        2,
+        [
+            (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
+            (
+                scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
+                ["2 records", "median", "Sa_avg = 2 m/s²"],
             ),
-            ["11 pairs", "90 % of the target", "average", "by ASCE 7"],
-        ),
-    ],
+            (
+                scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
+                ["1 pair", "RotD50", "PGV = 0.3 m/s"],
+            ),
+            (
+                scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
+                ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"],
+            ),
+            (
+                scale_p695([PAIR] * 3, 1.0, 2.0),
+                ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"],
+            ),
+            (
+                Scaling(
+                    (PAIR,) * 11,
+                    np.ones(11),
+                    "asce7",
+                    "rotd100",
+                    0.05,
+                    target=TARGET,
+                    periods=np.array([0.2, 2.0]),
+                    least=(1.02, 0.4),
+                ),
+                ["11 pairs", "90 % of the target", "average", "by ASCE 7"],
+            ),
+        ],
+    ),
     ids=["value", "average", "pair", "target", "p695", "asce7"],
 )
 def test_suites(scaling, expected):
@@ -142,25 +153,28 @@ CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
 
 @pytest.mark.parametrize(
     ("functions", "expected"),
-    [
-        (
-            [fit_capacities([1.0, 2.0])],
-            ["2 records", "method of moments", "intensity measure", "95 % confidence"],
-        ),
-        (
-            [fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")],
-            ["1 censored", "PGA"],
-        ),
-        (
-            [
-                fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(t)
-                for t in np.arange(1, 9) / 100.0
-            ],
-            ["0.08: "],
-        ),
-        (fit_cloud(*CLOUD), ["slope", "probability of exceedance", "4 runs"]),
-        (fit_cloud(*CLOUD, [False] * 3 + [True]), ["above the limit", "1 censored"]),
-    ],
+    every(
+        2,
+        [
+            (
+                [fit_capacities([1.0, 2.0])],
+                ["2 records", "method of moments", "intensity measure", "95 % confidence"],
+            ),
+            (
+                [fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")],
+                ["1 censored", "PGA"],
+            ),
+            (
+                [
+                    fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(t)
+                    for t in np.arange(1, 9) / 100.0
+                ],
+                ["0.08: "],
+            ),
+            (fit_cloud(*CLOUD), ["slope", "probability of exceedance", "4 runs"]),
+            (fit_cloud(*CLOUD, [False] * 3 + [True]), ["above the limit", "1 censored"]),
+        ],
+    ),
     ids=["two", "censored", "many", "cloud", "censored-cloud"],
 )
 def test_fragility_functions(functions, expected):

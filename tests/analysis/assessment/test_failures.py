@@ -260,7 +260,7 @@ def test_overshoot_from_displacement_and_velocity():
 # ---- Outcomes
 
 
-@pytest.mark.parametrize("name", problems())
+@pytest.mark.parametrize("name", every(3, problems()))
 def test_every_trial_has_verdict_and_numbers(name):
     for integrator in usual_methods():
         for result in trials(integrator.label, name):

