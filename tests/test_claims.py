@@ -104,6 +104,7 @@ def test_misprinted_equations_hold_in_special_cases():
     assert paper_claims.printed_deviation(59, dampings=(0.0, 1.0)) < ROUNDING
 
 
+@pytest.mark.long
 def test_each_correction_is_on_page_and_in_docstring():
     documented = " ".join(impulse.__doc__.split())
     for number, misprints in MISPRINTS.items():

@@ -9,7 +9,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint import csv_table
@@ -284,6 +284,7 @@ def test_numbers_of_many_cells_equal_numbers_of_each(texts: list[str]) -> None:
     )
 
 
+@settings(max_examples=15)
 @given(st.lists(st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=3)))
 def test_text_column_returns_its_texts(texts: list[str]) -> None:
     """Iteration, indices from both ends, slices and parts return the texts, including empty texts

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("package", ["tdint", "tdint_cli"])
 def test_package_is_executed_as_command(package, tmp_path):
     """Messages and exit code equal those of `tdint`."""

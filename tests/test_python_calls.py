@@ -85,6 +85,7 @@ def test_errors_are_picklable(error):
     assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
+@pytest.mark.long
 def test_error_in_spawned_process_is_returned():
     """The function is part of tdint, because new processes may not find the tests, whose path is
     not inherited from `pytest`."""

@@ -7,6 +7,7 @@ import pytest
 
 import tdint
 from building_cases import model, story, ten_bilinear
+from selection import every
 from tdint.errors import UsageError
 from tdint.model.definition import Law, ModalDamping
 
@@ -58,7 +59,7 @@ def test_derivatives_of_free_oscillator_agree_with_closed_form():
     )  # the peak between steps is found to 1e-5
 
 
-@pytest.mark.parametrize("method", ["impulse4", "newmark-average", "hht"])
+@pytest.mark.parametrize("method", every(3, ["impulse4", "newmark-average", "hht"]))
 def test_gradient_agrees_with_larger_differences(method):
     """One call for many runs gives the derivatives of each single run to the last bit, also with a
     history."""
@@ -112,6 +113,7 @@ def test_each_sample_has_its_own_derivatives():
         )
 
 
+@pytest.mark.long
 def test_kink_is_reported():
     """At the scale for which the peak of the motion equals the initial drift, the derivative jumps
     from 0 to the derivative of the motion. At other scales, both sides agree."""
@@ -208,7 +210,7 @@ def test_derivative_of_wrong_sign_has_large_error():
 
 @pytest.mark.parametrize(
     ("method", "factor", "least"),
-    [("impulse4", 3.0, 0.5), ("moment4", 3.0, 0.5), ("newmark-average", 4.0 / 3.0, 0.2)],
+    every(3, [("impulse4", 3.0, 0.5), ("moment4", 3.0, 0.5), ("newmark-average", 4.0 / 3.0, 0.2)]),
 )
 def test_errors_of_derivatives_agree_with_two_calls(method, factor, least):
     """The estimate follows from a call with half the time step of impulse4, with the factors of the

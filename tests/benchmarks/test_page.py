@@ -141,6 +141,7 @@ def test_the_page_is_written_from_the_stored_points(stored):
     assert run.page(entries, len(read_problems(STANDARD)), shown, conditions) == PAGE
 
 
+@pytest.mark.long
 def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points(stored):
     """Each count of buildings on the first page is in the statements that the points give."""
     _, _, chart = stored

@@ -81,6 +81,7 @@ def test_mean_of_selected_motions_fits_target(pool):
     assert list(scaling.to_dict()) == ["record", "component", "factor"]
 
 
+@pytest.mark.long
 def test_requested_scatter_is_approached(pool):
     narrow, wide = (
         tdint.select(pool, TARGET, 5, periods=PERIODS, scatter=requested)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import tdint
+from selection import every
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import STORY_QUANTITIES
@@ -47,7 +48,9 @@ def fine() -> Rows:
     return results(Subject(OFFICE, "impulse4"), RUNS, 0.01 / 8)
 
 
-@pytest.mark.parametrize(("method", "beyond"), [("impulse4", 0.0099), ("newmark-average", 0.0)])
+@pytest.mark.parametrize(
+    ("method", "beyond"), every(2, [("impulse4", 0.0099), ("newmark-average", 0.0)])
+)
 def test_drifts_of_all_runs_are_within_the_tolerance(
     fine: Rows, method: str, beyond: float
 ) -> None:

@@ -128,6 +128,7 @@ def test_output_names_that_still_clash_are_refused(tmp_path):
             tables_of(clash, tmp_path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("command", "into"),
     [

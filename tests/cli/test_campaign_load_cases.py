@@ -95,6 +95,7 @@ def test_stored_numbers_equal_those_of_a_run(cases, tdint):
         assert energy_error == response.energy.error
 
 
+@pytest.mark.long
 def test_summary_rerun_report_and_status(cases, tdint):
     tdint("campaign", "c.yaml", "-o", "out", "--plot", "--report", "out/report.html", code=0)
     summary = json.loads(Path("out/summary.json").read_text())

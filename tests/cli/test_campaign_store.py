@@ -139,6 +139,7 @@ def test_an_invalid_store_is_refused_with_a_remedy(
     assert tables("out") == done
 
 
+@pytest.mark.long
 def test_every_corrupt_page_is_detected(done: dict[str, bytes], tdint: Command) -> None:
     """A page is zeroed or replaced by another page. The store is refused, or the missing runs are
     run again."""
@@ -214,6 +215,7 @@ def test_a_store_is_closed_without_waiting_for_other_programs(
     assert monotonic() - start < 30.0 and tables("out") == done
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("impatient")
 def test_waiting_for_a_lock_is_reported_and_limited(
     done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from selection import every
 from tdint.campaign import batch, plan
 
 MODEL = """
@@ -36,7 +37,7 @@ def write_record(number, amplitude=1.0):
     Path(f"records/r{number}.csv").write_text(f"time_s,a_m_s2\n{rows}")
 
 
-@pytest.fixture(params=["parts of a chunk", "one run per chunk"])
+@pytest.fixture(params=every(2, ["parts of a chunk", "one run per chunk"]))
 def integrated(request, folder, monkeypatch):
     """Files of a campaign; yields the list of the integrated runs."""
     if request.param == "one run per chunk":
@@ -86,6 +87,7 @@ def test_a_repaired_record_is_added(integrated, tdint):
     assert not integrated
 
 
+@pytest.mark.long
 def test_a_changed_record_and_a_changed_building_of_a_campaign(integrated, tdint):
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     write_record(0, amplitude=1.5)

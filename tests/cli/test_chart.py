@@ -9,6 +9,7 @@ import pytest
 
 from csv_rows import rows
 from facts import states
+from selection import every
 from tdint.analysis.chart import peers, problem, profiles
 from tdint.analysis.defaults import PEAKS, QUANTITIES
 from tdint.methods.catalogue import parse
@@ -177,26 +178,29 @@ def test_lines_by_tolerance(folder, tdint):
 
 @pytest.mark.parametrize(
     ("options", "texts"),
-    [
-        (
-            (),
-            [
-                "maximum error of the peak drifts of the stories",
-                "sampling interval of the record, 0.01 s",
-                "time of the thread in the compiled loop (s)",
-            ],
-        ),
-        (
-            ("--target-error", "drift", "--versus", "dt"),
-            [
-                "error of the drifts (L2 of the history)",
-                "time step (s)",
-                "vertical line: sampling interval",
-            ],
-        ),
-        (("--versus", "solves"), ["solves", version_of_sources()[0]]),
-        (("--versus", "steps"), [">time steps<", "steps against accuracy"]),
-    ],
+    every(
+        2,
+        [
+            (
+                (),
+                [
+                    "maximum error of the peak drifts of the stories",
+                    "sampling interval of the record, 0.01 s",
+                    "time of the thread in the compiled loop (s)",
+                ],
+            ),
+            (
+                ("--target-error", "drift", "--versus", "dt"),
+                [
+                    "error of the drifts (L2 of the history)",
+                    "time step (s)",
+                    "vertical line: sampling interval",
+                ],
+            ),
+            (("--versus", "solves"), ["solves", version_of_sources()[0]]),
+            (("--versus", "steps"), [">time steps<", "steps against accuracy"]),
+        ],
+    ),
     ids=["time", "dt", "solves", "steps"],
 )
 def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, texts):
@@ -249,6 +253,7 @@ def test_positional_records_equal_record_options(folder, tdint, make_record):
     )
 
 
+@pytest.mark.long
 def test_unstable_steps_are_rows_of_the_table(folder, tdint):
     options = (
         "--method",
@@ -283,6 +288,7 @@ def test_no_recommendation_if_the_peaks_occur_at_the_start(folder, tdint):
     )
 
 
+@pytest.mark.long
 def test_costs_over_the_number_of_stories(folder, tdint, drawn):
     options = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--duration", "1")
     result = tdint("chart", "shaken.yaml", *options, "-o", "x.csv", "--plot", "x.svg", code=0)

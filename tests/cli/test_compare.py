@@ -133,6 +133,7 @@ def test_fitted_and_blind_floors(recorded):
     assert {file.name for file in si.iterdir()} == written
 
 
+@pytest.mark.long
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
     """The written model can be run from its directory and has the parameters of fit.csv; all other
     lines are unchanged."""

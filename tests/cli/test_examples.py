@@ -189,6 +189,7 @@ def test_norms_and_the_order_of_the_methods(tdint):
     assert run.error("displacement", norm="maximum", floor=1) == 3.0
 
 
+@pytest.mark.long
 def test_ranks_by_a_finer_reference(tdint):
     """Methods are ranked by their errors relative to a finer reference solution. The test of the
     figures checks ranks by the reference of the paper."""

@@ -198,7 +198,10 @@ QUICK = ("run", "spectrum", "scale", "campaign", "stability")
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK)) for name in WRITING]
+    "name",
+    every(
+        3, [pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK)) for name in WRITING]
+    ),
 )
 def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, name: str) -> None:
     """A command lists the files that it wrote, and writes them again without --overwrite, with

@@ -32,6 +32,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.long
 def test_summary_report_and_rerun(folder):
     """The summary lists the forces and both files; a changed table prevents a rerun."""
     options = ("--duration", "1", "-o", "out", "--report", "out/report.html", "--history")

@@ -231,7 +231,7 @@ def test_quiet_suppresses_messages_but_not_data_and_errors(folder, tdint):
     assert tdint("-q", "run", "missing.yaml", code=3).stderr == tdint("run", "missing.yaml").stderr
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", every(3, COMMANDS))
 def test_options_are_listed_under_headings_in_order(name, tdint):
     """Options of several commands have the same heading in all commands."""
     text = tdint(name, "--help-all").stdout
@@ -514,7 +514,7 @@ def test_an_option_is_not_used_as_the_value_of_another(folder, tdint):
     tdint(*call, "--units", "m/s^2", "-q", code=0)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", every(3, COMMANDS))
 def test_replaced_options_are_refused_with_their_replacement(name, tdint):
     """The message names the replacement if the command has it."""
     own = {flag for option in PARAMETERS[name] for flag in option.opts}

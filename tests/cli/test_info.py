@@ -55,6 +55,7 @@ def test_units_and_their_source(folder, tdint, make_record):
     assert row["units"] == "2e-3 gal (given)"
 
 
+@pytest.mark.long
 def test_a_record_of_zeros_has_empty_cells_and_a_figure(folder, tdint, drawn):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     (row,) = rows(tdint("info", "zero.txt", "--plot", "zero.png").stdout)

@@ -21,7 +21,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
 
 
-@pytest.mark.parametrize("units", ["si", "us"])
+@pytest.mark.parametrize("units", every(2, ["si", "us"]))
 @pytest.mark.parametrize(("stories", "period"), every(2, [(1, 0.3), (2, 0.5), (5, 0.8), (40, 4.0)]))
 def test_the_model_has_the_requested_period(
     folder: Path, tdint: Command, stories: int, period: float, units: str

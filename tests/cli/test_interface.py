@@ -276,6 +276,7 @@ def test_every_command_has_a_function_and_help_lists_them():
         package.campaign("nowhere.yaml")
 
 
+@pytest.mark.long
 def test_importing_loads_no_heavy_package():
     """A function imports only its requirements: `run` imports neither matplotlib nor click."""
     code = (

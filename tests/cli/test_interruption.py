@@ -108,6 +108,7 @@ finally:
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_repeated_signals_are_reported_once():
     """The signal is sent once to a command and three times to other commands."""

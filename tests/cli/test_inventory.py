@@ -94,6 +94,7 @@ def test_a_pushover_curve(folder, tdint, drawn):
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.long
 def test_a_pushover_with_a_design_spectrum(folder, tdint):
     """Values of the building are printed once and stored in the JSON file. test_interface.py tests
     the rows of each method."""
@@ -194,6 +195,7 @@ def test_errors_of_a_file_are_listed_up_to_a_number(folder, tdint):
     assert errors[100].endswith("other.yaml: 1900 more errors, 2000 in total")
 
 
+@pytest.mark.long
 def test_a_file_with_very_many_keys_is_not_read_to_its_end(folder, tdint):
     lines = "".join(f"key{number}: 1\n" for number in range(10_001))
     (folder / "other.yaml").write_text(lines)

@@ -143,6 +143,7 @@ def test_require_needs_a_limit(study: Path, tdint: Command) -> None:
         assert re.search("--require .*--limit .*`limits`", refused.stderr)
 
 
+@pytest.mark.long
 def test_the_report_draws_the_loop_of_the_governing_story(study: Path, tdint: Command) -> None:
     """The figure of the run has the loop of the isolator, which yields. If a drift ratio governs,
     the report has a second figure with the loop of its story."""

@@ -13,6 +13,7 @@ from tdint_cli.main import COMMANDS, GROUPS, cli
 HEAVY = ("numpy", "scipy", "numba", "obspy", "matplotlib", "yaml", "pkg_resources")
 
 
+@pytest.mark.long
 def test_help_and_version_import_only_click():
     """The calls run in a single process, which reports the first call with other imports. The group
     imports no command."""

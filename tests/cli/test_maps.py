@@ -88,6 +88,7 @@ def positions(geometry: dict[str, Any] | None) -> list[float] | None:
     return [longitude, latitude]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("mapped")
 def test_columns_of_the_inventory_follow_the_columns_of_the_runs(tdint: Command) -> None:
     """Columns of the inventory follow the other columns. Their texts are unchanged, except for

@@ -9,6 +9,7 @@ import scipy.integrate
 
 from csv_rows import rows
 from facts import each_states, states
+from selection import every
 from tdint.analysis.assessment.order import LOADS, STORY_LAWS
 from tdint.methods.catalogue import catalogue, parse
 from tdint_cli.commands import order
@@ -28,7 +29,10 @@ def column(result, name: str) -> list[str]:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.long] * (name == "stability")) for name in COMMANDS],
+    every(
+        2,
+        [pytest.param(name, marks=[pytest.mark.long] * (name == "stability")) for name in COMMANDS],
+    ),
 )
 def test_all_methods_with_default_parameters(tdint, name):
     result = tdint(name, *SMALL[name], code=0)
@@ -146,6 +150,7 @@ def test_critical_steps_are_reported(tdint):
     ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_beta_scan(working_directory, tdint):
     """If beta differs slightly from 1/144, the impulse method is unstable in a narrow band near
     √12. The table contains steps within this band."""

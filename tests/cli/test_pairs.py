@@ -167,7 +167,7 @@ def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand
 
 def test_tables_contain_the_demand_of_pairs(suite, tdint):
     for demand, combine, count in (("larger", max, 3), ("mean", np.mean, 3), ("separate", None, 6)):
-        call = ("run", "one.yaml", "m", "-o", demand, "--pair-demand", demand)
+        call = ("run", "one.yaml", "m", "-o", demand, "--pair-demand", demand, "--no-check")
         tdint(*call, code=0)
         runs = rows((suite / demand / "runs.csv").read_text())
         profile = [
@@ -189,6 +189,7 @@ def test_a_pair_demand_without_pairs_is_refused(suite, tdint):
     tdint.refused("has no effect", *["run", "one.yaml", "m/A067.mseed", "--pair-demand", "mean"])
 
 
+@pytest.mark.long
 def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeypatch):
     """The pairs were scaled as pairs and are run as separate files."""
     from tdint.output import figures

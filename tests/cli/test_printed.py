@@ -82,6 +82,7 @@ def test_invalid_styles_are_refused_in_one_line(working_directory, tdint, style,
     assert not (working_directory / "a.svg").exists()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
     call = (

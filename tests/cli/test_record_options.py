@@ -70,7 +70,7 @@ def samples():
 
 
 @pytest.fixture
-def numbers(folder, tdint):
+def numbers(folder, tdint, short_matching):
     """Return a function that writes motion.txt, and returns the numbers that a command prints, or
     the ground motion that it writes. The numbers of `chart` exclude the times."""
 

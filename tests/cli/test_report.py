@@ -21,6 +21,7 @@ from matplotlib.image import imread
 
 from cli.conftest import Command, change, write_record
 from csv_rows import rows
+from selection import every
 from tdint.campaign.motions import MotionFactors
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import suite_motions
@@ -230,6 +231,7 @@ def test_targets_are_printed_with_the_symbols_of_the_code() -> None:
     assert {source: spectrum_text(source) for source in expected} == expected
 
 
+@pytest.mark.long
 def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint: Command) -> None:
     call = (
         "run",
@@ -254,6 +256,7 @@ def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
 
 
+@pytest.mark.long
 def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Command) -> None:
     text = (
         "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. "
@@ -287,12 +290,15 @@ def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Co
 
 @pytest.mark.parametrize(
     ("p_delta", "damping", "forces"),
-    [
-        (True, "5%", "P-delta and viscous forces"),
-        (True, "none", "P-delta"),
-        (False, "5%", "viscous forces"),
-        (False, "none", ""),
-    ],
+    every(
+        2,
+        [
+            (True, "5%", "P-delta and viscous forces"),
+            (True, "none", "P-delta"),
+            (False, "5%", "viscous forces"),
+            (False, "none", ""),
+        ],
+    ),
 )
 def test_base_shear_is_the_restoring_force_and_words_state_what_the_total_contains(
     folder: Path, tdint: Command, p_delta: bool, damping: str, forces: str
@@ -340,6 +346,7 @@ def test_the_figure_of_a_collapse_states_the_peak_of_the_record(
     assert late == pytest.approx(float(pga) / 9.80665, rel=2e-3) and early < 0.9 * late
 
 
+@pytest.mark.long
 def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdint: Command) -> None:
     # The rule requires at least three ground motions. The factor of a strong motion is unusual.
     names = ("motion.mseed", "second.mseed", "third.mseed")

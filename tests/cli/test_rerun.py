@@ -308,6 +308,7 @@ def test_parquet_is_compared(folder, tdint, rerun):
     assert "the original file is missing" in rerun("a.json", code=5).stderr
 
 
+@pytest.mark.long
 def test_measured_times_are_not_compared(folder, tdint, rerun):
     """A file is compared as a table for any file name, and a campaign without tables by
     its store."""
@@ -355,11 +356,14 @@ def test_plugins_are_executed_only_on_request(folder, tdint, rerun):
 
 @pytest.mark.parametrize(
     "sheet",
-    [
-        "lines.linewidth: 2",
-        "text.usetex: true",
-        "axes.prop_cycle: cycler('color', [().\t__class__])",
-    ],
+    every(
+        3,
+        [
+            "lines.linewidth: 2",
+            "text.usetex: true",
+            "axes.prop_cycle: cycler('color', [().\t__class__])",
+        ],
+    ),
 )
 def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
     """A style sheet with any content is accepted only with --trust."""
@@ -578,6 +582,7 @@ def test_numbers_of_the_json_file_are_compared(folder, tdint, rerun):
     assert len(result.stdout.splitlines()) == 2
 
 
+@pytest.mark.long
 def test_an_export_into_a_directory_named_export(folder, tdint, rerun):
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "export", code=0)
@@ -588,6 +593,7 @@ def test_an_export_into_a_directory_named_export(folder, tdint, rerun):
     rerun("export", code=5)
 
 
+@pytest.mark.long
 def test_a_failing_command_is_a_failure(folder, tdint, rerun):
     """Here the repeated export fails, and its files are not reported as equal."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)

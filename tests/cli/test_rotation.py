@@ -46,6 +46,7 @@ def test_components_in_separate_files(folder, tdint, names):
     assert {(row["record"], row["component"]) for row in table} == {(pair, "0+90")}
 
 
+@pytest.mark.long
 def test_several_motions_have_separate_output_files(folder, tdint):
     files = [f"{motion}{component}.AT2" for component in ("000", "090") for motion in "AB"]
     for seed, name in enumerate(files):

@@ -103,7 +103,7 @@ UNNEEDED_BY_COMMAND = {
 }
 """Further modules that commands must not import, unless numpy, click or yaml import them."""
 
-QUICK = ("init", "check", "run", "spectrum")
+QUICK = ("check", "run")
 SLOW = {
     "match",
     "campaign",

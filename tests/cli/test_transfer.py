@@ -25,6 +25,7 @@ def frame(working_directory):
     return "frame.yaml"
 
 
+@pytest.mark.long
 def test_table_summary_figure_and_report(frame, tdint, drawn):
     result = tdint(
         "modes", frame, "--transfer", "-o", "t.csv", "--plot", "--report", "t.html", code=0

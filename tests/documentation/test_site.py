@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 import readmes
 import tdint
+from selection import every
 from tdint.methods.catalogue import catalogue, references
 from tdint_cli.main import COMMANDS, cli
 
@@ -68,6 +69,7 @@ def test_each_section_of_a_readme_is_on_one_page_of_the_site(maker, pages):
                 assert contents[found[0]].count(text) == 1, (name, text[:40])
 
 
+@pytest.mark.long
 def test_tasks_are_listed_in_the_order_of_use(maker, pages):
     guide = maker.settings(pages)["nav"][0]["Guide"]
     titles = [title for entry in guide for title in entry]
@@ -138,6 +140,7 @@ def test_wrapped_commands_are_equivalent(maker):
     assert printed[0] and printed[0] == printed[1]
 
 
+@pytest.mark.long
 def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
     assert "pip install PATH/OF/TDINT\n" in pages["README.md"]
     assert "pip install -q ." not in pages["README.md"]
@@ -226,7 +229,7 @@ def without_layout(text):
     return re.sub(r"[\s\\`]", "", unescape(text))
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", every(3, COMMANDS))
 def test_the_page_of_a_command_contains_its_complete_help(pages, name):
     help_all = (
         CliRunner().invoke(cli, [name, "--help-all"], prog_name="tdint", terminal_width=100).stdout

@@ -11,6 +11,7 @@ from tdint.system import locked
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks processes")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "removed"),
     every(3, [(name, removed) for removed in ("with the lock", "never") for name in LOCKS]),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from selection import every
 from separate_streams import runner
 from tdint_cli.main import cli
 
@@ -119,7 +120,9 @@ def test_commands_run_without_posix_functions(restricted, commands):
     )
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", pytest.param("ascii", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "encoding", every(3, ["cp1252", pytest.param("ascii", marks=pytest.mark.slow)])
+)
 @pytest.mark.parametrize(
     ("command", "code"),
     [(("chart", "--help"), 0), (("check", "büro-β.yaml", "nö-β.yaml"), 3)],

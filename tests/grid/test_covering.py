@@ -1,5 +1,7 @@
 """The stored array covers all pairs of declared values, and contains all declarations of tdint."""
 
+import pytest
+
 from grid.axes import build
 from grid.covering import CASES, read, uncovered
 from tdint.model.config.model_file import model_schema
@@ -12,6 +14,7 @@ def test_all_pairs_of_values_occur():
     assert not missing, f"run `python tests/grid/covering.py`: {sorted(missing)[:5]}"
 
 
+@pytest.mark.long
 def test_cases_are_those_of_the_references():
     for row, seed, digest, peaks in read():
         case = build(row, seed)
@@ -55,6 +58,7 @@ SAME_MOTION = {
 """Keys that do not change the motion."""
 
 
+@pytest.mark.long
 def test_each_key_of_a_model_occurs():
     """A new damper, law parameter or load is declared in `grid.axes` or `grid.springs`."""
     used = set().union(*(keys_of(build(row, 0).model) for row in ROWS))

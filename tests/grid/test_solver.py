@@ -43,6 +43,7 @@ def test_energy_of_a_yielding_story():
     assert peaks["peak_shear"] == pytest.approx([1e5], rel=1e-12)
 
 
+@pytest.mark.long
 def test_sudden_force():
     """A constant force that starts within a sampling interval doubles the static displacement."""
     force = {"floor": 1, "points": [[0.0, 0.0], [0.0, 1e5], [9.0, 1e5]], "start": 0.1237}

@@ -105,6 +105,7 @@ class TestFormats:
             for plugin in by_name.values()
         )
 
+    @pytest.mark.long
     def test_only_plugin_of_format_is_loaded(self):
         code = """
 import importlib.metadata, sys

@@ -139,7 +139,7 @@ def test_order_with_fluid_damper(name, exponent, coefficient, largest):
     assert math.log2(errors[0] / errors[-1]) / 3.0 > 2.9
 
 
-@pytest.mark.parametrize(("exponent", "threshold"), every(3, [(2.0, 0.0), (0.5, 0.1), (1.7, 0.2)]))
+@pytest.mark.parametrize(("exponent", "threshold"), every(3, [(0.5, 0.1), (2.0, 0.0), (1.7, 0.2)]))
 @pytest.mark.parametrize("name", ["impulse4", "moment4", "gauss4", "newmark-average"])
 def test_dampers_that_are_solved_for_their_rate(name, exponent, threshold):
     """Exponents above 1 have a vertical rate at zero force, and dampers with a linear part no

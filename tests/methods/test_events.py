@@ -204,6 +204,7 @@ def test_bouc_wen_stories_of_low_exponent_are_of_order_4(exponent):
     assert errors[0] < 1e-5
 
 
+@pytest.mark.long
 def test_weak_reversals_are_located_only_with_small_steps():
     """A Bouc-Wen story has a reversal when its drift rate changes sign. Their number agrees with
     another method with a small step. The weakest reversals follow the end of the ground motion."""

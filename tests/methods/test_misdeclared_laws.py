@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from registered import forgotten, plain  # noqa: F401 (fixtures)
+from selection import every
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.errors import AnalysisError, UsageError
@@ -241,7 +242,8 @@ LONG = (
 
 @pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in CASES]
+    "name",
+    every(3, [pytest.param(name, marks=[pytest.mark.long] * (name in LONG)) for name in CASES]),
 )
 def test_misdeclared_law_is_refused_or_integrated_correctly(name):
     expected = CASES[name][3]

@@ -154,6 +154,7 @@ def energies(building_model, method, h, duration):
     return response, total / total[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("cases", "seed"), [(20, 11), pytest.param(200, 0, marks=pytest.mark.slow)]
 )

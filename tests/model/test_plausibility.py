@@ -227,6 +227,7 @@ def test_questions_are_independent_of_the_hysteretic_law() -> None:
     assert set(linear) <= set(nonlinear)
 
 
+@pytest.mark.long
 def test_limits_of_the_period_increase_with_height() -> None:
     """A story more does not make a usual period unusual."""
     limits = []

@@ -138,6 +138,7 @@ def matrix(names, width):
     return figure
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("names", "width", "panels"),
     [

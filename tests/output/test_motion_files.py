@@ -221,7 +221,7 @@ def test_a_written_pair_is_recognized_as_a_pair(convention, suffix, tmp_path):
         assert names == [f"{stem}-{end}.{suffix}" for end in ends]
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", every(3, FORMATS))
 def test_pairs_of_a_suite_remain_separate(suffix, tmp_path):
     """Pairs with equal names, and stations with five equal first characters, remain separate."""
     motions = []

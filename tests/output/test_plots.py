@@ -233,7 +233,8 @@ def test_a_title_is_not_wider_than_its_figure():
 
 
 @pytest.mark.parametrize(
-    "suffix", [pytest.param(name, marks=[pytest.mark.long] * (name == ".pdf")) for name in STARTS]
+    "suffix",
+    every(2, [pytest.param(name, marks=[pytest.mark.long] * (name == ".pdf")) for name in STARTS]),
 )
 def test_formats(tmp_path, suffix):
     """Each file starts with the signature of its format. Equal results give equal files. No file is
@@ -343,7 +344,7 @@ def test_axes_and_suites(axes, count):
     assert ("1.txt" in text) is (count == 2)
 
 
-@pytest.mark.parametrize("units", ["m", "kip,in,g", "kip,ft,g", "kN,mm", "kN,cm,m/s^2"])
+@pytest.mark.parametrize("units", every(3, ["m", "kip,in,g", "kip,ft,g", "kN,mm", "kN,cm,m/s^2"]))
 def test_scales_of_a_spectrum_in_any_units(units):
     """psv = sd omega = psa / omega: labels of the diagonal scales are at the correct position and
     do not overlap; the same is tested for the rays of constant period."""
@@ -373,26 +374,29 @@ def test_scales_of_a_spectrum_in_any_units(units):
 
 @pytest.mark.parametrize(
     ("units", "labels", "limit", "part"),
-    [
-        (
-            "kip,in,g",
-            ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"),
-            1.0,
-            0.02,
-        ),
-        (
-            "kN,mm",
-            ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"),
-            100.0,
-            0.001,
-        ),
-        (
-            "lbf,m/s^2",
-            ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"),
-            1.0,
-            np.nan,
-        ),
-    ],
+    every(
+        3,
+        [
+            (
+                "kip,in,g",
+                ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"),
+                1.0,
+                0.02,
+            ),
+            (
+                "kN,mm",
+                ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"),
+                100.0,
+                0.001,
+            ),
+            (
+                "lbf,m/s^2",
+                ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"),
+                1.0,
+                np.nan,
+            ),
+        ],
+    ),
 )
 def test_a_run_in_other_units(shaken, units, labels, limit, part):
     """Labels and peaks are in the requested units, with g as default for accelerations. A collapse
@@ -432,6 +436,7 @@ def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
     assert "absolute floor" in shown
 
 
+@pytest.mark.long
 def test_equal_heights_have_no_axis():
     """With a large exponent, the height hardly depends on the period, and no axis of heights is
     possible."""

@@ -196,7 +196,7 @@ def digest():
     ]
 
 
-@pytest.mark.parametrize(("name", "dt", "method", "cell"), every(3, digest()))
+@pytest.mark.parametrize(("name", "dt", "method", "cell"), every(6, digest()))
 def test_readme_table_agrees_with_trials(name, dt, method, cell):
     """Printed digits agree, and failures are bold. Values after ~ depend on rounding and agree
     within a factor of two."""

@@ -82,7 +82,8 @@ def test_error_of_reference_of_paper(number, dt):
 
 
 @pytest.mark.parametrize(
-    "number", [pytest.param(name, marks=[pytest.mark.long] * (name == 3)) for name in FILES]
+    "number",
+    every(2, [pytest.param(name, marks=[pytest.mark.long] * (name == 3)) for name in FILES]),
 )
 def test_errors_against_both_references(number):
     """The errors differ at most by the difference of the references. RK5 is closer to the exact
@@ -170,6 +171,7 @@ def digest():
     return rows
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("method", "variant", "errors"), every(4, digest()))
 def test_readme_table_agrees_with_runs(method, variant, errors):
     """The errors agree to the printed digits, so that the smallest and the largest error of each
@@ -245,7 +247,7 @@ def test_wrong_start_is_recursion_from_two_zeros():
 
 
 @pytest.mark.parametrize(
-    ("method", "outcome"), [("central-difference", "unstable-step"), ("exact", "refused")]
+    ("method", "outcome"), every(3, [("central-difference", "unstable-step"), ("exact", "refused")])
 )
 def test_failed_runs_have_outcome_without_error(method, outcome):
     (result, *_) = run_example(examples()[1], 0.5, [parse(method)])

@@ -309,6 +309,7 @@ def test_errors_agree_with_runs_with_fine_steps():
         )
 
 
+@pytest.mark.long
 def test_performance_profiles_of_several_records():
     """For one building under two motions, the profiles have columns and a line, and the ratios
     start at 1."""

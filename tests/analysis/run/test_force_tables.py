@@ -187,6 +187,7 @@ def test_two_stories(loads, expected, method):
     assert simulate(loads, method, dt).stories.peak_drift == pytest.approx(peaks, rel=tolerance)
 
 
+@pytest.mark.long
 def test_half_sine_pulse_on_one_floor():
     """Two stories under a half-sine pulse on floor 1 (Newmark example of structdyn)."""
     times = np.arange(0.0, 0.60005, 0.0002)

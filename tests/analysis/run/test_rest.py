@@ -50,6 +50,7 @@ def test_run_until_rest_equals_run_of_campaign(damping, rests):
     assert row.residual_drift_ratio == np.max(ratios)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}]
 )

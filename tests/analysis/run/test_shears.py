@@ -100,6 +100,7 @@ def test_total_shear_includes_modal_damping():
     assert not np.any(response.stories.peak_damper_force)
 
 
+@pytest.mark.long
 def test_force_peaks_agree_with_fine_steps_within_estimated_errors():
     model = load_model(DAMPED)
     checked = run(model, method="newmark-average", check=True, duration=12.0)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from building_cases import Law, model, noise, oscillator, story
 from real_records import real_file
 from references import exact_linear, finer
+from selection import every
 from tdint import run
 from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength, largest_ratio
 from tdint.errors import AnalysisError, UsageError
@@ -44,7 +45,7 @@ def steady(value, seconds, dt=0.01):
 # The oscillator
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.05, 0.5])
+@pytest.mark.parametrize("damping", every(3, [0.0, 0.05, 0.5]))
 def test_spectrum_for_ductility_1_is_exact_elastic_spectrum(damping):
     periods = np.array([0.02, 0.1, 0.5, 2.0])
     (spectrum,) = constant_ductility(NOISE, periods, [1.0], damping)
@@ -115,6 +116,7 @@ def test_residual_displacement_equals_end_of_long_run(hardening):
     assert np.all(np.abs(spectrum.residual) > 1e-3 * spectrum.sd)
 
 
+@pytest.mark.long
 def test_random_oscillators_are_independent_of_added_samples():
     """Motions are noise, plateaus, spikes and steps; oscillators are weak or strong, and stiff or
     soft. Additional samples of the same motion do not change the results, because branch changes
