@@ -1,4 +1,28 @@
-"""Loads, damping forces and internal forces of a chain of stories."""
+"""Loads, damping forces and internal forces of a chain of stories.
+
+Arguments have the meaning of the vocabulary in `tdint.kernels.layout` (`rows` of `tdint.plugin`).
+The load of a floor is p = -m ag + forces on the floor, with its mass m and the ground acceleration
+ag, which is linear within the step. With the time s from -1/2 at the start to 1/2 at the end of a
+step h,
+
+    impulse        h int p ds
+    mean           int p ds
+    first moment   12 int s p ds
+
+A table is a straight line within the step, so that value, impulse and moment of its force are those
+of the current step. The first moment of a line is its change over the step. A harmonic force has
+the value P and the rate R (N/s) at the middle of the step, and x = OMEGA h / 2. Its odd part
+R h sin(2 x s) / (2 x) has no mean, and its even part has no moment:
+
+    impulse        h P sin(x) / x, without cancellation
+    first moment   3 R h (sin x - x cos x) / x^3, with a relative error less than 1e-13
+
+A power-law dashpot with the coefficient c, the threshold rate v0 and the exponent e has at the
+drift rate v
+
+    force          c v (v^2 + v0^2)^e
+    derivative     c (v^2 + v0^2)^e (1 + 2 e v^2 / (v^2 + v0^2))
+"""
 
 from __future__ import annotations
 
@@ -19,14 +43,12 @@ TANGENT_DAMPING = VARIANT.tangent_damping
 
 @inline
 def force_value(forces, j, t):
-    """Return floor force `j` at time `t` (s), N.
-
-    It is COSINE cos(OMEGA t) + SINE sin(OMEGA t), or the line of a table in the current step.
+    """Return floor force `j` at time `t`, N.
 
     Parameters
     ----------
     forces : ndarray
-        Forces on floors: one row per force (see `tdint.kernels.layout`).
+        Forces on floors.
     j : int
         Row of the force.
     t : float
@@ -42,12 +64,12 @@ def force_value(forces, j, t):
 
 @inline
 def force_rate(forces, j, t):
-    """Return the rate of floor force `j` at time `t` (s), N/s: the derivative of `force_value`.
+    """Return the rate of floor force `j` at time `t`, N/s.
 
     Parameters
     ----------
     forces : ndarray
-        Forces on floors: one row per force (see `tdint.kernels.layout`).
+        Forces on floors.
     j : int
         Row of the force.
     t : float
@@ -66,26 +88,21 @@ def force_rate(forces, j, t):
 def force_impulse(forces, j, t, h):
     """Return the exact impulse of floor force `j` over [t, t + h], N s.
 
-    The impulse of a line (a table in the current step) is h times its value at the middle. That of
-    a harmonic force is h sin(x) / x times its value at the middle, with x = OMEGA h / 2. This form
-    has no cancellation.
-
     Parameters
     ----------
     forces : ndarray
-        Forces on floors: one row per force (see `tdint.kernels.layout`).
+        Forces on floors.
     j : int
-        Index of the force.
+        Row of the force.
     t : float
-        Time at the start of the step, s.
+        Start of the step, s.
     h : float
         Time step, s.
     """
     if forces[j, rows.POINTS] > 0.0:
         return h * force_value(forces, j, t + 0.5 * h)
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # `sinc` is sin(x) / x with x = `half_angle`. For small |x|, where the quotient can be 0 / 0,
-    # its Taylor series is used.
+    # sin(x) / x, and its Taylor series for small |x|, where the quotient can be 0 / 0
     sinc = (
         math.sin(half_angle) / half_angle
         if abs(half_angle) > 1e-4
@@ -98,33 +115,22 @@ def force_impulse(forces, j, t, h):
 def force_moment(forces, j, t, h):
     """Return the first moment of floor force `j` over [t, t + h], N.
 
-    The first moment is 12 int s p ds, with the force p and the time s from -1/2 at the start to 1/2
-    at the end of the step. The moment of a line (a table in the current step) is its change over
-    the step. A harmonic force is the sum of an even and an odd function of s. The even function has
-    the moment 0. With x = OMEGA h / 2 and the rate R of the force at the middle of the step (N/s),
-
-        odd function    R h sin(2 x s) / (2 x)
-        its moment      3 R h (sin x - x cos x) / x^3
-
-    The result is exact up to rounding: the relative error of the moment of the odd function is less
-    than 1e-13.
-
     Parameters
     ----------
     forces : ndarray
-        Forces on floors: one row per force (see `tdint.kernels.layout`).
+        Forces on floors.
     j : int
-        Index of the force.
+        Row of the force.
     t : float
-        Time at the start of the step, s.
+        Start of the step, s.
     h : float
         Time step, s.
     """
     if forces[j, rows.POINTS] > 0.0:
         return h * forces[j, rows.LINE_RATE]
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
-    # `integral` is (sin x - x cos x) / x^3. For small |x|, where the terms would cancel, its Taylor
-    # series is used. The omitted terms are less than 1e-14 of the result.
+    # (sin x - x cos x) / x^3, and its Taylor series for small |x|, where the terms would cancel.
+    # Omitted terms are less than 1e-14 of the result.
     if abs(half_angle) > 0.1:
         integral = (math.sin(half_angle) - half_angle * math.cos(half_angle)) / (
             half_angle * half_angle * half_angle
@@ -138,26 +144,22 @@ def force_moment(forces, j, t, h):
 
 @inline
 def floor_load(linear_terms, forces, t, ground, scratch, row):
-    """Store the load of all floors at time `t` in a scratch row, N: p = -m ag + forces on floors.
-
-    m is the mass of the floor and ag the ground acceleration.
+    """Store the load of all floors at time `t` in a scratch row, N.
 
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
-        an additional last column that belongs to no floor.
+        Masses, dampers and geometric stiffnesses.
     forces : ndarray
-        Forces on floors: one row per force (see `tdint.kernels.layout`).
+        Forces on floors.
     t : float
         Time, s.
     ground : float
         Ground acceleration, m/s^2.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
+        Scratch array.
     row : int
-        Row of `scratch` that receives the load.
+        Row that receives the load.
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -linear_terms[rows.MASS, i] * ground
@@ -167,10 +169,7 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
 
 @outlined
 def _add_forces(forces, t, scratch, row):
-    """Add the floor forces at time `t` to a row of `scratch`, N.
-
-    `t` is the time, s.
-    """
+    """Add the floor forces at time `t` to a row of `scratch`, N."""
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_value(forces, j, t)
 
@@ -179,28 +178,22 @@ def _add_forces(forces, t, scratch, row):
 def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     """Store the exact impulse of the load of all floors over [t, t + h] in a scratch row, N s.
 
-    The load of a floor is p = -m ag + forces on the floor, with the mass m and the ground
-    acceleration ag. ag is linear within the step, from ag0 to ag1. The impulse of -m ag is
-    therefore -h m (ag0 + ag1) / 2.
-
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
-        an additional last column that belongs to no floor.
+        Masses, dampers and geometric stiffnesses.
     forces : ndarray
-        Forces on floors: one row per force (see `tdint.kernels.layout`).
+        Forces on floors.
     t : float
-        Time at the start of the step, s.
+        Start of the step, s.
     h : float
         Time step, s.
     ground_0, ground_1 : float
-        Ground acceleration at both endpoints, m/s^2.
+        Ground acceleration at the start and at the end of the step, m/s^2.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
+        Scratch array.
     row : int
-        Row of `scratch` that receives the impulse.
+        Row that receives the impulse.
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -0.5 * h * linear_terms[rows.MASS, i] * (ground_0 + ground_1)
@@ -219,20 +212,14 @@ def _add_impulses(forces, t, h, scratch, row):
 def mean_load(linear_terms, forces, load, h, r, scratch, row):
     """Store mean and first moment of the load over a step in two consecutive scratch rows, N.
 
-    With the time s from -1/2 at the start to 1/2 at the end of the step, the mean is int p ds and
-    the first moment is 12 int s p ds.
-
-    The method moment4 with the coefficient r of numerical dissipation uses another moment of the
-    floor forces if r > 0. With the mean of a floor force q over the step, and its values q0 at the
-    start and q1 at the end, this moment is
+    If the coefficient r of numerical dissipation is positive, the moment of floor forces in method
+    moment4 is not the first moment, but with the values q0 and q1 of the force at the endpoints
 
         q1 - q0 + 12 r ((q0 + q1) / 2 - mean)
 
     The displacement of a very stiff part of the building, where inertia is negligible, then agrees
-    with the force at the endpoints of the steps. For r = 0, the exact moment is used. It is not the
-    limit of the moment for r > 0: that moment tends to q1 - q0 as r tends to 0.
-
-    For a force that is linear in time, such as -m ag, the two moments are equal.
+    with the force at the endpoints. This moment tends to q1 - q0 as r tends to 0, not to the first
+    moment that is used for r = 0. For a force that is linear in time, the two moments are equal.
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = (
@@ -247,9 +234,7 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 
 @outlined
 def _add_means(forces, t, h, r, scratch, row):
-    """Add mean and first moment of the forces on floors over a step to two scratch rows
-    (`mean_load`), N.
-    """
+    """Add mean and moment of the forces on floors to two scratch rows (`mean_load`), N."""
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
         mean = force_impulse(forces, j, t, h) / h
@@ -266,26 +251,24 @@ def _add_means(forces, t, h, r, scratch, row):
 
 @inline
 def add_modal_force(modal, table, x, factor, scratch, row, n):
-    """Add factor * C_modal * x to a row of `scratch`, with the matrix of modal damping C_modal =
-    W^T W.
+    """Add factor * C x to a row of `scratch`, with the matrix C of modal damping.
 
-    W has one row for each damped mode. With a velocity x and the factor 1, the result is the modal
-    damping force, N. The result is unchanged for a building without modal damping.
+    For velocities x and the factor 1, the sum is the modal damping force, N.
 
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T.
     table : ndarray
         Table that contains x.
     x : int
-        Row of x in `table`, usually a velocity.
+        Row of x in `table`.
     factor : float
-        Number by which the product is multiplied, of either sign.
+        Factor of the product, of either sign.
     scratch : ndarray
-        Array that contains the row of the result.
+        Scratch array.
     row : int
-        Row of the result, to which the product is added.
+        Row to which the product is added.
     n : int
         Number of floors.
     """
@@ -307,16 +290,12 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
 
 @inline
 def power_damper(linear_terms, i, rate):
-    """Return the force of the power-law dashpot of story `i` (N) and its derivative (N s/m).
-
-    The force is c v (v^2 + v0^2)^e at the drift rate v = `rate`, and the derivative is with respect
-    to v. The coefficient c, the threshold rate v0 and the exponent e are properties of the story
-    (see `_power_damper`). Without a dashpot (c = 0), force and derivative are 0.
+    """Return force and derivative of the power-law dashpot of story `i`; 0 without a dashpot.
 
     Parameters
     ----------
     linear_terms : ndarray
-        Properties of the building that act linearly.
+        Dampers of the stories.
     i : int
         Index of the story.
     rate : float
@@ -334,11 +313,7 @@ def power_damper(linear_terms, i, rate):
 
 @outlined
 def _power_damper(linear_terms, i, rate):
-    """Return force (N) and derivative (N s/m) of a power-law dashpot at the drift rate v = `rate`.
-
-    force = c v (v^2 + v0^2)^e
-    derivative with respect to v = c (v^2 + v0^2)^e (1 + 2 e v^2 / (v^2 + v0^2))
-    """
+    """Return force (N) and derivative (N s/m) of the power-law dashpot of story `i`."""
     squared_rate = rate * rate + linear_terms[rows.THRESHOLD, i]
     if squared_rate == 0.0:
         # Zero rate and no threshold v0 require e >= 0. The derivative at zero rate is c for a
@@ -357,35 +332,30 @@ def _power_damper(linear_terms, i, rate):
 def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, row, sums):
     """Store the internal forces C v + f(u) of all floors in a scratch row, N.
 
-    v are the velocities and u the displacements of the floors. The force of a story is the sum of
-    restoring force, P-delta, linear damper and power-law dashpot. The internal force of a floor is
-    the force of the story below minus the force of the story above, plus the forces of floor damper
-    and modal damping.
+    The force of a story is the sum of restoring force, P-delta, linear damper and power-law
+    dashpot. The internal force of a floor is the force of the story below minus the force of the
+    story above, plus the forces of floor damper and modal damping.
 
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor, and
-        an additional last column that belongs to no floor.
+        Masses, dampers and geometric stiffnesses.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T.
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story, and an additional
-        last column.
+        States of the hysteretic laws.
     block : int
-        First row of the block of the law states with the story forces (N) and drifts (m).
+        First row of the state with forces (N) and drifts (m) of the stories.
     scratch : ndarray
-        Scratch array: one row per quantity, one column per floor or story, and an additional last
-        column.
+        Scratch array.
     velocity : int
-        Row of `scratch` with the velocities, m/s.
+        Row of `scratch` with the velocities of the floors, m/s.
     row : int
         Row of `scratch` that receives the internal forces.
     sums : int
         Row of `scratch` that receives the force of each story, N.
     """
     n = linear_terms.shape[1] - 1
-    # Sum up the force of each story: restoring force, P-delta, damper and dashpot.
     velocity_below = 0.0
     for i in range(n):
         v = scratch[velocity, i]
@@ -396,7 +366,7 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
             + linear_terms[rows.GEOMETRIC, i] * law_state[block + rows.DRIFT, i]
             + linear_terms[rows.STORY_DAMPER, i] * rate
         )
-        scratch[sums, i] += power_damper(linear_terms, i, rate)[0]  # the force, without derivative
+        scratch[sums, i] += power_damper(linear_terms, i, rate)[0]
     # The floor is loaded by the story below and the story above it. There is no story above the
     # roof: column n is zero.
     scratch[sums, n] = 0.0
@@ -418,7 +388,7 @@ def finite(state, n):
     Parameters
     ----------
     state : ndarray
-        Memory of the method: rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2).
+        Memory of the method.
     n : int
         Number of floors.
     """
