@@ -263,13 +263,7 @@ def counted(
     items: Iterable[Item], count: int, label: str, *, to_terminal: bool
 ) -> Iterator[Iterable[Item]]:
     """Yield the items; if there are at least two, show a progress bar with the number of done
-    items.
-
-    Parameters
-    ----------
-    to_terminal : bool
-        True if the data are written to standard output.
-    """
+    items."""
     if count < 2:
         yield items
         return

@@ -121,7 +121,7 @@ class Tabular:
     figures: ClassVar[Callable[[], Any]]
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, for `repr` and the HTML caption."""
+        """Return the result in one line without the class name, for `repr` and the HTML caption."""
         raise NotImplementedError
 
     def to_dict(self, units: str = "") -> dict[str, Any]:

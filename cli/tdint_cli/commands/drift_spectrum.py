@@ -94,7 +94,6 @@ class _DriftSpectra(TableType):
     """Drift spectra of each component for each damping ratio."""
 
     def check(self, request: DriftRequest) -> None:
-        """Raise UsageError for options that exclude each other, before any computation."""
         if request.stories is not None and request.story_height is not None:
             raise UsageError("--stories cannot be used with --story-height; omit one of them")
         if request.beam and (request.stories is not None or request.story_height is not None):
@@ -127,5 +126,4 @@ class _DriftSpectra(TableType):
         return Results(results, records)
 
     def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
-        """Return the figure, with one line per spectrum."""
         return figures.spectrum_curves.drift_spectrum_picture(results, request.shown_units)

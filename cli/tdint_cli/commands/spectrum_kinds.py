@@ -377,7 +377,6 @@ class _OscillatorSpectra(TableType):
     """Spectra over the requested periods, with a note on these periods."""
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
         _ = request.elastic_settings  # raises UsageError if these options exclude each other
         if request.target_spectrum and not request.plot:
             raise UsageError(
@@ -440,23 +439,11 @@ class Elastic(_OscillatorSpectra):
         return Results(lines, records)
 
     def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
-        """Return a table with a row for each spectrum and period.
-
-        Parameters
-        ----------
-        lines : sequence of Spectrum
-            Spectra, one for each component and damping ratio.
-        """
+        """Return a table with a row for each spectrum and period."""
         return tables.spectra.result_table(lines, tuple(request.specified_settings))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
-        """Return a figure with a line for each spectrum.
-
-        Parameters
-        ----------
-        lines : sequence of Spectrum
-            Spectra, one for each component and damping ratio.
-        """
+        """Return a figure with a line for each spectrum."""
         axes = request.axes or "periods"
         return figures.spectrum_curves.spectrum_picture(
             lines, axes, request.shown_units, request.target_spectrum
@@ -470,7 +457,6 @@ class Inelastic(_OscillatorSpectra):
     mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
         if request.ductility and request.strength:
             raise UsageError("--ductility and --strength cannot be used together; omit one of them")
 
@@ -496,13 +482,7 @@ class Inelastic(_OscillatorSpectra):
         return Results(lines, records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
-        """Return a figure with a line for each spectrum.
-
-        Parameters
-        ----------
-        lines : sequence of InelasticSpectrum
-            Spectra, one for each component, damping ratio, and ductility or strength.
-        """
+        """Return a figure with a line for each spectrum."""
         return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
 
 
@@ -528,7 +508,6 @@ class Histories(TableType):
     mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
         if request.history != BESIDE:
             raise UsageError(
                 f"--history {request.history}: --history must be given without a file, because the "
@@ -602,23 +581,11 @@ class Rotated(_OscillatorSpectra):
         )
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
-        """Return a table with a row for each damping ratio and period.
-
-        Parameters
-        ----------
-        lines : sequence of RotatedSpectrum
-            Spectra of a single ground motion, one for each damping ratio.
-        """
+        """Return a table with a row for each damping ratio and period."""
         return tables.spectra.rotated_table(lines, tuple(request.specified_settings))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
-        """Return a figure with a line for each percentile.
-
-        Parameters
-        ----------
-        lines : sequence of RotatedSpectrum
-            Spectra, one for each ground motion and damping ratio.
-        """
+        """Return a figure with a line for each percentile."""
         return figures.spectrum_curves.rotated_picture(
             lines, request.shown_units, request.target_spectrum
         )
@@ -676,23 +643,11 @@ class Against(TableType):
         return Results(lines, records, notes)
 
     def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
-        """Return a table with a row for each spectrum and period.
-
-        Parameters
-        ----------
-        lines : sequence of SpectrumDifference
-            Computed and published spectra, one pair for each component and damping ratio.
-        """
+        """Return a table with a row for each spectrum and period."""
         return tables.spectra.difference_table(lines)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Figure:
-        """Return a figure of both spectra and their difference.
-
-        Parameters
-        ----------
-        lines : sequence of SpectrumDifference
-            Computed and published spectra, one pair for each component and damping ratio.
-        """
+        """Return a figure of both spectra and their difference."""
         return figures.spectrum_curves.difference_picture(lines, request.shown_units)
 
 

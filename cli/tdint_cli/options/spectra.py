@@ -204,8 +204,6 @@ class FloorRequest:
         ----------
         jobs : int | None
             Number of processes; None for one per processor.
-        units : OutputUnits
-            Units of the tables and of the figure.
 
         Returns
         -------
@@ -262,8 +260,6 @@ class FloorRequest:
 
         Parameters
         ----------
-        units : OutputUnits
-            Units of the tables and of the figure.
         export : str, optional
             Format of the exported floor motions; None for no export.
         """

@@ -136,15 +136,7 @@ def horizontals_of(argument: Any) -> Horizontals:
 
 
 def motion_of(argument: Any) -> Record | Horizontals:
-    """Return a record, or a pair of components for a sequence of two records.
-
-    Raises
-    ------
-    RecordError
-        The argument is invalid, a record cannot be read, or the records are not a horizontal pair.
-    UsageError
-        The units of a record are unknown.
-    """
+    """Return a record, or a pair of components for a sequence of two records."""
     from tdint.ground_motion.horizontals import Horizontals
 
     return (

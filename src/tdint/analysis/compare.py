@@ -373,8 +373,6 @@ class FloorComparison:
 
     Attributes
     ----------
-    floor : int
-        Number of the floor, from 1 at the bottom.
     quantity : str
         `acceleration` (absolute, m/s^2) or `displacement` (relative to the base, m).
     time : ndarray, shape (samples,)
@@ -415,13 +413,7 @@ class FloorComparison:
 
 @dataclass(frozen=True)
 class FloorSpectra:
-    """Response spectra of a floor's absolute acceleration.
-
-    Attributes
-    ----------
-    floor : int
-        Number of the floor, from 1 at the bottom.
-    """
+    """Response spectra of a floor's absolute acceleration."""
 
     floor: int
     periods: Array
@@ -451,7 +443,6 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         smallest_correlation, floor_count = (
             min(floor.correlation for floor in self.floors),
             pluralize(len(self.floors), "floor"),

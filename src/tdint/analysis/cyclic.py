@@ -141,7 +141,6 @@ class CyclicTest(Tabular):
     path: LawPath
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.model.name!r}, story {self.story}, {self.law} law, "
             f"{pluralize(self.path.drift.size, 'point')}"

@@ -219,7 +219,6 @@ class Match(Tabular):
         ]
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         misfits = [
             f"largest misfit {100.0 * spectrum.largest_misfit:.2g} %, mean "
             f"{100.0 * spectrum.mean_misfit:.2g} %"

@@ -46,7 +46,6 @@ class Overview(Tabular):
     warnings: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         stories = pluralize(self.stories, "story")
         return (
             f"of {self.model.name!r}: {stories}, T1 {self.period:.4g} s, laws {self.laws}, "

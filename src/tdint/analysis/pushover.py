@@ -130,7 +130,6 @@ class Pushover(Tabular):
     events: tuple[ElementEvent, ...] = ()
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.model.name!r}, {self.pattern} pattern, largest base shear "
             f"{self.largest_base_shear:.4g} N"

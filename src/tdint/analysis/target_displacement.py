@@ -104,7 +104,6 @@ class TargetDisplacement(Tabular):
     notes: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"by {self.method}: roof displacement {self.roof_displacement:.4g} m, T "
             f"{self.period:.4g} s"

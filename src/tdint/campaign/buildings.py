@@ -277,7 +277,6 @@ class RowBuildings(LazySequence[RowBuilding]):
         return len(self.rows)
 
     def make(self, number: int) -> RowBuilding:
-        """Return the building with the index `number`."""
         return RowBuilding(self.rows.make(number), self.rules)
 
 

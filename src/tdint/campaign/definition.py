@@ -478,8 +478,6 @@ class SequenceFile:
 
     Attributes
     ----------
-    choice : RecordChoice
-        Selection of components and processing of the records.
     rest : float | None
         Time between events, s; None: until free vibration has decayed.
     """
@@ -497,8 +495,6 @@ class FieldFile:
     ----------
     file : str
         CSV file of events, sites, records and factors.
-    choice : RecordChoice
-        Selection of components and processing of the records.
     pairs : bool
         Combine the two horizontal components of a record.
     sites : str | None

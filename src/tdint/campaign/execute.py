@@ -292,8 +292,8 @@ class CampaignRuns(Tabular):
             }
 
     def _headline(self) -> str:
-        """Return a description of the result in one line, which follows the name of the class:
-        name of the campaign, number of runs of each status, and the first warning."""
+        """Return the name of the campaign, the number of runs of each status, and the first
+        warning."""
         counts_by_status = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         completed = sum(self.statuses.values())
         return (

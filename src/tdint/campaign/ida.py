@@ -152,8 +152,7 @@ class IdaStudy(Tabular):
     partners: Mapping[int, int] = field(default_factory=dict)
 
     def _headline(self) -> str:
-        """Return a description of the study in one line, which follows the name of the class:
-        building, number of records, intensity measure and method."""
+        """Return the building, number of records, intensity measure and method."""
         return (
             f"of {self.model.name!r}: {pluralize(len(self.curves), 'record')}, levels of "
             f"{self.im_name}, {self.method}"

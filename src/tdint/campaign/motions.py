@@ -149,13 +149,8 @@ class SiteEvents:
         return self.field.draws(int(self.site_of[building]))
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building.
-
-        Parameters
-        ----------
-        runs : callable
-            Function that returns the number of runs of a motion.
-        """
+        """Return the number of runs of each building; `runs` returns the number of runs of a
+        motion."""
         field = self.field
         # The rows are sorted by site. The number of runs at a site is therefore the difference of
         # the cumulative number of runs between its first row and the first row of the next site.
@@ -167,8 +162,8 @@ class SiteEvents:
         return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment, which are part of the fingerprint that identifies
-        a campaign: names of the events, and SHA-256 of the fields."""
+        """Return names of the events and SHA-256 of the fields, for the fingerprint of a
+        campaign."""
         field = self.field
         digest = hashlib.sha256(repr((field.sites, field.motions)).encode())
         for array in (field.start, field.event, field.record, field.value, self.site_of):
@@ -228,13 +223,7 @@ class EveryMotion:
         return [Draw(motion, 0) for motion in range(self.count)]
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building.
-
-        Parameters
-        ----------
-        runs : callable
-            Function that returns the number of runs of a motion.
-        """
+        """Return the number of runs of each building (`SiteEvents.counts`)."""
         return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
 
     def description(self) -> dict[str, object]:
@@ -307,13 +296,7 @@ class GridSamples:
         return sorted(draws)
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building.
-
-        Parameters
-        ----------
-        runs : callable
-            Function that returns the number of runs of a motion.
-        """
+        """Return the number of runs of each building (`SiteEvents.counts`)."""
         # Usually all motions have the same number of runs. Then the number of runs of a building
         # does not depend on the sampled motions, and the sampling, which takes time, is omitted.
         run_counts = {
@@ -353,8 +336,8 @@ class GridSamples:
         return near_points.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment, which are part of the fingerprint that identifies
-        a campaign: settings of the sampling, and SHA-256 of the grid."""
+        """Return the settings of the sampling and SHA-256 of the grid, for the fingerprint of a
+        campaign."""
         settings = self.settings
         grid_text = repr((self._tree.data.tolist(), self.grid.motions))
         return {
@@ -466,8 +449,7 @@ class Scales:
         return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the scale factors, which are part of the fingerprint that identifies a
-        campaign."""
+        """Return the scale factors, for the fingerprint of a campaign."""
         return {"scales": list(self.values)}
 
 
@@ -561,7 +543,6 @@ class MotionFactors:
     ignores_motion_factor: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
-        """Return the number of factors of a motion."""
         return len(self.by_motion[motion])
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
@@ -569,8 +550,6 @@ class MotionFactors:
         return [self.by_motion[motion]] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the scale factors, which are part of the fingerprint that identifies a
-        campaign."""
         return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
 
 
@@ -596,7 +575,6 @@ class MeasureLevels:
     ignores_motion_factor: bool = field(default=True, init=False)
 
     def count(self, motion: int) -> int:
-        """Return the number of factors of a motion."""
         return len(self.values)
 
     @property

@@ -86,14 +86,10 @@ class Plan:
         Rows of the inventory that were skipped because they are too far from all sites.
     outputs : tuple of str | None
         Tables to write; None: all tables.
-    rates : mapping of str to float
-        Annual rate of each event, 1/year, if specified.
     factors : str
         Path of the file of scale factors, if any.
     style : tuple of (str, str)
         Style of the figures, and the directory that relative paths of style sheets refer to.
-    pair_demand : str | None
-        Rule that combines the components of pairs (`tdint.campaign.pairs`); None: the default.
     scaled : mapping
         Settings that `tdint scale` wrote next to the file of factors; empty if not available.
     """

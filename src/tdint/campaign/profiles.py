@@ -600,8 +600,6 @@ class FloorSuite(SuiteLevel):
 
     Attributes
     ----------
-    floor : int
-        Number of the floor, from 1 at the bottom.
     damping : float
         Damping ratio of the oscillators on the floor.
     psa : ndarray, shape (motions, k)

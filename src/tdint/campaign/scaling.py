@@ -123,8 +123,7 @@ class Scaling(Tabular):
     others_at_limit: int = 0
 
     def _headline(self) -> str:
-        """Return a description of the result in one line, which follows the name of the class:
-        number of motions, rule, and range of the factors."""
+        """Return the number of motions, the rule, and the range of the factors."""
         low, high = np.min(self.factors), np.max(self.factors)
         return (
             f"of {pluralize(len(self.motions), 'motion')} by the rule {self.rule}, factors "

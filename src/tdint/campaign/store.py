@@ -266,14 +266,14 @@ class Store:
         return dict(json.loads(row[0])) if row else {}
 
     def settings(self) -> dict[str, str]:
-        """Return the settings that apply to all runs: their values as JSON texts, by name."""
+        """Return the settings of all runs as JSON texts by name."""
         rows = self.connection.execute(
             "SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key"
         )
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
     def parameters(self) -> dict[str, Any]:
-        """Return the settings that apply to all runs: their decoded values, by name."""
+        """Return the decoded settings of all runs by name."""
         return {name: json.loads(value) for name, value in self.settings().items()}
 
     def varied(self) -> list[dict[str, float]]:
@@ -742,24 +742,14 @@ def open_store(
 def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[str]]:
     """Open the store in a file, or create it if the file does not exist.
 
+    Results and errors are those of `open_store`.
+
     Parameters
     ----------
     file : Path | None
         Path of the store; None: in memory.
     identity : Identity
         Campaign or study that the store must contain.
-
-    Returns
-    -------
-    Store, list of str
-        Store, and messages for the user, for example about chunks that are run again.
-
-    Raises
-    ------
-    AnotherStudyError
-        The file contains another campaign; the message has one line per difference.
-    OutputError
-        The file cannot be written.
     """
     name = ":memory:" if file is None else str(file)
     with sqlite_errors_reported(name):

@@ -133,8 +133,7 @@ class Record(Tabular):
     origin: MotionOrigin | None = None
 
     def _headline(self) -> str:
-        """Return the first line of the text that represents the record: name, number of samples,
-        sampling interval and peak ground acceleration."""
+        """Return the name, number of samples, sampling interval and peak ground acceleration."""
         return (
             f"{self.name}: {pluralize(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA "
             f"{self.pga:.4g} m/s^2"
@@ -459,8 +458,6 @@ class JoinedRecord(Record):
 
     @property
     def written_origin(self) -> MotionOrigin:
-        """Origin of a file to which this record is written. A matched motion that is processed
-        further keeps its seed and target."""
         first = self.origin or MotionOrigin(self.source, self.component)
         return replace(first, processing=self.processing)
 
@@ -473,18 +470,7 @@ class JoinedRecord(Record):
 
     def scaled(self, factor: float) -> Self:
         """Return a copy of the sequence, with the accelerations of all events except the first
-        `fixed` events multiplied by `factor`.
-
-        Parameters
-        ----------
-        factor : float
-            Factor on the acceleration; may be negative.
-
-        Raises
-        ------
-        RecordError
-            A product exceeds the range of floats.
-        """
+        `fixed` events multiplied by `factor`."""
         unscaled_events, other_events = self.events[: self.fixed], self.events[self.fixed :]
         scaled_events = [event.scaled(factor) for event in other_events]
         return self.of([*unscaled_events, *scaled_events], self.rest, self.fixed)

@@ -525,13 +525,8 @@ INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
 
 
 class _Row:
-    """Row of an inventory. Its methods convert cells and collect errors.
-
-    Parameters
-    ----------
-    faults : list of ModelFault
-        List for the errors of the row, extended by this function.
-    """
+    """Row of an inventory. Its methods convert cells and append errors to `faults`. `name` is the
+    name of a column."""
 
     def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
         """Select the cells of the row."""
@@ -541,10 +536,7 @@ class _Row:
         self._line, self._cells = table.lines[index], [column[index] for column in table.columns]
 
     def fault(self, index: int, name: str, message: str) -> None:
-        """Report an error of a cell.
-
-        `index` is the index of the column, from 0. `name` is the name of the column.
-        """
+        """Report an error in the cell of column `index`, from 0."""
         source = self._table.table.source
         self._faults.append(ModelFault(source, self._line, index + 1, name, message))
 
@@ -623,9 +615,8 @@ class _Row:
     def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
         """Return the number in a column, or nan after reporting an error.
 
-        `name` is the name of the column. `bounds` is the allowed range. Default: the range in
-        `_NUMBERS`. `expected` is the description of the allowed values for the message. Default:
-        that of `bounds`.
+        `bounds` is the allowed range; by default that of `_NUMBERS`. `expected` describes the
+        allowed values for the message; by default that of `bounds`.
         """
         text, bounds = self._cell(name), bounds or _NUMBERS[name]
         value = number(text)
@@ -637,10 +628,7 @@ class _Row:
         return math.nan
 
     def _integer(self, name: str, low: int, high: int) -> int:
-        """Return the integer in a column, or 0 after reporting an error.
-
-        `name` is the name of the column.
-        """
+        """Return the integer in a column, or 0 after reporting an error."""
         expected = f"a whole number from {low} to {high}"
         value = self._number(name, Bounds(low, high), expected)
         if math.isnan(value):
@@ -653,10 +641,7 @@ class _Row:
 
     def _choice(self, name: str, spellings: Mapping[str, str]) -> str:
         """Return the value in a column with few allowed values, or an empty text after reporting an
-        error.
-
-        `name` is the name of the column.
-        """
+        error."""
         text = self._cell(name)
         if text.lower() in spellings:
             return spellings[text.lower()]

@@ -47,7 +47,6 @@ class Modes(Tabular):
     damping: Array | None = None
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return f"of {pluralize(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
 
     @property

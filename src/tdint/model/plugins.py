@@ -225,15 +225,8 @@ def require_version(registered: Any, attribute: str, file: str, digest: str) -> 
 
     Parameters
     ----------
-    attribute : str
-        Name of the variable of plug-ins that lists these objects, `METHODS` or `LAWS`.
     file, digest : str
         Path and SHA-256 of the plug-in in the other process. The path may differ in this process.
-
-    Raises
-    ------
-    UsageError
-        The object in this process is not defined by a plug-in with this SHA-256.
     """
     home = home_of(registered, attribute)
     if home is None or home[1] != digest:

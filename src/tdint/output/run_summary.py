@@ -229,17 +229,8 @@ def failure_summary(
     first: FirstMode | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the content of summary.json for a failed run, with the state at the failure.
-
-    Parameters
-    ----------
-    failure : FailedRun
-        Error of the run, with the last time that it reached.
-    record : Record | None
-        Ground motion of the run; None without ground motion.
-    settings : mapping, optional
-        Options of the command line that are not part of the model.
-    """
+    """Return the content of summary.json for a failed run, with the state at the failure; other
+    arguments as for `run_summary`."""
     content = {
         "schema": schema("run"),
         "status": failure.status,

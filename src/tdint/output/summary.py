@@ -421,11 +421,6 @@ def field_summary(
 
     It contains the problems, the accuracy of their reference solutions, all measurements and the
     recommended methods.
-
-    Parameters
-    ----------
-    meanings : mapping
-        Units and meanings of the columns of the table.
     """
     peaks = [name.replace("-", "_") for name in PEAKS]
     names = (

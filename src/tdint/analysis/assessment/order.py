@@ -102,7 +102,6 @@ class ObservedOrder(Tabular):
     algorithmic_acceleration: Array
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         order = self.order("displacement")
         return (
             f"of {self.method}: {order:.3g} of the displacement, load {self.load}, law {self.law}"

@@ -85,7 +85,6 @@ class StabilityCurve(Tabular):
     spurious_radius: Array
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.method}, damping {self.damping:g}, {pluralize(self.dt_over_t.size, 'step')}"
         )
@@ -372,7 +371,6 @@ class Overshoot(Tabular):
     law: str = "linear"
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         steps = pluralize(self.displacement.size - 1, "step")
         return f"of {self.method} from a {self.start}, {self.law}, dt/T {self.dt_over_t:g}, {steps}"
 

@@ -398,7 +398,6 @@ class FieldChart(Tabular):
         )
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {pluralize(sum(map(has_specified_steps, self.lines)), 'method')}, "
             f"{pluralize(len(self.measured), 'problem')}"

@@ -259,7 +259,6 @@ class Chart(Tabular):
     peers: tuple[Peer, ...] = ()
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         line_count = len({point.line for point in self.points})
         count_by_noun = {"method": line_count, "point": len(self.points), "story": self.stories}
         return "of " + ", ".join(pluralize(count, noun) for noun, count in count_by_noun.items())

@@ -90,8 +90,6 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
     ----------
     peaks : ndarray, shape (2 PEAK_ROWS, n) or (runs, 2 PEAK_ROWS, n)
         Peaks in the rows of `Workspace.peaks`.
-    residual_drift : ndarray, shape (n,) or (runs, n)
-        Drifts at the end of the run, m.
 
     Returns
     -------

@@ -52,12 +52,7 @@ class LoadCase(Record):
         return hashlib.sha256(repr((parts, self.scale)).encode()).hexdigest()
 
     def scaled(self, factor: float) -> LoadCase:
-        """Return the load case with its forces multiplied by `factor`.
-
-        Parameters
-        ----------
-        factor : float
-            Factor on the forces; may be negative.
+        """Return the load case with its forces multiplied by `factor`, which may be negative.
 
         Returns
         -------

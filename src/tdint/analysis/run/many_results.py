@@ -237,7 +237,6 @@ class Runs(Tabular):
         return named
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         buildings, records = (
             pluralize(len(self.models), "building"),
             pluralize(len(self.records), "record"),

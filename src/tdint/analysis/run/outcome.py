@@ -127,8 +127,6 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
 
     Parameters
     ----------
-    building : Building
-        Building; its heights, yield drifts and dashpots are used.
     peaks : ndarray, shape (..., PEAK_ROWS, n)
         Peaks in the rows of `Workspace.peaks`; rows that the run has not observed become nan.
     end : ndarray, shape (..., n)
@@ -187,7 +185,6 @@ class StoryPeaks(Tabular, StoryValues):
     height: Array
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         largest = np.nanmax(self.peak_drift, initial=0.0)
         return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
 
@@ -283,7 +280,6 @@ class Gradient(Tabular, StoryValues):
     errors: StoryErrors | None = None
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"
         if self.errors is None:
             return f"{parameters}, errors not estimated"
@@ -555,7 +551,6 @@ class History(Tabular):
     element_labels: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         stories = pluralize(self.displacement.shape[1], "story")
         steps = pluralize(len(self.time) - 1, "step")
         return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
@@ -793,7 +788,6 @@ class Response(Tabular):
         return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         story = int(np.argmax(self.stories.peak_drift))
         return (
             f"of {self.model.name!r}: {self.status}, {self.method}, "

@@ -223,7 +223,8 @@ class PreparedBuilding:
 
     Properties that depend only on these data are computed one time and cached: the modes, the
     coefficients of a method for a time step, and the stability of a time step. One instance serves
-    any number of ground motions, scale factors and threads.
+    any number of ground motions, scale factors and threads. Integrations raise AnalysisError if the
+    method does not support the building, or if the memory is too small for the history.
 
     Attributes
     ----------
@@ -375,8 +376,6 @@ class PreparedBuilding:
 
         Raises
         ------
-        AnalysisError
-            The method does not support this building, or the memory is too small for the history.
         ValueError
             The number of steps is not a multiple of `history_rows`.
         """
@@ -407,11 +406,6 @@ class PreparedBuilding:
         Workspace
             The same workspace for each chunk, with a new history array. Its `rows_before` is the
             number of rows of the previous chunks. The chunk of a failure is not yielded.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not support this building.
         """
         width = history_width(self.building)
         row_count = max(2, _CHUNK_BYTES // (8 * width))  # 8 bytes for each value
@@ -448,11 +442,6 @@ class PreparedBuilding:
         Workspace
             Arrays at the end of each part, to be read before the next part is requested. A part
             that fails is not yielded.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not support this building.
         """
         space = self._loaded_arrays(integrator, steps.h)
         loop = self.loop(integrator, steps.h, ground, space)
@@ -484,13 +473,9 @@ class PreparedBuilding:
         ----------
         samples : ndarray
             Concatenated ground accelerations of all runs, m/s^2; a writable array.
-        criterion : RestCriterion
-            Criterion for continuing with the ground at rest; by default, runs are not continued.
 
         Raises
         ------
-        AnalysisError
-            The method does not support this building.
         UsageError
             `samples` is read-only.
         """
@@ -520,11 +505,6 @@ class PreparedBuilding:
             each run.
         drawn : DrawnBuildings
             Sampled buildings. The coefficients of the method must not depend on their values.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not support this building.
         """
         result = BatchResult.empty(len(runs), self.building)
         specs = [spec for _, spec in runs]
@@ -670,11 +650,6 @@ class PreparedBuilding:
         -------
         BatchResult
             Results in the order of `motions`; the column of rest is 1.
-
-        Raises
-        ------
-        AnalysisError
-            The method does not support this building, or the memory is too small for the history.
         """
         row_count = max(steps.count for _, _, steps in motions) // every + 1
         space = self._loaded_arrays(integrator, h, row_count)

@@ -280,7 +280,6 @@ class Spectrum(Tabular):
     interpolation: InterpolationName = LINEAR.name
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
             f"{pluralize(self.periods.size, 'period')}"

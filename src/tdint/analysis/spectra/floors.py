@@ -34,7 +34,6 @@ class FloorSpectrum(Tabular):
     spectrum: Spectrum
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         periods = pluralize(self.spectrum.periods.size, "period")
         return f"of floor {self.floor}, damping {self.spectrum.damping:g}, {periods}"
 

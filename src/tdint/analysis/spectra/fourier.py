@@ -60,7 +60,6 @@ class FourierSpectrum(Tabular):
     ]
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         smoothed = (
             "not smoothed"
             if math.isnan(self.bandwidth)

@@ -84,7 +84,6 @@ class ModalResponse(Tabular):
     moment_cqc: Array
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.model.name!r} under {self.target.source}: base shear "
             f"{self.shear_cqc[0]:.4g} N (CQC)"

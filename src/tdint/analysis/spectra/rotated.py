@@ -66,7 +66,6 @@ class RotatedSpectrum(Tabular):
     interpolation: str
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.motion.source}, damping {self.damping:g}, "
             f"{pluralize(self.periods.size, 'period')}"

@@ -73,7 +73,6 @@ class TransferFunction(Tabular):
     is_damped: bool
 
     def _headline(self) -> str:
-        """Return the description of the result in one line, without the class name."""
         roof = self.maxima[-1]
         unit = "" if self.source == GROUND else " m/N"
         source = GROUND if self.source == GROUND else f"a force on floor {self.source}"

@@ -72,27 +72,18 @@ NO_COMMON_LEVELS = "the runs have no common intensity levels; use --fit cloud, o
 
 @dataclass(frozen=True)
 class FragilityRequest:
-    """Settings of the fits to a table.
+    """Settings of the fits to a table, as in `fragility`.
 
     Attributes
     ----------
-    fit : str | None
-        `stripes`, `ida` or `cloud`; default is the fit that suits the columns of the table.
-    thresholds : tuple of float
-        Demands for which the exceedance is computed; default are the thresholds of the table.
-    edp_range : tuple of two floats
-        For a cloud: smaller demands are omitted, larger demands are known only to be above the
-        upper limit.
-    modeling_dispersion : float
-        Dispersion due to the uncertainty of the model.
     measure : str | None
-        Intensity measure of runs, such as `pgv` or `sa:0.5` (`measures.run_measure`), or its column
-        without the unit; default Sa(T1).
+        Intensity measure of runs (`measures.run_measure`), or its column without the unit; default
+        Sa(T1).
     states : tuple of str
         Names of the states of the thresholds in ascending order; default ds1, ds2, ...
     pair_demand : str | None
-        Rule that combines the components of pairs (`tdint.campaign.pairs`); default is the
-        rule of the study in the same directory, otherwise the larger demand.
+        Rule of `tdint.campaign.pairs`; default is the rule of the study in the same directory,
+        otherwise the larger demand.
     """
 
     fit: str | None = None
@@ -149,8 +140,7 @@ class FragilityResult(Tabular):
         return cls(functions, failures, warnings)
 
     def _headline(self) -> str:
-        """Return a description of the result in one line, which follows the name of the class:
-        number of functions, and their medians."""
+        """Return the number of functions, and their medians."""
         medians = ", ".join(
             f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions
         )
@@ -213,24 +203,12 @@ def fragility(
 
 
 def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
-    """Fit fragility functions to a table, or to a study.
+    """Fit fragility functions to a table, or to a study (`fragility`).
 
     Parameters
     ----------
     source : str
         Path of the table (`-`: standard input), or the directory of a study.
-
-    Returns
-    -------
-    FragilityResult
-        Functions, reasons why other functions cannot be fitted, and messages.
-
-    Raises
-    ------
-    UsageError
-        The fit does not suit the table, or a threshold is missing.
-    ModelError
-        The table cannot be read or contains invalid values.
     """
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")

@@ -708,8 +708,6 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
 
     Raises
     ------
-    UsageError
-        The arrays have different shapes, or a value is invalid.
     AnalysisError
         The likelihood has no maximum: only exceedances or no exceedances exist, or the levels with
         and without exceedances do not overlap.

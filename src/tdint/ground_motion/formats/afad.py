@@ -47,13 +47,7 @@ def is_afad(file: Any, **_: Any) -> bool:
 
 @reader
 def read_afad(lines: Lines) -> list[Series]:
-    """Read an AFAD file, and return its components with the units and the peaks in the header.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its content does not match its header.
-    """
+    """Read an AFAD file, and return its components with the units and the peaks in the header."""
     texts = lines.take_until(_NAMES.fullmatch, "line with the names of the components")
     names = lines.take().split()
     points, step, peaks = (first_match(pattern, texts) for pattern in (_POINTS, _STEP, _PEAKS))

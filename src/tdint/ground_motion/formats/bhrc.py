@@ -67,18 +67,7 @@ def is_bhrc(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_bhrc(lines: Lines) -> list[Series]:
-    """Read and return the next component of a BHRC file, in a list of length 1.
-
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file; the next line is the first of the component.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its content does not match its header.
-    """
+    """Read and return the component that starts at the next line, in a list of length 1."""
     # The header starts with lines of text, which end at the first row of integers.
     first_line = lines.number + 1
     texts = lines.take_until(_ROW.fullmatch, "header of integers")

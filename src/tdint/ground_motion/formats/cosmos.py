@@ -89,7 +89,7 @@ def is_cosmos(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_cosmos(lines: Lines) -> list[Series]:
-    """Read and return the accelerations of the next channel of a COSMOS file.
+    """Read and return the accelerations of the channel that starts at the next line.
 
     A channel consists of headers and blocks of samples; a block contains a single quantity. Every
     block of accelerations becomes a series. Blocks of velocity and displacement only provide the
@@ -98,16 +98,6 @@ def read_cosmos(lines: Lines) -> list[Series]:
 
     The decorator `by_parts` replaces this function by a function that reads all channels: it calls
     this function until no line remains.
-
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file; the next line is the first of the channel.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its content does not match its headers.
     """
     title = _TITLE.search(lines.take())
     if not title:

@@ -169,18 +169,8 @@ def is_csmip(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_csmip(lines: Lines) -> list[Series]:
-    """Read and return the acceleration of the next channel of a CSMIP file, in a list of length 1.
-
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file; the next line is the first of the channel.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its content does not match its header.
-    """
+    """Read and return the acceleration of the channel that starts at the next line, in a list of
+    length 1."""
     first_line = lines.number + 1
     texts = text_header(lines)
     title = first_match(_TITLE, texts[:1])

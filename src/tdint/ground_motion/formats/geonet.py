@@ -60,19 +60,8 @@ def is_geonet(file: Any, **_: Any) -> bool:
 
 @by_parts
 def read_geonet(lines: Lines) -> list[Series]:
-    """Read and return the acceleration of the next component of a GeoNet file, with the peaks of
-    its velocity and displacement, in a list of length 1.
-
-    Parameters
-    ----------
-    lines : Lines
-        Lines of the file; the next line is the first of the component.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its content does not match its header.
-    """
+    """Read and return the acceleration of the component that starts at the next line, with the
+    peaks of its velocity and displacement, in a list of length 1."""
     texts = [lines.take() for _ in range(_TEXTS)]
     if not _TITLE.match(texts[0]):
         raise RecordError(

@@ -162,7 +162,8 @@ def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
     Parameters
     ----------
     read : callable
-        Function that returns the components of a file from its lines.
+        Function that returns the components of a file from its lines. It raises RecordError if the
+        file is cut off, or if its content does not match its header.
     """
 
     @wraps(read)

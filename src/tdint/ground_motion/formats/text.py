@@ -92,11 +92,6 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
     Without a layout, an optional header (comments, declarations `key = value`, column names) must
     be followed by rows of a single number, or by rows of several numbers with an increasing first
     number. With a layout, a table of numbers must follow the lines to skip.
-
-    Parameters
-    ----------
-    layout : TextLayout
-        Description of the table by the user. Default: none.
     """
     return _is_table(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
 
@@ -163,11 +158,6 @@ def read_text(
 ) -> Stream:
     """Read a text table, and return its components as an ObsPy stream.
 
-    Parameters
-    ----------
-    layout : TextLayout
-        Description of the table by the user. Default: none.
-
     Raises
     ------
     RecordError
@@ -221,8 +211,7 @@ def table_series(
     Raises
     ------
     RecordError
-        The sampling interval is not declared, times are not in equal steps, or declarations
-        contradict each other or the values.
+        As by `read_text`, except for text in a row.
     """
     width, size = len(columns), columns[0].size
     selected = _selected(layout, header.names, width)

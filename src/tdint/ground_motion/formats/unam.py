@@ -60,13 +60,7 @@ def is_unam(file: Any, **_: Any) -> bool:
 
 @reader
 def read_unam(lines: Lines) -> list[Series]:
-    """Read an ASA file, and return its channels with the units and the peaks in the header.
-
-    Raises
-    ------
-    RecordError
-        The file is cut off, or its content does not match its header.
-    """
+    """Read an ASA file, and return its channels with the units and the peaks in the header."""
     texts = lines.take_until(_DATA.match, "start-of-data line")
     steps, counts, peaks, names = (
         _values_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES)

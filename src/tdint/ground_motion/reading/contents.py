@@ -283,11 +283,6 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 
     A file that cannot be read counts as a record, so that the later attempt to read it reports the
     error. A file with a supported format may still be corrupt.
-
-    Parameters
-    ----------
-    layout : TextLayout
-        Layout of text tables specified by the user. Default: none.
     """
     try:
         data = read_bytes(source)
@@ -305,8 +300,6 @@ def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[st
     ----------
     source : str
         Record file or zip file.
-    layout : TextLayout
-        Layout of text tables specified by the user. Default: none.
 
     Returns
     -------
@@ -334,8 +327,6 @@ def read_all_contents(
     ----------
     source : str
         Name of the file. The names of archived files start with this name.
-    layout : TextLayout
-        Layout of text tables specified by the user. Default: none.
 
     Returns
     -------
@@ -367,8 +358,6 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     ----------
     source : str
         Name of the file, for messages.
-    layout : TextLayout
-        Layout of text tables specified by the user. Default: none.
 
     Returns
     -------

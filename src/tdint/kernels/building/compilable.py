@@ -142,8 +142,6 @@ class Compilable:
     ----------
     parts : tuple of str
         Attributes of `Variant` on which the kernel depends.
-    vectorized : bool
-        True if the compiler may vectorize loops. Default: False.
     """
 
     def __init__(

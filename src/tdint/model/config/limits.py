@@ -2,7 +2,7 @@
 
 A limit is one value for all stories, or a mapping from stories to values. The keys of the mapping
 are numbers (`3`, `2-5`), types of hysteretic laws, or `others`. A number has priority over a type,
-and a type over `others`.
+and a type over `others`. The stories of the model are empty after an error in them.
 """
 
 from __future__ import annotations
@@ -139,8 +139,7 @@ def _read_level(
 ) -> list[Limit]:
     """Return the limits of a single performance level, at most one for each quantity.
 
-    `level` is the name of the level; empty for limits without a level. `stories` contains the
-    stories of the model; empty after an error.
+    `level` is empty for limits without a level.
     """
     limits = []
     for quantity in _QUANTITIES:
@@ -156,10 +155,7 @@ def _read_values(
     entry: Value, quantity: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> tuple[float, ...] | None:
     """Return the limit of each story, nan without a limit or after reporting an error; None if no
-    story has the quantity, which is reported.
-
-    `stories` contains the stories of the model; empty after an error.
-    """
+    story has the quantity, which is reported."""
     read_limit = _limit_reader(quantity, unit)
     # For each story, True if the story has the quantity; an isolator, for example, has no drift
     # ratio.
@@ -201,8 +197,6 @@ def _story_indices(
     """Return the indices (from 0) of the stories that a key of a limit selects.
 
     Stories without the quantity are omitted. The list is empty after reporting an error.
-
-    `stories` contains the stories of the model; empty after an error.
     """
     if not stories:
         return []

@@ -42,12 +42,8 @@ class _Request:
     ----------
     value : Value or _Failing
         Entry of the model file, for messages.
-    floor : int
-        Floor, from 1.
     column : str
         Name of the column; empty for the only column of forces.
-    factor, start : float
-        Factor on the values, and time that is added to the times (s).
     """
 
     value: Value | _Failing
@@ -69,7 +65,7 @@ def read_table_forces(
     sections : sequence of Section
         Entries of `forces` with a file or with points.
     unit : ModelUnits
-        Units of the model file, which apply to points and to columns without a unit.
+        Units of points and of columns without a unit.
     count : int | None
         Number of stories; None if it is unknown after an error.
     """
@@ -189,7 +185,7 @@ def read_load_file(
     columns : sequence of (int, str)
         Floor and column of each force; the column is empty for the only column of forces.
     scale, start : float
-        Factor on the values, and time that is added to the times (s).
+        As in `tdint.campaign.load_cases.LoadFiles`.
 
     Raises
     ------

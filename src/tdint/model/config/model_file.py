@@ -2,7 +2,8 @@
 
 The keys of a model file and their units are declared in this package only. `tdint.model.keys` reads
 text and numbers with line and column; each other module of the package reads one section of the
-file. The JSON schema for editors is generated from the same declarations.
+file. The JSON schema for editors is generated from the same declarations. `count` is the number of
+stories, which is the highest floor; None if it is unknown after an error.
 """
 
 from __future__ import annotations
@@ -203,15 +204,7 @@ EXCITATION = Keys(
 
 
 def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
-    """Return the record and the forces of the section `excitation`.
-
-    Parameters
-    ----------
-    value : Value | None
-        Value of the key `excitation`; None if it is missing.
-    count : int | None
-        Number of stories; None if it is unknown after an error.
-    """
+    """Return the record and the forces of the section `excitation`, which can be missing."""
     section = value.section(EXCITATION) if value else None
     if section is None:
         return Excitation(None)
@@ -238,11 +231,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
 def _read_tables(
     items: Sequence[Value], unit: ModelUnits, count: int | None
 ) -> tuple[TableForce, ...]:
-    """Return the forces from tables.
-
-    `items` contains the entries of the list of forces with the keys of `_TABLE_FORCE`. `count` is
-    the number of stories; None if it is unknown after an error.
-    """
+    """Return the forces from the entries of the list of forces with the keys of `_TABLE_FORCE`."""
     if not items:
         return ()
     # Imported here because it loads numpy, which is not needed to read other models.
@@ -277,9 +266,6 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
     """Return the force amplitude * cos(omega t + phi); `phase` is phi, `cos` or `sin`.
 
     Invalid values are reported and replaced by nan or 0.
-
-    `count` is the number of stories, which is the highest floor; None if it is unknown after an
-    error.
     """
     section = value.section(_FORCE)
     if section is None:
@@ -570,11 +556,7 @@ def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUni
 
 
 def _read_initial(section: Section, unit: ModelUnits, count: int | None) -> Initial:
-    """Return the initial state of the floors, m and m/s. The default is zero.
-
-    `section` is the section with the keys of `_INITIAL`: lists with a single number per story.
-    `count` is the number of stories; None if it is unknown after an error.
-    """
+    """Return the initial state of the floors, m and m/s; zero by default."""
     states: list[tuple[float, ...]] = []
     for name in _INITIAL:
         entry = section.get(name)

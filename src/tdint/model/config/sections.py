@@ -285,8 +285,6 @@ def read_damping(value: Value | None, count: int | None) -> Damping:
 
     Parameters
     ----------
-    value : Value | None
-        Value of the key `damping`; None if it is missing.
     count : int | None
         Number of stories; None if it is unknown after an error.
     """

@@ -64,10 +64,6 @@ class Faults:
     ----------
     source : str
         Name of the file in messages.
-    file_type, needs : str
-        Type of the file and its required content, for messages.
-    folder : Path
-        Directory to which relative paths in the file refer.
     """
 
     source: str

@@ -49,8 +49,6 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
 
     Parameters
     ----------
-    curves : sequence of StabilityCurve
-        Curves of methods, with a line for each curve.
     band : bool
         True to add a panel of the growth per time step around omega dt = sqrt(12), on a logarithmic
         scale.
@@ -236,8 +234,6 @@ def accuracy_picture(
 
     Parameters
     ----------
-    curves : sequence of StabilityCurve
-        Curves of methods, with a line for each curve.
     quantity : str
         `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`.
     thin : int

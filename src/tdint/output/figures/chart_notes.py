@@ -27,8 +27,6 @@ def short_footnote(chart: Chart, target: str, has_circles: bool, has_triangles: 
 
     Parameters
     ----------
-    target : str
-        Quantity whose error is shown, such as `peak-drift`.
     has_circles, has_triangles : bool
         True if the diagram contains circles (triangles).
     """
@@ -50,8 +48,6 @@ def footnote(
 
     Parameters
     ----------
-    target : str
-        Quantity whose error is shown, such as `peak-drift`.
     mark : str
         Symbol of the sampling interval in the diagram; empty if no point has this time step.
     """

@@ -55,16 +55,8 @@ def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
 
 
 def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
-    """Plot the shapes of the first modes over the floors, with their periods in the legend.
-
-    Parameters
-    ----------
-    modes : Modes
-        Modes of the building; at most `_MAX_MODES` are shown.
-    norm : str
-        Normalization of the shapes: `roof` (1 at the roof, the default), or `participation` (a
-        participation factor of 1).
-    """
+    """Plot the shapes of the first modes over the floors, with their periods in the legend;
+    arguments as for `mode_picture`."""
     shapes = modes.normalized(norm)
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
