@@ -3,9 +3,10 @@ and intensity measures.
 
     from tdint.plugin import STEP, Family, Method, kernel, rows
 
-These names are stable: a name changes only after a minor release that announces the change. Names
-of other modules of tdint can change without notice. Each name is imported when it is first used, so
-that a law does not load the modules that methods need.
+The docstring of `rows` defines the arguments of the kernels. These names are stable: a name changes
+only after a minor release that announces the change. Names of other modules of tdint can change
+without notice. Each name is imported when it is first used, so that a law does not load the modules
+that methods need.
 """
 
 from __future__ import annotations

@@ -73,8 +73,6 @@ class Cycle:
 
     Attributes
     ----------
-    number : int
-        Number of the cycle in the test, from 1.
     amplitude : float
         Maximum drift on either side, m.
     shear : tuple of float
@@ -274,9 +272,6 @@ def path_test(
         Drifts, m, or multiples of the yield drift.
     in_yield_drifts : bool
         True if the drifts are multiples of the yield drift; default False.
-    element : str, optional
-        Name of an element of the story, which is tested alone and without P-delta. Default: the
-        complete story.
 
     Raises
     ------
@@ -358,8 +353,6 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
     ----------
     size : DriftSize
         Length, drift ratio (multiple of the story height) or multiple of the yield drift.
-    story : int
-        Number of the story, from 1.
 
     Raises
     ------

@@ -62,8 +62,6 @@ class FittedValue:
     name : str
         `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient:
         `mass_coefficient_1_s`, `stiffness_coefficient_s`.
-    number : int | None
-        Number of the story or mode, from 1; None for a value common to all of them.
     standard_error : float
         Standard error of the value, if the residuals are independent from sample to sample; inf if
         the recording does not determine the value.
@@ -239,8 +237,6 @@ class _Problem:
 
     Parameters
     ----------
-    model : Model
-        Model of the building, with the values that are not fitted.
     progress : callable
         Function that receives the number of runs at the start of each run, from 1.
     """

@@ -322,8 +322,6 @@ def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list
 
     Parameters
     ----------
-    run : Run
-        Ground motion, scale factor and sample of the run.
     events : sequence of EventResponse
         Responses to the events, in chronological order.
     """
@@ -475,13 +473,6 @@ class Batch:
         The time step of the settings is halved or doubled to obtain the longest step up to
         `max_step` (s); with infinity it is used unchanged. None: no time step meets the tolerance;
         the runs are not integrated, and the status in their rows states this reason.
-
-        Raises
-        ------
-        UsageError
-            A time step does not fit a record.
-        AnalysisError
-            The method does not integrate this building.
         """
         # The start times of the events of a sequence depend on the decay of free vibration, which
         # differs between runs. Sequences are therefore integrated individually.

@@ -319,8 +319,6 @@ def read_sweep(
 
     Parameters
     ----------
-    vary, methods, steps : Value | None
-        Values of the keys `vary`, `methods` and of a list of time steps.
     models : bool
         True if the buildings are model files, False if they are from an inventory. Methods and time
         steps can be varied only for model files.
@@ -547,8 +545,6 @@ class CampaignFile:
     ----------
     name, source : str
         Name of the campaign (by default the name of the file), and path of the file.
-    settings : RunSettings
-        Settings of the runs and of the results to store.
     damage : DamageRequest | None
         Definition of the damage states; None: as in the models.
     outputs : tuple of str | None

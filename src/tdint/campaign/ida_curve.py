@@ -77,13 +77,7 @@ class IdaRun:
 
     @classmethod
     def from_row(cls, im: float, row: RunRow) -> IdaRun:
-        """Return the run from a row of the table of runs.
-
-        Parameters
-        ----------
-        im : float
-            Intensity of the run, in the unit of its measure.
-        """
+        """Return the run from a row of the table of runs."""
         # `row.errors` is empty if errors were not estimated.
         error_names = [column.name for column in RUN_WITH_ERROR]
         errors = dict(zip(error_names, row.errors, strict=False))
@@ -294,8 +288,6 @@ class IdaCurve:
 
     Attributes
     ----------
-    record : Record
-        Unscaled record.
     runs : tuple of IdaRun
         Runs in ascending order of levels.
     damage, residual_drift_ratio : float
@@ -604,8 +596,6 @@ def damaged(
 
     Parameters
     ----------
-    drift : float
-        Maximum drift ratio that the mainshock has to cause.
     first_factor : float
         First scale factor of the search; it continues with larger factors.
     dt : float | None

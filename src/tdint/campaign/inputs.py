@@ -72,8 +72,6 @@ class Inputs:
 
     Attributes
     ----------
-    models : tuple of Model
-        Models of the model files, with the campaign's settings for all buildings.
     assignment : Assignment | None
         Ground motions of each building; None: all motions for all buildings.
     factors : FactorTable | None
@@ -401,11 +399,6 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     The file has the columns sequence, record (path relative to the file) and, optionally,
     component, factor and units (of the samples; empty if the record states them). The rows of a
     sequence are in chronological order.
-
-    Parameters
-    ----------
-    sequences : SequenceFile
-        Path of the file, and settings for all records.
 
     Returns
     -------

@@ -50,11 +50,6 @@ class SpectralIntensity:
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
         """Return the intensity of a motion, m/s^2.
 
-        Parameters
-        ----------
-        pair : str
-            Combination of the components of a pair: a name of `PAIRS`.
-
         Raises
         ------
         RecordError
@@ -86,11 +81,6 @@ class MotionIntensity:
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
         """Return the intensity of a motion, in its unit.
-
-        Parameters
-        ----------
-        pair : str
-            Combination of the components of a pair: a name of `PAIRS`.
 
         Raises
         ------
@@ -241,8 +231,6 @@ def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageErr
     ----------
     known : iterable of str
         Forms of the known measures, such as `pga` and `sa(T)`.
-    hint : str
-        Suggestion of a similar name, as returned by `did_you_mean`; by default none.
     """
     return UsageError(f"unknown intensity measure {name!r:.60}{hint} (known: {', '.join(known)})")
 

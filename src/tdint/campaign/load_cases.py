@@ -119,17 +119,6 @@ def read_load_cases(
 ) -> CampaignMotions:
     """Read the files of load cases.
 
-    Parameters
-    ----------
-    requested : LoadFiles
-        Files and columns.
-    models : sequence of Model
-        Buildings of model files.
-    rows : InventoryRows | None
-        Buildings of an inventory.
-    source : str
-        Campaign file, for messages.
-
     Returns
     -------
     CampaignMotions

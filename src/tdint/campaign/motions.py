@@ -197,8 +197,6 @@ class CampaignMotions:
     ----------
     motions : tuple of SuiteMotion
         The motions; their index is their number.
-    failures : tuple of TdintError
-        Errors of motions that could not be read.
     site_motions : GridMotions or FieldMotions, optional
         Motions by their location; None if all buildings have all motions.
     rates : mapping of str to float
@@ -385,11 +383,6 @@ def meters(locations: Locations, others: Locations) -> Array:
 
     The distance is 2 R arcsin(c / 2), where R is the radius of the earth and c is the length of the
     chord on the unit sphere.
-
-    Parameters
-    ----------
-    locations, others : Places
-        Longitudes and latitudes of k locations, degrees.
     """
     chord = np.linalg.norm(coordinates(locations, "km") - coordinates(others, "km"), axis=1)
     return np.asarray(2.0 * _EARTH_RADIUS * np.arcsin(np.minimum(0.5 * chord, 1.0)))
@@ -474,11 +467,6 @@ class FactorTable:
         """Return the scale factors of a motion in the table. The table may list the motion by its
         name, by the name of its file without the directory, or by the name of the pair to which it
         belongs.
-
-        Parameters
-        ----------
-        motion : SuiteMotion
-            Ground motion of the campaign, a single record or a component of a pair.
 
         Raises
         ------

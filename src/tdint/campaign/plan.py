@@ -80,18 +80,8 @@ class Plan:
         Errors of records and rows of an inventory that were skipped.
     warnings : tuple of str
         Unusual values of the buildings, as shown by `check`. They are shown before the notes.
-    inventory : tuple of str
-        Files of the inventory, if the campaign has one.
-    too_far_from_sites : tuple of ModelFault
-        Rows of the inventory that were skipped because they are too far from all sites.
-    outputs : tuple of str | None
-        Tables to write; None: all tables.
     factors : str
         Path of the file of scale factors, if any.
-    style : tuple of (str, str)
-        Style of the figures, and the directory that relative paths of style sheets refer to.
-    scaled : mapping
-        Settings that `tdint scale` wrote next to the file of factors; empty if not available.
     """
 
     name: str

@@ -157,8 +157,6 @@ class Profile(SuiteLevel):
         by its name.
     peak_errors : mapping of str to ndarray, shape (motions, n)
         Their estimated errors, NaN if missing; empty if not requested.
-    limits : tuple of Limit
-        Limits of the model of the building.
     isolators : tuple of int
         Stories with isolators, from 1.
     """

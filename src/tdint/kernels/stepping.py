@@ -45,7 +45,7 @@ class Scene(NamedTuple):
     linear_terms : ndarray
         Properties of the building that act linearly.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T.
     law_parameters : ndarray
         Parameters of the hysteresis models.
     forces : ndarray

@@ -63,8 +63,6 @@ def motion_contents(
 
     Parameters
     ----------
-    file_format : str
-        Format of the files: mseed, at2 or csv.
     origins : sequence of MotionOrigin, optional
         Origins of all components, stated in the headers of AT2 and CSV files; a header of MiniSEED
         has no place for them. Default: none.

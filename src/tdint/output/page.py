@@ -305,8 +305,6 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     ----------
     about : str
         Introduction of a single sentence.
-    page_text : PageText
-        Verdict, warnings, lines of the head and input files.
     """
     # The first 16 digits of a plug-in's digest are enough to distinguish its versions.
     packages = versions()

@@ -365,8 +365,6 @@ def chart_summary(
 
     Parameters
     ----------
-    advice : sequence of Advice
-        Recommended points for each error limit.
     meanings : mapping
         Units and meanings of the columns of the table.
     """

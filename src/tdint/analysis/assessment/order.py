@@ -464,12 +464,6 @@ class MethodCheck:
 def check_method(integrator: Integrator) -> MethodCheck:
     """Measure the declared properties of a method.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        The method. Its step function is first executed in plain Python, where array bounds are
-        checked, and then compiled.
-
     Returns
     -------
     MethodCheck

@@ -175,8 +175,6 @@ class Measured:
         Number of stories; sampling interval of the record and duration of the time integration, s;
         maximum ductility (nan for laws without yield) and number of branch changes of the
         reference.
-    confirmed_by : str
-        Description of the second solution.
     gap : PeakErrors
         Errors of the second solution relative to the reference. Only errors well above this gap
         can be measured.

@@ -214,8 +214,6 @@ class Peer:
     ----------
     name : str
         Name, which is also the first part of the names of its lines.
-    timed : str
-        Description of the part of the program that is timed.
     """
 
     name: str

@@ -252,13 +252,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
-    """Return the spectral radii of the amplification matrices of oscillators, shape (k,).
-
-    Parameters
-    ----------
-    integrator, omega, damping, h
-        As for `amplification`.
-    """
+    """Return the spectral radii of the amplification matrices of oscillators, shape (k,)."""
     matrices = amplification(integrator, omega, damping, h)
     # The memory of a method contains quantities in m, m/s and m/s^2. Scale its rows to similar
     # magnitudes, which reduces rounding errors of the eigenvalues.

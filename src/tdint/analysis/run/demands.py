@@ -68,11 +68,6 @@ class Demand(Quantity):
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
         """Compute the demand of each run and its location.
 
-        Parameters
-        ----------
-        stories : StoryPeaks
-            Peaks, shape (runs, n) or (n,); nan is ignored.
-
         Returns
         -------
         LargestOfRuns

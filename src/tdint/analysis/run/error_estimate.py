@@ -241,12 +241,6 @@ def with_error_estimate(
     If the additional run fails or ends earlier by a collapse, the errors are nan and a note states
     the reason. If the run ended by a collapse, both runs are compared up to this end.
 
-    Parameters
-    ----------
-    history_errors : bool, default False
-        Estimate the errors of the history also: of `response.history` if it was kept, and of the
-        chunks that `response.history_chunks` yields.
-
     Returns
     -------
     Response

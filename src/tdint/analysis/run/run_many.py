@@ -577,8 +577,6 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
 
     Parameters
     ----------
-    case : Case
-        Building, ground motion and method of the run.
     response : Response
         Result of the run. Errors of the derivatives are estimated if it has error estimates.
 

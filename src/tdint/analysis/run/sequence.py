@@ -68,8 +68,6 @@ def sequence_of(
 
     Parameters
     ----------
-    case : Case
-        Building and method; its ground motion is not used.
     records : sequence of Record
         Scaled ground motions of the events.
     rest : float, optional

@@ -86,8 +86,6 @@ def choose_step(
     dt : float, optional
         Largest time step to try, s. Default: four sampling intervals of the record, or two for
         tolerances below 0.3 %.
-    duration : float, optional
-        Duration of the run, s. Default: that of the model or the record, as in `Case.steps`.
     history : bool, default False
         Keep the complete response history. The run with the selected time step is then repeated.
 

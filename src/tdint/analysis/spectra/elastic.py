@@ -294,10 +294,6 @@ class SpectrumSettings:
     ----------
     method : str | None
         Method that integrates the oscillators; None for the exact solution.
-    maxima : Maxima
-        Times of the maxima.
-    interpolation : Interpolation
-        Interpolation of the ground acceleration between its samples.
     """
 
     method: str | None

@@ -710,17 +710,7 @@ def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
 
 @dataclass(frozen=True)
 class _TableType:
-    """Type of table, which determines the possible fits.
-
-    Attributes
-    ----------
-    columns : tuple of str
-        Columns that identify the type.
-    fits : tuple of str
-        Possible fits, the default first.
-    fit : callable
-        Function that fits a table of the type.
-    """
+    """Type of table, which determines the possible fits."""
 
     columns: tuple[str, ...]
     fits: tuple[str, ...]

@@ -280,11 +280,6 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     By default stripes are fitted if there are several intensity levels with enough ground motions,
     otherwise a cloud.
 
-    Parameters
-    ----------
-    runs : TypeRuns
-        Runs of the buildings of a type, or of a building.
-
     Returns
     -------
     list of Fragility or AnalysisError

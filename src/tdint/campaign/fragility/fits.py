@@ -226,8 +226,6 @@ class Counted:
         Intensity of each bin: geometric mean of its runs.
     fraction : ndarray
         Fraction of the runs that exceed the state.
-    fitted : ndarray
-        Mean probability of the function.
     error : ndarray
         Standard error of the difference between `fraction` and `fitted`.
     half_motion : ndarray

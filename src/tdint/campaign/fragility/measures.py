@@ -528,8 +528,6 @@ def compare_measures(
     folder : str or Path
         Directory of a campaign of one building, with runs.csv. Measures other than `sa` and `pga`
         require measures.csv.
-    measures : sequence of str
-        Names, as in `tdint.campaign.fragility.measures.run_measure`.
     characteristics : str or Path, optional
         CSV file with one row per record. The scale factor is an additional characteristic if it
         varies.

@@ -250,13 +250,6 @@ def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
 
     A group has the run of each component of a pair, even if their scale factors differ. If the
     rule counts components separately, each group has a single run.
-
-    Parameters
-    ----------
-    damage : BuildingDamage
-        Damage after each run, with the ground motion, sample and level of the run.
-    rule : PairRule
-        Rule that states which components form a pair.
     """
     indices: dict[tuple[int, int, int], list[int]] = {}
     for index, (key, rank) in enumerate(zip(damage.keys, damage.rank.tolist(), strict=True)):
@@ -331,8 +324,6 @@ class TypeDamage:
     buildings, runs, failed : int
         Number of buildings, of runs, and of runs without a result, which do not contribute to the
         following values. Runs under a pair that counts as a single ground motion are one run.
-    probability : Mean
-        Probability of each of `states.outcomes`.
     loss : Mean
         Loss ratio; arrays of a single value, nan without losses.
     loss_sd : float
@@ -369,11 +360,6 @@ class TypeDamage:
 class _Group:
     """Runs of a group of buildings in a single event and at a single level, as sums for each ground
     motion.
-
-    Attributes
-    ----------
-    buildings, runs, failed : int
-        Number of buildings, of runs, and of runs without a result.
     """
 
     def __init__(self, states: DamageStates) -> None:

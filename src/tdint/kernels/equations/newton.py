@@ -119,12 +119,10 @@ def factor_rows(modes: int) -> int:
 def invalidate(scratch, factors, n):
     """Mark a factorization in the scratch array as invalid: its tangents are set to infinity.
 
-    The next solution then computes a new factorization, because all tangents have changed.
-
     Parameters
     ----------
     scratch : ndarray
-        Scratch array of the step: one row per quantity, one column per floor or story.
+        Scratch array.
     factors : int
         First row of the factorization.
     n : int
@@ -138,9 +136,8 @@ def invalidate(scratch, factors, n):
 def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     """Solve M a + C v + f(u) = p for the unknown x of each floor by Newton's method.
 
-    Displacement, velocity and acceleration are linear functions of x: u = U + by_u x, v = V + by_v
-    x, a = A + by_a x. U, V and A are the values of the first iterate, x = 0. A correction dx is the
-    solution of
+    The response is the linear function of x in the docstring of the module, with the first iterate
+    x = 0. A correction dx is the solution of
 
         (by_a M + by_v C + by_u K) dx = p - M a - C v - f(u)
 
@@ -164,16 +161,16 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         First scratch row of the factorization of by_a M + by_v C + by_u K for these coefficients,
         valid or marked by `invalidate`.
     previous : int
-        First row of the block of the law states at the start of the path.
+        First row of the law states at the start of the path.
     trial : int
-        First row of the block of the law states that receives the states at the solution.
+        First row of the law states at the solution.
     scene : Scene
-        Building (masses, dampers, parameters of the laws) and forces on its floors.
+        Building and forces on its floors.
     memory : Memory
         Rows `ROW` of the scratch array: LOAD contains p (N), U, V and A contain the first iterate
-        (m, m/s, m/s^2) and receive the response. Row X receives x (m/s^2), and block `trial` of the
-        law states the states at the solution. The status of the step receives the largest relative
-        residual and its floor if the iteration fails (`_update_residuals`).
+        (m, m/s, m/s^2) and receive the response. Row X receives x (m/s^2). The status of the step
+        receives the largest relative residual and its floor if the iteration fails
+        (`_update_residuals`).
 
     Returns
     -------

@@ -96,10 +96,9 @@ def solve(factors, x, n):
     Parameters
     ----------
     factors : Factors
-        Scratch array and its rows with the factorization: row `pivot` contains the inverses of D,
-        row `coupling` the entries (i, i - 1) of L.
+        Rows with the factorization.
     x : int
-        Row of the scratch array that contains the right side b; it receives the solution x.
+        Row of the right side b; it receives the solution x.
     n : int
         Number of floors.
     """
@@ -144,9 +143,8 @@ def invert(scratch, first, size):
 def factor_damped(factors, modal, scale, n):
     """Factorize T + scale W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
 
-    W has one row for each damped mode, so that scale W^T W is modal damping. This term is a dense
-    matrix. It is never assembled: only T is factorized, and the Woodbury formula corrects the
-    solutions.
+    scale W^T W is modal damping, a dense matrix that is never assembled: only T is factorized, and
+    the Woodbury formula corrects the solutions.
 
     Parameters
     ----------
@@ -194,16 +192,14 @@ def _store_woodbury(factors, modal, scale, n):
 def solve_damped(factors, modal, x, n):
     """Solve (T + s W^T W) x = b with the factorization of `factor_damped`, including modal damping.
 
-    T is a symmetric tridiagonal matrix; s is the factor of the modal damping matrix W^T W.
-
     Parameters
     ----------
     factors : Factors
-        Scratch array and the rows of the factorization of T, with the terms of modal damping.
+        Rows with the factorization of T and the terms of modal damping.
     modal : ndarray
         W, one row per damped mode.
     x : int
-        Row of the right side in the same table; it receives the solution.
+        Row of the right side; it receives the solution.
     n : int
         Number of floors.
     """
@@ -247,7 +243,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses.
     law_state : ndarray
         Table with the tangent stiffness of each story.
     row : int
@@ -283,9 +279,9 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T.
     law_state : ndarray
         Table with the tangent stiffness of each story.
     row : int
@@ -322,7 +318,7 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
+        Masses, dampers and geometric stiffnesses.
     factors : Factors
         The first four rows from `coupling` on contain the block B_i of each story, row by row: the
         derivatives of its terms in both equations with respect to both unknowns. The four rows from
@@ -351,8 +347,8 @@ def link_blocks(linear_terms, factors, n):
     """Add the 2 x 2 block of each story to the diagonal block of the floor below.
 
     Story i, with the block B_i, connects floor i and floor i - 1. The caller has already added B_i
-    to the diagonal block of floor i. This function first sets B_i of stories on the ground to zero,
-    because they have no floor below, and then adds B_(i+1) to the diagonal block of each floor i.
+    to the diagonal block of floor i. B_i of stories on the ground, which have no floor below, is
+    set to zero.
 
     Parameters
     ----------
@@ -383,8 +379,7 @@ def factor_blocks(factors, damping, n):
 
         -B_i z_(i-1) + D_i z_i - B_(i+1) z_(i+1) = b_i
 
-    The elimination proceeds from the lowest floor (i = 0) upwards. The inverse block pivots A_i and
-    two products with A_i are stored for the solution (`solve_blocks`):
+    The elimination proceeds from the lowest floor upwards and stores, for `solve_blocks`:
 
         A_0 = D_0^-1,   A_i = (D_i - B_i A_(i-1) B_i)^-1
         B_i A_(i-1)     factor of floor i - 1 in the forward substitution, upwards
@@ -547,9 +542,8 @@ def _factor_full(factors, damping, n):
 
 @outlined
 def _solve_full(scratch, xx, x, y, n):
-    """Solve a linear system for two unknowns (x, y) per floor with the factors of `_factor_full`
-    from row `xx` on.
-    """
+    """Solve a linear system for two unknowns per floor with the factors of `_factor_full` from row
+    `xx` on."""
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
     # Forward substitution with L, which has a unit diagonal
     for i in range(1, n):
@@ -571,30 +565,19 @@ def _solve_full(scratch, xx, x, y, n):
 
 @inline
 def solve_blocks(factors, x, y, n):
-    """Solve a block tridiagonal system with 2 x 2 blocks with the factorization of `factor_blocks`.
+    """Solve a block tridiagonal system with the factorization of `factor_blocks`.
 
-    Each floor i has a pair of unknowns z_i = (x, y). With the diagonal blocks D_i, the blocks B_i
-    of the stories and the right side b_i, the equations are
-
-        -B_i z_(i-1) + D_i z_i - B_(i+1) z_(i+1) = b_i
-
-    The off-diagonal blocks are -B_i; both substitutions therefore add terms. With the inverse block
-    pivots A_i of the factorization,
+    With the symbols of `factor_blocks`, and without modal damping,
 
         forward, upwards        f_0 = b_0,   f_i = b_i + B_i A_(i-1) f_(i-1)
         backward, downwards     z_i = A_i f_i + A_i B_(i+1) z_(i+1)
 
-    Modal damping is not included.
-
     Parameters
     ----------
     factors : Factors
-        Scratch array and the rows of the factorization. The four entries of a block are in four
-        rows, row by row of the block: A_i from row `pivot` on, B_i A_(i-1) from row `coupling` on,
-        A_i B_(i+1) (0 for the roof) from row `coupling` + 4 on.
+        Rows with the factorization.
     x, y : int
-        Rows of the scratch array with the right side, one column per floor; they receive the
-        solution.
+        Rows of the right side; they receive the solution.
     n : int
         Number of floors.
     """
@@ -849,25 +832,16 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
 def solve_blocks_damped(factors, damping, x, y, n):
     """Solve a linear system with the factorization of `factor_blocks`, including modal damping.
 
-    The matrix is block tridiagonal with 2 x 2 blocks for the unknowns (x, y) of each floor, plus
-    modal damping. There are two cases:
-
-    - The number of damped modes is at least 2/3 of the number of floors (`_is_full`):
-      `factor_blocks` has factorized the sum of both matrices as a full matrix. Forward and backward
-      substitution give the solution.
-    - Otherwise: `factor_blocks` has factorized the block tridiagonal matrix. Its solution is
-      corrected for modal damping by the Woodbury formula. Without modal damping, the correction is
-      omitted.
-
     Parameters
     ----------
     factors : Factors
-        Scratch array and the rows of the factorization.
+        Rows with the factorization: of the sum of both matrices as a full matrix if most modes are
+        damped (`_is_full`), otherwise of the block tridiagonal matrix. The solution of the latter
+        is corrected by the Woodbury formula.
     damping : ModalBlocks
         Modal damping, with the values for which the matrix was factorized.
     x, y : int
-        Rows of the first and of the second unknown of the floors. They contain the right side and
-        receive the solution.
+        Rows of the right side; they receive the solution.
     n : int
         Number of floors.
     """

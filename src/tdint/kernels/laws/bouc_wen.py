@@ -64,7 +64,7 @@ half."""
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the Bouc-Wen law."""
+    """Return the compiled functions of the law."""
     import numpy as np
 
     from tdint.kernels.compiling import inline, outlined

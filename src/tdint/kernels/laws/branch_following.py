@@ -28,17 +28,14 @@ is nan."""
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
     """Do nothing: function `advance` of a law with a state that consists of drift and force only.
 
-    All functions `advance` have these arguments (`LawFunctions`); this function uses no argument.
-
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
+        First row of the state in `law_state`.
     step : float
         Change of drift, m.
     mean_force : float
@@ -54,14 +51,13 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
     Parameters
     ----------
     law_parameters : ndarray
-        Parameters of the laws; not used.
+        Not used.
     law_state : ndarray
-        States of the laws; row WORK of the block is increased, J.
+        Row WORK of the block is increased.
     i : int
         Index of the story.
     block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
+        First row of the state in `law_state`.
     step : float
         Change of drift on the path, m.
     mean_force : float
@@ -81,10 +77,9 @@ def extra_rows(law_state, block):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws.
     block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
+        First row of the state in `law_state`.
     """
     # block // LAW_STATE_ROWS is the index of the state (0 for the committed state). The remaining
     # rows of the table are divided equally among all states.
@@ -95,19 +90,18 @@ def extra_rows(law_state, block):
 
 @inline
 def copy_extra_rows(law_state, i, previous, trial):
-    """Copy the extra rows of story `i` from block `previous` to block `trial`, if there are extra
-    rows.
+    """Copy the extra rows of story `i` from block `previous` to block `trial`.
 
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws.
     i : int
         Index of the story.
     previous : int
-        First row of the block of `law_state` with the extra rows that are copied.
+        First row of the source block.
     trial : int
-        First row of the block of `law_state` with the extra rows that are replaced.
+        First row of the target block.
     """
     # The rows of the table from row EXTRA_ROWS on are divided equally among the states.
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
@@ -126,12 +120,11 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws; rows SLOPE, LOWER, UPPER and RATE_SIGN of the block are set.
+        Rows SLOPE, LOWER, UPPER and RATE_SIGN of the block are set.
     i : int
         Index of the story.
     block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
+        First row of the state in `law_state`.
     slope : float
         Tangent stiffness of the branch, N/m; infinite for a curved branch.
     lower, upper : float
@@ -151,19 +144,17 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
 def fail(law_state, i, block, failed):
     """Remove the strength and stiffness of story `i` permanently.
 
-    Sets FORCE to 0, a branch with zero slope and without limits, and INTERNAL to `failed`.
-
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws.
     i : int
         Index of the story.
     block : int
-        First row of the state in `law_state`: 0 for the committed state (the end of the last step
-        or substep), otherwise the first row of a trial state.
+        First row of the state in `law_state`.
     failed : float
-        Value of INTERNAL after the failure.
+        Value of INTERNAL after the failure. FORCE is then 0, on a branch with zero slope and
+        without limits.
     """
     law_state[block + rows.INTERNAL, i] = failed
     law_state[block + rows.FORCE, i] = 0.0
@@ -199,12 +190,10 @@ def copy_branch(law_state, i, block):
 def branch_first(functions: LawFunctions) -> LawFunctions:
     """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
-    Most paths start and end on the same linear branch. In this case only drift, force and work
-    change. The caller writes DRIFT to block `trial`, and the new force function writes FORCE, WORK
-    and BRANCH_OFFSET. The rows of the branch are not copied: they remain in the block that contains
-    the branch. BRANCH_OFFSET of block `trial` is the number of rows from `trial` to that block.
-    Without this function, each evaluation of the force copies all rows to block `trial`, and each
-    commit copies all rows to the committed state. Forces, tangents and work are bitwise equal.
+    Most paths start and end on the same linear branch. Then only drift, force and work change: the
+    caller writes DRIFT to block `trial`, and the new force function writes FORCE, WORK and
+    BRANCH_OFFSET. Without this function, each evaluation of the force and each commit copies all
+    rows. Forces, tangents and work are bitwise equal.
 
     A state that refers to the branch in another block is valid only until the other block is
     overwritten. Example: the path to SECOND_TRIAL starts at the state in FIRST_TRIAL. If
@@ -227,9 +216,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force at a drift; return the tangent stiffness, N/m.
 
-        If the path remains on its linear branch, only FORCE, WORK and BRANCH_OFFSET are written to
-        block `trial`; the caller writes DRIFT. Otherwise `follow`, the force function of the law,
-        changes the branch on the way and writes all rows.
+        If the path leaves its linear branch, `follow`, the force function of the law, changes the
+        branch on the way and writes all rows.
         """
         branch_block = branch_owner(law_state, i, previous)
         slope = law_state[branch_block + rows.SLOPE, i]
@@ -303,12 +291,9 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
     ----------
     switch : function
         (law_parameters, law_state, i, block, event). Sets the branch that follows when the current
-        branch ends by `event` (ABOVE, BELOW or REVERSED). `block` is the first row of the block of
-        `law_state` with the state that changes its branch.
+        branch of the state in `block` ends by `event` (ABOVE, BELOW or REVERSED).
     move : function, optional
-        (law_parameters, law_state, i, block, step, mean_force). Updates the rows other than drift
-        and force after a change of drift `step` (m) on a branch with the mean force (N). Default:
-        `add_work`.
+        Function `advance` of the law (`LawFunctions`). Default: `add_work`.
     max_branches : int
         Maximum number of changes of branch on a path.
 

@@ -48,9 +48,6 @@ def _functions() -> LawFunctions:
         """Return the elastic energy of the committed state with the drift d, J.
 
         It is k d^2 / 2 plus, in contact with a stop, stop_stiffness (|d| - gap)^2 / 2.
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
         """
         d = law_state[rows.DRIFT, i]
         penetration = max(abs(d) - law_parameters[_GAP, i], 0.0)

@@ -83,11 +83,7 @@ _EQUAL_FORCES = 1e-9
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law: `switch` (next branch), `strain_energy` and `enter`
-    (first branch), and those that `follow_branches` builds from them.
-
-    The decorators are imported here, because they import numba in a process that compiles.
-    """
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
@@ -145,10 +141,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def residual(law_parameters, i, side):
-        """Return the residual force of a side, N: residual ratio times initial yield force.
-
-        Column `i` of the table `law_parameters` contains the parameters of story `i`.
-        """
+        """Return the residual force of a side, N: residual ratio times initial yield force."""
         return side_parameter(law_parameters, i, side, _RESIDUAL_RATIO) * side_parameter(
             law_parameters, i, side, _YIELD_FORCE
         )

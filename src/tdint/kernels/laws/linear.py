@@ -24,11 +24,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the elastic energy k d^2 / 2 of the committed state, J.
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
-        """
+        """Return the elastic energy k d^2 / 2 of the committed state, J."""
         return (
             0.5
             * law_parameters[rows.STIFFNESS, i]

@@ -85,11 +85,7 @@ _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law: `switch` (next branch), `strain_energy` and `enter`
-    (first branch), and those that `follow_branches` builds from them.
-
-    The decorators are imported here, because they import numba in a process that compiles.
-    """
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
@@ -102,19 +98,13 @@ def _functions() -> LawFunctions:
 
     @inline
     def point_drift(law_parameters, i, side, point):
-        """Return the drift of point `point` (1 to 4) of the backbone curve, m.
-
-        `point` is the number of the point, 1 to 4.
-        """
+        """Return the drift of point `point` (1 to 4) of the backbone curve, m."""
         # The rows of a side contain drift and force of point 1, then of point 2, and so on.
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
 
     @inline
     def point_force(law_parameters, i, side, point):
-        """Return the force of point `point` (1 to 4) of the backbone curve, N.
-
-        `point` is the number of the point, 1 to 4.
-        """
+        """Return the force of point `point` (1 to 4) of the backbone curve, N."""
         # The rows of a side contain drift and force of point 1, then of point 2, and so on.
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
 
@@ -154,12 +144,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def area(law_parameters, i, side):
-        """Return the area below the backbone curve of a side from zero drift to its last point, J.
-
-        `side` is 1 or -1.
-
-        Column `i` of the table `law_parameters` contains the parameters of story `i`.
-        """
+        """Return the area below the backbone curve of a side from zero drift to its last point,
+        J."""
         start, start_force, total = 0.0, 0.0, 0.0
         for point in range(1, 5):
             end = point_drift(law_parameters, i, side, point)
@@ -170,10 +156,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def last_drift(law_parameters, i):
-        """Return the drift of the last backbone point, m: the larger value of both sides.
-
-        Column `i` of the table `law_parameters` contains the parameters of story `i`.
-        """
+        """Return the drift of the last backbone point, m: the larger value of both sides."""
         return max(point_drift(law_parameters, i, 1.0, 4), point_drift(law_parameters, i, -1.0, 4))
 
     @inline

@@ -36,9 +36,6 @@ def _functions() -> LawFunctions:
         c_j (j = 1, 2, ...) are the coefficients of the force c1 d + c2 d^2 + ... at the drift d.
         The sum is d^2 times a polynomial, which is evaluated by Horner's scheme, from the highest
         power to the lowest.
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
         """
         d = law_state[rows.DRIFT, i]
         energy = 0.0

@@ -34,9 +34,6 @@ def _functions() -> LawFunctions:
         """Return the elastic energy F^2 / k ln cosh(k d / F) of the committed state, J.
 
         F is the strength (N), k the initial stiffness (N/m) and d the drift (m).
-
-        Column `i` of the tables `law_parameters` and `law_state` contains parameters and states of
-        story `i`.
         """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         x = abs(law_parameters[rows.STIFFNESS, i] * law_state[rows.DRIFT, i] / strength)

@@ -42,11 +42,7 @@ _REACHED_TOLERANCE = 1e-12
 
 
 def _functions() -> LawFunctions:
-    """Return the compiled functions of the law: `switch` (next branch), `strain_energy` and `enter`
-    (first branch), and those that `follow_branches` builds from them.
-
-    The decorators are imported here, because they import numba in a process that compiles.
-    """
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
 

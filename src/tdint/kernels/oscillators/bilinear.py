@@ -117,11 +117,7 @@ def _displacement(series, terms, t):
 
 @inline
 def _velocity(series, terms, t):
-    """Return the velocity s_1 + 2 s_2 t + 3 s_3 t^2 + ... at time `t` (s), m/s.
-
-    The displacement is s_0 + s_1 t + s_2 t^2 + ... `series` contains the coefficients s_j, of which
-    the first `terms` are used.
-    """
+    """Return the velocity s_1 + 2 s_2 t + 3 s_3 t^2 + ... at time `t` (s), m/s."""
     value = 0.0
     for j in range(terms - 1, 0, -1):
         value = value * t + j * series[j]
@@ -130,11 +126,7 @@ def _velocity(series, terms, t):
 
 @inline
 def _acceleration(series, terms, t):
-    """Return the acceleration 2 s_2 + 6 s_3 t + 12 s_4 t^2 + ... at time `t` (s), m/s^2.
-
-    The displacement is s_0 + s_1 t + s_2 t^2 + ... `series` contains the coefficients s_j, of which
-    the first `terms` are used.
-    """
+    """Return the acceleration 2 s_2 + 6 s_3 t + 12 s_4 t^2 + ... at time `t` (s), m/s^2."""
     value = 0.0
     for j in range(terms - 1, 1, -1):
         value = value * t + j * (j - 1) * series[j]
@@ -143,9 +135,8 @@ def _acceleration(series, terms, t):
 
 @outlined
 def _derivative(series, terms, order, t):
-    """Return the displacement s_0 + s_1 t + s_2 t^2 + ... (order 0, m), the velocity (1, m/s) or
-    the acceleration (2, m/s^2) at time `t`.
-    """
+    """Return the displacement (order 0, m), the velocity (1, m/s) or the acceleration (2, m/s^2) at
+    time `t`."""
     if order == 0:
         return _displacement(series, terms, t)
     if order == 1:

@@ -151,9 +151,8 @@ def rotated_peaks(
     """Integrate oscillators from rest over two ground motions and store their maximum absolute
     displacements in all directions.
 
-    First, the oscillators of a group, LANES successive columns of the table, are integrated
-    together. Then `_search` computes the maxima of each oscillator in all directions. The result is
-    always 0, because the integration of linear oscillators cannot fail.
+    The oscillators of LANES successive columns are integrated together. The result is always 0,
+    because the integration of linear oscillators cannot fail.
 
     Parameters
     ----------
@@ -162,10 +161,7 @@ def rotated_peaks(
     parts : int
         Steps per sampling interval. The option `parts` of the decorator is a different quantity.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of LANES)
-        Table of oscillators, one column each: rows A11, A12, B10, B11, A21, A22, B20 and B21 with
-        the coefficients of the exact step u1 = A11 u0 + A12 v0 - B10 ag0 - B11 ag1, v1 = A21 u0 +
-        A22 v0 - B20 ag0 - B21 ag1 (displacement u, velocity v, ground acceleration ag), then
-        omega^2 (1/s^2) and 2 xi omega (1/s).
+        Table of oscillators, one column each, as in `tdint.kernels.oscillators.elastic`.
     directions : ndarray, shape (2, ANGLES)
         Cosine and sine of each direction, at 0, 1, ..., 179 degrees.
     between_steps : int
@@ -233,8 +229,7 @@ def _advance(ground, s, lane):
     """Integrate LANES oscillators over a block of steps from step `s` on, and update the maxima at
     the steps.
 
-    The step is exact for a ground acceleration that is linear within the step. `lane` contains the
-    values of the oscillators (`rotated_peaks`).
+    `lane` contains the values of the oscillators (`rotated_peaks`).
     """
     for i in range(LANES):
         a11, a12 = lane[A11 * LANES + i], lane[A12 * LANES + i]

@@ -42,11 +42,7 @@ _strain_energy = select_function("strain_energy", case_with_3_arguments)
 @inline
 def _stored_dissipation(law_parameters, law_state, i):
     """Return the dissipated energy of the committed state of story `i`, J, for laws that store it
-    in row DISSIPATED of the table `law_state`.
-
-    A law that does not store it replaces this function by its function `hysteretic_energy`. The
-    argument `law_parameters` is not used.
-    """
+    in row DISSIPATED of the table `law_state`."""
     return law_state[rows.DISSIPATED, i]
 
 
@@ -57,20 +53,14 @@ _hysteretic_energy = select_function(
 
 @inline
 def _copy_dissipation(law_parameters, law_state, i, previous, trial):
-    """Copy the dissipated energy (J) from state `previous` to state `trial`, for laws that do not
-    accumulate it.
-    """
+    """Copy the dissipated energy, for laws that do not accumulate it."""
     law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
 
 
 @inline
 def _no_rows(law_parameters, law_state, i, previous, trial):
-    """Do nothing: default of the function `keep` of a law.
-
-    `keep` copies further rows of a law from the trial state to the committed state. The states of
-    most laws consist of the common rows only, so that there are no further rows. No argument is
-    used.
-    """
+    """Do nothing: default of the function `keep`, for laws whose states consist of the common rows
+    only."""
     pass
 
 
@@ -88,7 +78,7 @@ def strain_energy(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
 
@@ -115,7 +105,7 @@ def hysteretic_energy(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
 
@@ -156,7 +146,7 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     previous : int
@@ -179,21 +169,16 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
 def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     """Compute the restoring force of story `i` at a drift and store the trial state.
 
-    The law moves from the state in block `previous` to the given drift. A block is a group of rows
-    of `law_state` that describe a state: the committed state (0), FIRST_TRIAL, SECOND_TRIAL or
-    THIRD_TRIAL.
-
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     previous : int
-        First row of the block with the state at the start of the path. It is not changed.
+        First row of the state at the start of the path, which is not changed.
     trial : int
-        First row of the block that receives the state at the end of the path: DRIFT (m), FORCE (N)
-        and the other rows of the law.
+        First row of the block that receives the state at the end of the path.
     drift : float
         Drift at the end of the path, m.
 
@@ -324,7 +309,7 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     previous : int
@@ -353,7 +338,7 @@ def commit(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     previous : int
@@ -421,7 +406,7 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     trial : int
@@ -485,7 +470,7 @@ def resume(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        Parameters and states of the hysteretic laws.
     i : int
         Index of the story.
     """

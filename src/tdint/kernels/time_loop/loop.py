@@ -108,10 +108,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
 
 @inline
 def has_diverged(state, n):
-    """Return True if the absolute displacement of a floor is at least RUNAWAY (m), or nan.
-
-    Row DISPLACEMENT of the table `state` contains the displacements of `n` floors, m.
-    """
+    """Return True if the absolute displacement of a floor is at least RUNAWAY (m), or nan."""
     # A comparison with nan is False. The loop has no branches, so that it is fast.
     is_bounded = True
     for i in range(n):
@@ -140,11 +137,6 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
 
     A story exceeds its limit if its peak drift exceeds a multiple of the story height, or if its
     law has failed.
-
-    Parameters
-    ----------
-    sum_law_energies : Kernel
-        Kernel that sums the energies of the laws.
     """
     if seen.totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE and exceeds_limits(
         memory.law_state, seen
@@ -156,9 +148,7 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
 def _record_collapse(sum_law_energies, scene, memory, steps, seen):
     """Update the energies and record the collapse: story, step and energies.
 
-    The function is compiled separately because it is called once per run at most.
-
-    `seen`: arrays of the observer; the totals of the run are changed.
+    Compiled separately, because it is called once per run at most.
     """
     update_law_energies(sum_law_energies, scene, memory, seen)
     record_collapse(memory.law_state, steps, seen)
@@ -170,9 +160,8 @@ def _fit_ground(ground, position, step_ratio, load):
     the straight line with the same impulse and first moment.
 
     `position` contains the index of the step, and the completed part of the step and the length of
-    the substep as fractions of the step. `step_ratio` is (per_sample, stride): `per_sample` steps
-    have the length of `stride` sampling intervals. `fitted_line_between_samples` is faster than
-    `fitted_line`.
+    the substep as fractions of the step. `step_ratio` is (per_sample, stride) as in `integrate`.
+    `fitted_line_between_samples` is faster than `fitted_line`.
     """
     step_index, completed_fraction, substep_fraction = position
     per_sample, stride = step_ratio

@@ -160,8 +160,6 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
         Observed order of each method and frequency ratio, for a single load; at least one.
     name : str
         Text before the title, such as the name of the figure; empty by default.
-    thin : int
-        Number of methods at the end that have thin lines; 0 by default.
     """
     first = measured[0]
     has_ratio = not math.isnan(first.frequency_ratio)
@@ -427,8 +425,6 @@ def sizes_picture(
 
     Parameters
     ----------
-    charts : sequence of Chart
-        Measurements of one building with different numbers of stories.
     target : str
         Error that is shown, a key of `QUANTITIES`.
     highlight : str

@@ -134,15 +134,7 @@ def comparison_picture(
 
 
 class _FloorRow(NamedTuple):
-    """Content of one row of panels in the figure of comparisons.
-
-    Attributes
-    ----------
-    comparison : Comparison
-        Comparison of a building with the recordings of an event.
-    spectra : FloorSpectra
-        Response spectra of this floor: `periods` (s), `recorded` and `computed` (m/s^2).
-    """
+    """Content of one row of panels in the figure of comparisons."""
 
     comparison: Comparison
     floor: FloorComparison
@@ -547,11 +539,6 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
 
     The upper panel shows the response spectra with the target spectrum. The panels below show
     acceleration, velocity, displacement and Arias intensity of each component over the time.
-
-    Parameters
-    ----------
-    matched : Match
-        Result of the matching, with one or two components.
     """
     from tdint.analysis.spectra.target import source_of
 
@@ -661,8 +648,6 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
 
     Parameters
     ----------
-    spectra : sequence of FourierSpectrum
-        Spectra of the components of one or several records.
     units : OutputUnits
         Unit of the amplitudes; m/s in SI.
     """

@@ -32,8 +32,6 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
 
     Parameters
     ----------
-    axes : Axes
-        Panel with the time on the x axis, s.
     excitation : Excitation
         Forces, at least one of which is a table.
     """

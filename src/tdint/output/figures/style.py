@@ -719,8 +719,6 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
 
     Parameters
     ----------
-    axes
-        Panel with the period on the x axis.
     periods : sequence of (str, float)
         Names and first periods, s. Periods outside of the axis are omitted.
     """

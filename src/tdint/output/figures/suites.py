@@ -123,13 +123,7 @@ def _motions_text(profile: Profile, member: str) -> str:
 def draw_drift_profiles(
     axes: Any, profiles: Sequence[Profile], units: OutputUnits, member: str
 ) -> None:
-    """Plot the drifts of buildings over their stories in a single panel, for all levels.
-
-    Parameters
-    ----------
-    member : str
-        Noun for a motion of a profile.
-    """
+    """Plot the drifts of buildings over their stories in a single panel, for all levels."""
     by_length = _by_length(profiles)
     plot_styles = building_styles(profile.building for profile in profiles)
     levels = len({profile.level_text for profile in profiles})
