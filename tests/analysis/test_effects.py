@@ -6,6 +6,9 @@ from matplotlib.figure import Figure
 
 import tdint
 from building_cases import noise, ten_bilinear
+from tdint.analysis.chart import problem as references
+from tdint.analysis.run import prepared
+from tdint.methods.catalogue import parse
 
 MOTION = noise(samples=201, peak=6.0)
 
@@ -115,3 +118,68 @@ def test_title_of_a_figure():
     titles = [tdint.plot(spectrum, title=title).get_suptitle() for title in (True, False)]
     assert titles[0]
     assert not titles[1]
+
+
+@pytest.mark.parametrize("cached", [True, False])
+def test_points_times_and_stored_reference_of_a_chart(tmp_path, monkeypatch, cached):
+    """A run is timed up to four times per repetition."""
+    monkeypatch.setattr(references, "cache_folder", lambda: tmp_path)
+    methods, steps = ["impulse4", "newmark-average"], [0.04, 0.02]
+    chart = tdint.chart(
+        ten_bilinear(), MOTION, method=methods, dt=steps, duration=0.8, repeats=1, cached=cached
+    )
+    assert [(point.method, point.dt, point.steps) for point in chart.points] == [
+        (method, dt, round(0.8 / dt)) for method in methods for dt in steps
+    ]
+    assert all(1 <= len(point.times) <= 4 for point in chart.points)
+    assert len(list(tmp_path.rglob("*.*"))) == cached
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.1])
+def test_damping_of_floor_spectra(case, damping):
+    response = tdint.run_case(case, history=True, check=False)
+    periods = np.array([0.1, 0.5])
+    (found,) = tdint.floor_spectra(response, [10], periods, [damping])
+    floor = tdint.make_record(response.history.acceleration[:, 9], dt=response.dt, units="m/s^2")
+    expected = tdint.spectrum(floor, periods, damping).psa
+    np.testing.assert_allclose(found.spectrum.psa, expected, rtol=1e-12)
+
+
+def test_units_of_two_components(tmp_path):
+    for name, wave in (("HN1", np.sin), ("HN2", np.cos)):
+        times = "".join(f"{0.01 * i:.2f},{wave(0.1 * i):.6f}\n" for i in range(60))
+        (tmp_path / f"a.{name}.csv").write_text(f"time,a\n{times}")
+    files = sorted(tmp_path.iterdir())
+    pair, other = (tdint.read_horizontals(*files, units=units) for units in ("g", "m/s^2"))
+    for component in ("first", "second"):
+        np.testing.assert_allclose(
+            getattr(pair, component).acceleration,
+            9.80665 * getattr(other, component).acceleration,
+            rtol=1e-12,
+        )
+
+
+def test_labels_and_font_of_a_figure():
+    spectrum = tdint.spectrum(MOTION, np.array([0.2, 0.5, 1.0]))
+    label = tdint.plot(spectrum).axes[0].get_ylabel()
+    figure = tdint.plot(spectrum, font="DejaVu Serif", label={label: "Sa"})
+    assert figure.axes[0].get_ylabel() == "Sa" != label
+    assert figure.axes[0].yaxis.label.get_fontname() == "DejaVu Serif"
+
+
+@pytest.mark.parametrize("method", ["moment4", "houbolt"])
+def test_loop_of_a_compiled_model(monkeypatch, method):
+    """The kernels that are compiled are those of the method. They are not compiled here."""
+    compiled = []
+    monkeypatch.setattr(prepared, "compile_ahead", lambda pairs, *_: compiled.extend(pairs))
+    tdint.compile_model(ten_bilinear(), method)
+    assert compiled == list(prepared.kernels_of_model(ten_bilinear(), parse(method)))
+    assert compiled != list(prepared.kernels_of_model(ten_bilinear(), parse("impulse4")))
+
+
+def test_stride_of_an_order():
+    """The order is kept, and the record of the larger stride has another sampling interval."""
+    one, four = (tdint.order("newmark-average", load="record", stride=n) for n in (1, 4))
+    assert one.order("displacement") == pytest.approx(2.0, abs=0.01)
+    assert four.order("displacement") == pytest.approx(2.0, abs=0.01)
+    assert abs(one.displacement[-1] / four.displacement[-1] - 1.0) > 0.1

@@ -738,3 +738,23 @@ def test_figure_shows_floors_with_least_agreement_and_overview(recorded_model):
             spectrum.lines[:2], (floor_spectra.recorded, floor_spectra.computed), strict=True
         ):
             np.testing.assert_allclose(line.get_ydata() * 9.80665, values, rtol=1e-12)
+
+
+def test_method_step_and_shift_of_a_comparison(recorded_model):
+    """The arguments have the effect of the keys of the model and of the recording."""
+    recorded_model.usual()
+    event, model = recorded_model.event(), recorded_model.model
+
+    def differences(model, event, **arguments):
+        return [floor.rms_difference for floor in compare(model, event, **arguments).floors]
+
+    plain = differences(model, event, method="newmark-average")
+    average = replace(model, analysis=replace(model.analysis, method="newmark-average"))
+    assert differences(average, event) == plain
+    steps = [
+        np.array(differences(model, event, method="newmark-average", dt=dt))
+        for dt in (0.5 * DT, 0.25 * DT)
+    ]
+    assert np.all(steps[1] < 0.3 * steps[0])  # order 2
+    shifted = recorded_model.event(FLOORS + f"shift: {2.0 * DT}\n")
+    assert differences(model, event, shift=2.0 * DT) == differences(model, shifted)

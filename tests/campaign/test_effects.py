@@ -1,0 +1,129 @@
+"""Arguments of the functions for suites and studies have their effect: numbers that they change."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tdint
+from building_cases import noise, ten_bilinear
+from tdint.campaign import ida as ida_module
+from tdint.campaign.ida import IdaSettings, ida
+from tdint.campaign.intensity import pga
+from tdint.ground_motion.horizontals import Horizontals
+
+BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,2,1987,C1,900\n"
+LOW = IdaSettings(max_im=0.2)
+TARGET = "asce7:sds=0.6,sd1=0.4,tl=8"
+
+
+def named(name, seed=0, component="HN1"):
+    """Return a ground motion of 2 s with a file name."""
+    motion = noise(samples=201, peak=2.0, seed=seed) if seed else noise(samples=201, peak=2.0)
+    return replace(motion, component=component, source=name)
+
+
+def pair():
+    """Return two perpendicular components, of which the second is smaller."""
+    first = named("a.csv")
+    second = replace(first, acceleration=0.4 * first.acceleration[::-1], component="HN2")
+    return Horizontals(first, second)
+
+
+def drifts(study):
+    return [[run.drift_ratio for run in curve.runs] for curve in study.curves]
+
+
+def test_method_of_a_study_of_intensities():
+    model = ten_bilinear()
+    found = ida(model, [named("a.csv")], pga(), LOW, method="newmark-average")
+    changed = replace(model, analysis=replace(model.analysis, method="newmark-average"))
+    assert found.method == "newmark-average"
+    assert drifts(found) == drifts(ida(changed, [named("a.csv")], pga(), LOW))
+    assert drifts(found) != drifts(ida(model, [named("a.csv")], pga(), LOW))
+
+
+def test_threads_and_progress_of_a_study_of_intensities(monkeypatch):
+    jobs, on_threads, reports = [], ida_module.on_threads, []
+
+    def counted(work, items, count):
+        jobs.append(count)
+        return on_threads(work, items, count)
+
+    monkeypatch.setattr(ida_module, "on_threads", counted)
+    motions = [named("a.csv"), replace(named("b.csv"), acceleration=named("").acceleration[::-1])]
+    ida(ten_bilinear(), motions, pga(), LOW, jobs=3, progress=lambda *done: reports.append(done))
+    assert jobs == [3]
+    assert reports == [(0, 2), (1, 2), (2, 2)]
+
+
+@pytest.mark.parametrize("rule", ["geometric-mean", "rotd100"])
+def test_intensity_and_demand_of_a_pair(rule):
+    """The factor of a level is the level divided by the intensity of the pair."""
+    study = ida(ten_bilinear(), [pair()], pga(), LOW, pair=rule, pair_demand="mean")
+    assert (study.pair, study.pair_demand) == (rule, "mean")
+    run = study.curves[0].runs[0]
+    assert run.scale == pytest.approx(run.im / pga().of(pair(), rule), rel=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["geometric-mean", "rotd100"])
+@pytest.mark.parametrize("damping", [0.02, 0.05])
+def test_damping_and_pair_of_a_target_spectrum(damping, rule):
+    """The average of the scaled spectra is the target in the mean."""
+    periods = np.array([0.2, 0.4, 0.8])
+    arguments = {"target": TARGET, "periods": periods, "damping": damping, "pair": rule}
+    scaling = tdint.scale([pair()], **arguments)
+    assert (scaling.damping, scaling.pair) == (damping, rule)
+    chosen = tdint.select(
+        [pair()],
+        TARGET,
+        1,
+        **{k: arguments[k] for k in arguments if k != "target"},
+        factors=(0.001, 1000.0),
+    )
+    assert chosen.factors == pytest.approx(scaling.factors, rel=1e-12)
+    others = [
+        tdint.scale([pair()], **arguments | changed).factors[0]
+        for changed in ({"damping": 0.2}, {"pair": "rotd50"})
+    ]
+    assert min(abs(other / scaling.factors[0] - 1.0) for other in others) > 1e-3
+
+
+def test_step_method_threads_and_progress_of_a_sensitivity():
+    """The effects are those of a model with the method and the time step."""
+    model, reports = ten_bilinear(), []
+    ranges = {"stiffness_factor": (0.8, 1.2)}
+    found = tdint.sensitivity(
+        model,
+        [named("a.csv")],
+        ranges,
+        method="newmark-average",
+        dt=0.005,
+        jobs=2,
+        progress=lambda *done: reports.append(done),
+    )
+    analysis = replace(model.analysis, method="newmark-average", dt=0.005)
+    expected = tdint.sensitivity(replace(model, analysis=analysis), [named("a.csv")], ranges)
+    other = tdint.sensitivity(model, [named("a.csv")], ranges)
+    assert [row.at_high for row in found] == [row.at_high for row in expected]
+    assert [row.at_high for row in found] != [row.at_high for row in other]
+    assert reports[-1][0] == reports[-1][1] > 0
+
+
+def test_units_scatter_and_seed_of_an_inventory(tmp_path):
+    """Areas are in the square of the unit; the same seed gives the same buildings."""
+    (tmp_path / "b.csv").write_text(BUILDINGS)
+
+    def building(**arguments):
+        return tdint.inventory(tmp_path / "b.csv", **arguments)[0].building
+
+    plain = building(units="m")
+    ratio = building(units="ft").stories[0].mass / plain.stories[0].mass
+    assert ratio == pytest.approx(0.3048**2, rel=1e-9)
+    scattered = [building(stiffness=0.3, damping=0.4, seed=seed) for seed in (1, 1, 2)]
+    stiffness = [model.stories[0].stiffness for model in scattered]
+    ratios = [model.damping for model in scattered]
+    assert stiffness[0] == stiffness[1] != stiffness[2]
+    assert ratios[0] == ratios[1] != ratios[2]
+    assert building(stiffness=0.3).damping == plain.damping != building(damping=0.3).damping
+    assert building(damping=0.3).stories[0].stiffness == plain.stories[0].stiffness
