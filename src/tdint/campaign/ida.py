@@ -181,7 +181,6 @@ class IdaStudy(Tabular):
         a common curve, unless they count separately."""
         if self.pair_demand == SEPARATE or not self.partners:
             return self.curves
-        # Index of the second component by the index of the first component
         second_of_first = {first: second for second, first in self.partners.items()}
         curves: list[IdaCurve] = []
         for state in self.states:

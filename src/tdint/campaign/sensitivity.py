@@ -240,7 +240,6 @@ def parameter_effects(
     effects on each peak are in descending order.
     """
     result: list[ParameterEffect] = []
-    # Medians of all peaks by the number of the building
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
 
     def sort_key(item: ParameterEffect) -> float:
@@ -306,7 +305,6 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
             )
             for index, quantity in enumerate(PEAKS):
                 peak_values = np.array([values[index] for _, values in variations])
-                # Exclude samples without a peak, or without this parameter.
                 is_valid = np.isfinite(parameter_values) & np.isfinite(peak_values)
                 samples = parameter_values[is_valid], peak_values[is_valid]
                 # The rank correlation with a constant is not defined.
