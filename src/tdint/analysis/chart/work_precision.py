@@ -323,8 +323,8 @@ def measure(
     judge: Callable[[Sequence[Point]], object] | None = None,
     progress: Progress = silent,
 ) -> Chart:
-    """Measure the errors, then the times of a problem with all methods that can integrate the
-    building (`suited`) and time steps.
+    """Measure the errors, then the times of a problem with methods that can integrate the building
+    (`suited`), at several time steps.
 
     The points are timed alternately, so that disturbances affect all of them. Compilation is not
     timed. Each step is the interval of the problem divided or multiplied by a whole number. With

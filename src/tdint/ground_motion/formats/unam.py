@@ -128,7 +128,7 @@ def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]
 
 def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
     """Skip rows at the end of a file that repeat the last row stated in the header, with a warning.
-    Public files repeat the last row, although the header does not count these rows.
+    Published files repeat the last row, although the header does not count these rows.
 
     RecordError is raised if any other line follows, or a row is missing.
     """

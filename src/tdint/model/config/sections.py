@@ -89,7 +89,7 @@ def read_units(section: Section) -> ModelUnits:
     Parameters
     ----------
     section : Section
-        Section with the keys of `UNITS`; empty if the file does not contain it.
+        Section with the keys of `UNITS`; empty if the file does not contain them.
     """
 
     def read_unit(name: str, factors: Mapping[str, float], default: str) -> str:
@@ -127,7 +127,8 @@ def read_units(section: Section) -> ModelUnits:
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
-    """Return the units of samples as text; None if they are missing or after reporting an error.
+    """Return the units of samples as text; None if they are missing or invalid. Units of another
+    quantity than the required are reported and returned.
 
     Parameters
     ----------
