@@ -193,7 +193,6 @@ def test_check_refuses_invalid_requests(cases, tdint, forces, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("time_s,roof\n0,1\n1,2\n", "bad.csv:1: the column roof has no unit; add it to the name"),
         ("time_s,roof_m\n0,1\n1,2\n", "bad.csv:1: the column roof_m has the unit m"),
         ("time_s,roof_kN\n0,1\n1,2\n0.5,3\n", "bad.csv:4: time_s: times must not decrease"),
         ("roof_kN\n0\n1\n", "bad.csv:1: no column of times"),
@@ -209,6 +208,33 @@ def test_other_load_cases_are_run_if_a_file_is_bad(cases, tdint, text, message):
     assert message in tdint("check", "c.yaml", code=4).stderr
     assert message in tdint("campaign", "c.yaml", "-o", "out", code=4).stderr
     assert [row["record"] for row in rows_of("out/runs.csv")] == ["gust.csv"]
+
+
+def test_a_column_without_a_unit_has_the_unit_of_the_models(cases, tdint):
+    """Models in kN and N have no common unit, and rows of an inventory have no unit at all."""
+    Path("plain.csv").write_text("time_s,roof\n0,0\n0.2,40\n0.7,-25\n1,0\n")
+    forces = "forces: {files: [FILE], floor: roof}\n"
+    campaign = "buildings: {models: [m.yaml]}\n" + forces
+    for file in ("gust.csv", "plain.csv"):
+        Path("c.yaml").write_text(campaign.replace("FILE", file))
+        tdint("campaign", "c.yaml", "-o", file.removesuffix(".csv"), code=0)
+    gust, plain = Path("gust/runs.csv").read_text(), Path("plain/runs.csv").read_text()
+    assert plain == gust.replace("gust.csv", "plain.csv")
+    lines = "{length: m, mass: kg, force: N}"
+    in_newton = MODEL.replace("{length: m, mass: t, force: kN}", lines)
+    Path("n.yaml").write_text(in_newton + "analysis: {duration: 1.5}\n")
+    header = "id,StructureType,NumberOfStories,YearBuilt,PlanArea"
+    Path("rows.csv").write_text(header + "\na,C1,2,1990,400\n")
+    both, rows = "models: [m.yaml, n.yaml]", "inventory: rows.csv, units: {length: m}"
+    for buildings, reason in ((both, "different units of force: N, kN"), (rows, "inventory")):
+        text = campaign.replace("FILE", "plain.csv").replace("models: [m.yaml]", buildings)
+        Path("c.yaml").write_text(text + "analysis: {duration: 1}\n")
+        message = (
+            "plain.csv:1: the column roof has no unit; add it to the name, for example roof_kN ("
+        )
+        error = tdint("campaign", "c.yaml", "-o", "no", code=4).stderr
+        assert message in error
+        assert reason in error
 
 
 def test_refusals_name_the_remedy(cases, tdint):

@@ -150,6 +150,7 @@ def digest_of(model: Model, method: str) -> str:
         "damage",
         "limits",
         "weight_factor",
+        "force_unit",
     ):
         del content[name]
     # Models without tables of forces keep the digest of earlier versions.

@@ -27,6 +27,7 @@ from tdint.model.keys.fields import (
     quoted,
 )
 from tdint.number_parsing import number_or_nan, pluralize
+from tdint.units import FORCE
 
 LOAD_CASES = Keys(
     (
@@ -146,10 +147,11 @@ def read_load_cases(
                 f"{pluralize(count, 'floor')}; remove the floor, or use {ROOF} for the highest "
                 "floor of each building"
             )
+    unit = _unit_without_name(models)
     motions, failures = list[SuiteMotion](), list[TdintError]()
     for file in requested.files:
         try:
-            loads = read_load_file(file, requested.columns, requested.scale, requested.start)
+            loads = read_load_file(file, requested.columns, requested.scale, requested.start, unit)
         except ModelError as error:
             failures.append(RecordError(str(error)))
             continue
@@ -158,3 +160,14 @@ def read_load_cases(
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
     return CampaignMotions(tuple(motions), tuple(failures))
+
+
+def _unit_without_name(models: Sequence[Model]) -> float | str:
+    """Return the factor to N of columns without a unit: the unit of force of all models. The result
+    is the reason why a unit is required if the models have different units."""
+    names = sorted({model.force_unit for model in models})
+    if len(names) == 1:
+        return FORCE[names[0]]
+    if not names:
+        return "the buildings of an inventory have no unit of force"
+    return f"the models have different units of force: {', '.join(names)}"

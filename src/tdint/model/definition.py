@@ -656,6 +656,8 @@ class Model:
     weight_factor : float
         Factor by which the masses are too large if the numbers of the key `mass` are weights in the
         unit of force of the file; 1 if the file specifies weights or derives the stories.
+    force_unit : str
+        Unit of force of the file.
     """
 
     name: str
@@ -677,6 +679,7 @@ class Model:
     plausibility_off: str = ""
     limits: tuple[Limit, ...] = ()
     weight_factor: float = 1.0
+    force_unit: str = "N"
 
     @property
     def has_dashpots(self) -> bool:

@@ -89,7 +89,7 @@ def read_table_forces(
             requests.setdefault(path, []).extend(replace_value(found, file))
     for path, wanted in requests.items():
         try:
-            forces += _read_file(path, wanted, unit)
+            forces += _read_file(path, wanted, unit.force)
         except ModelError as error:
             wanted[0].value.fault(str(error))
     return tuple(forces)
@@ -174,7 +174,11 @@ def _invalid_times(times: np.ndarray) -> list[int]:
 
 
 def read_load_file(
-    path: str, columns: Sequence[tuple[int, str]], scale: float, start: float
+    path: str,
+    columns: Sequence[tuple[int, str]],
+    scale: float,
+    start: float,
+    unit: float | str,
 ) -> tuple[TableForce, ...]:
     """Return the forces from a file that is not part of a model file: a load case of a campaign.
 
@@ -186,15 +190,17 @@ def read_load_file(
         Floor and column of each force; the column is empty for the only column of forces.
     scale, start : float
         As in `tdint.campaign.load_cases.LoadFiles`.
+    unit : float | str
+        Factor to N of columns without a unit, or the reason why a unit is required.
 
     Raises
     ------
     ModelError
-        The file is invalid, a column does not exist, or its name has no unit of force.
+        The file is invalid, a column does not exist, or the name of a column lacks a required unit.
     """
     failing = _Failing(path)
     wanted = [_Request(failing, floor, column, scale, start) for floor, column in columns]
-    return tuple(_read_file(path, wanted, None))
+    return tuple(_read_file(path, wanted, unit))
 
 
 @dataclass(frozen=True)
@@ -208,11 +214,11 @@ class _Failing:
         raise ModelError(f"{self.path}: {message.removesuffix(f' in {self.path}')}")
 
 
-def _read_file(path: str, wanted: Sequence[_Request], unit: ModelUnits | None) -> list[TableForce]:
+def _read_file(path: str, wanted: Sequence[_Request], unit: float | str) -> list[TableForce]:
     """Return the forces from the columns of one file. ModelError is raised if the file is invalid.
     Errors of single columns are reported at their entries instead.
 
-    `unit` contains the units of columns without a unit; None: they are an error.
+    `unit` is the factor to N of columns without a unit, or the reason why they are an error.
     """
     table, rows = stream_table(path, _NEEDS, columns=(), read_first=True)
     time_column, time_factor = _time_column(table)
@@ -302,10 +308,10 @@ def _column_and_factor(
     return None
 
 
-def _unit_of(title: str, unit: ModelUnits | None, table: CsvTable) -> float:
-    """Return the factor to N of the unit at the end of a name such as `roof_kN`. A name without a
-    unit has the unit of force of the model file. ModelError is raised for the unit of another
-    quantity, and without a unit if there is no model file.
+def _unit_of(title: str, unit: float | str, table: CsvTable) -> float:
+    """Return the factor to N of the unit at the end of a name such as `roof_kN`; for a name without
+    a unit, `unit`. ModelError is raised for the unit of another quantity, and without a unit if
+    `unit` is a reason.
     """
     ending = title.rpartition("_")[2] if "_" in title else ""
     # MN and mN differ only in case, so that case matters for this unit.
@@ -319,12 +325,12 @@ def _unit_of(title: str, unit: ModelUnits | None, table: CsvTable) -> float:
             f"{table.source}:{table.header_line}: the column {title} has the unit {ending}, which "
             f"is not a unit of force; known: {', '.join(FORCE)}"
         )
-    if unit is None:
+    if isinstance(unit, str):
         raise ModelError(
             f"{table.source}:{table.header_line}: the column {title} has no unit; add it to the "
-            f"name, for example {title}_kN (the models of a campaign can have different units)"
+            f"name, for example {title}_kN ({unit})"
         )
-    return unit.force
+    return unit
 
 
 def _read_numbers(

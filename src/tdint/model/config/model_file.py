@@ -529,6 +529,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
         weight_factor=_weight_factor(section, unit) if stories else 1.0,
+        force_unit=unit.named.force,
     )
     # Standard input can be read only one time: it cannot contain both the model and the record.
     record = model.excitation.record
