@@ -101,13 +101,6 @@ class Profiles:
     """Demands over the height of the buildings of a campaign, for figures, tables and drift limits.
 
     The demands are computed when they are first used.
-
-    Attributes
-    ----------
-    store : Store
-        Store of the campaign, with the peaks of all runs.
-    request : SuiteRequest
-        Options of the command line: units, limits and requested files.
     """
 
     store: Store
@@ -213,11 +206,6 @@ class Profiles:
 
         The options of the command line determine units and head of the report. By default, they are
         the units and the head of the models if these are equal in all models.
-
-        Parameters
-        ----------
-        floors : sequence of FloorSuite
-            Floor spectra of the suite; empty by default.
         """
         from tdint.output.page import PageText, page_units
         from tdint.output.report import suite_page
@@ -681,8 +669,6 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
 
     Parameters
     ----------
-    profiles : Profiles
-        Store of the campaign, with the options of the command line.
     plan : Plan, optional
         Buildings, motions and settings of the campaign. Floor spectra, the report and intensity
         measures are written only with a plan.

@@ -129,13 +129,7 @@ class Request(options.record.RecordRequest):
     )
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
-        """Return the request for one building under one ground motion.
-
-        Parameters
-        ----------
-        record : str | None
-            Record file; None if the command line specifies no record.
-        """
+        """Return the request for one building under one ground motion."""
         record_fields = {
             field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)
         }

@@ -51,8 +51,6 @@ class Product:
         Values of the rows; empty if no figure is requested.
     changes : tuple of str
         Processing steps that were applied to the record on request.
-    warnings : tuple of str
-        Warnings that affect the meaning of the values.
     exported : tuple of Record
         Components of the record; empty if no export is requested.
     """

@@ -38,12 +38,8 @@ class RecordTable:
         Header and rows of all components and damping ratios: CSV, or formatted for a terminal.
     meanings : dict
         Descriptions of the columns, for the JSON file.
-    records : tuple of dict
-        Description of each component, for the JSON file.
     interval : float
         Maximum sampling interval of the components, s.
-    warnings : tuple of str
-        Warnings that affect the meaning of the results.
     results : tuple
         Result objects; kept only for a figure of several records.
     picture : bytes | None
@@ -65,11 +61,6 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 
     The tables are written to separate files in a directory, or joined in a file or on standard
     output. A record that fails does not prevent the processing of the remaining records.
-
-    Parameters
-    ----------
-    table_type : TableType
-        The type of table, such as elastic spectra.
 
     Raises
     ------

@@ -66,10 +66,6 @@ class Results:
 
     Attributes
     ----------
-    lines : sequence
-        The results, one per line of a figure.
-    records : sequence of Record
-        The components from which the results are computed.
     notes : sequence of str
         Notes in addition to the notes of the components.
     """
@@ -101,13 +97,7 @@ class TableType(Protocol):
         return tables.spectra.result_table(lines)
 
     def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
-        """Return the figure of results.
-
-        Parameters
-        ----------
-        lines : sequence
-            Results, one for each line of the figure.
-        """
+        """Return the figure of results."""
         raise AssertionError("the class of a table without a figure must not declare --plot")
 
     def remark(self, request: Any, interval: float) -> str:

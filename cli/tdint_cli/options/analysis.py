@@ -215,8 +215,6 @@ class OscillatorRequest:
         Methods with their parameters; all methods of the catalogue if empty.
     draw_all : bool
         Plot all methods in the figure, not only the methods that are plotted by default.
-    outputs : Outputs
-        Files of the table and of the figure.
     """
 
     methods: tuple[str, ...]

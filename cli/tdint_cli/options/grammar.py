@@ -116,8 +116,6 @@ class ListOf(ValueType):
 
     Parameters
     ----------
-    member : ParamType
-        Type of a single value.
     once : bool
         True (the default) to remove duplicate values.
     """
@@ -350,8 +348,6 @@ class PairWish:
     ----------
     measure : str | None
         Measure of a pair, such as rotd100; None if no measure is specified.
-    names : PairNames
-        Patterns of the file names of a pair.
     """
 
     measure: str | None
@@ -585,8 +581,6 @@ def option(
         True if the JSON file of a result records the option, and `tdint rerun` accepts it. An
         option that specifies where or how a command runs, without effect on results, is not
         recorded, because the author of a JSON file must not choose it for other users.
-    behind : sequence of callable
-        Declarations of further options that follow this option in the help.
     """
     # Subclasses of ListOf are options that are not repeated.
     value_type = settings.get("type")

@@ -116,13 +116,6 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     """Return the name of a file or directory; raise UsageError if it is empty.
 
     An empty name is usually an unset shell variable. It does not mean the working directory.
-
-    Parameters
-    ----------
-    _ : click.Context
-        Context of the command; not used.
-    value : str | None
-        Value of the option; None if it is not specified.
     """
     if value == "":
         raise UsageError(f"{parameter.opts[0]} must not be empty; specify a name, or omit it")

@@ -70,13 +70,7 @@ class RecordRequest:
 
 @dataclass(frozen=True)
 class RecordsRequest(RecordRequest):
-    """Common options of the commands that accept records as arguments.
-
-    Attributes
-    ----------
-    records : tuple of str
-        Names of the files and directories of records.
-    """
+    """Common options of the commands that accept records as arguments."""
 
     records: tuple[str, ...]
 

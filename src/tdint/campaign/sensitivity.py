@@ -208,8 +208,6 @@ def plan_of(
 
     Parameters
     ----------
-    ranges : mapping of str to (float, float)
-        Low and high values of parameters.
     method : str | None
         Method; None: the method of the model.
     dt : float | None

@@ -107,13 +107,7 @@ class Identity:
 
     @classmethod
     def of(cls, plan: Plan, building_numbers: Sequence[int] | None) -> Identity:
-        """Return the identity of the store of a campaign.
-
-        Parameters
-        ----------
-        building_numbers : sequence of int | None
-            Numbers of the buildings that the store contains; None: all buildings.
-        """
+        """Return the identity of the store of a campaign."""
         # Attributes that have the same name and meaning in `Plan` and `Identity`.
         plan_attributes = (
             "buildings",
@@ -328,11 +322,6 @@ class Store:
 
     def add(self, result: ChunkResult) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
-
-        Parameters
-        ----------
-        result : ChunkResult
-            Rows of the runs of the chunk, and the processor time.
 
         Raises
         ------

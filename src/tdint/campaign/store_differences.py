@@ -76,10 +76,6 @@ def all_differences(
 
     Parameters
     ----------
-    stored, compared : ComparedValues
-        Settings, buildings, records and plug-ins of the two stores or campaigns.
-    stored_label, compared_label : str
-        Labels of `stored` and `compared` in the lines.
     are_shards : bool
         True if `stored` or `compared` is a shard. A shard contains only some of the buildings, so
         only buildings that both contain are compared.

@@ -626,11 +626,6 @@ class RowTable:
         Nested tuples, such as the values and errors of a run, become separate columns. Each
         cell is converted to the type of its column; NaN and missing errors become None.
 
-        Parameters
-        ----------
-        rows : iterable of tuple
-            Rows (`RunRow`, `StoryRow`, `EventRow` or `ElementRow`) of the table.
-
         Returns
         -------
         list of tuple

@@ -72,8 +72,6 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
     ----------
     header : tuple of (int, tuple of float)
         Result of `look_at_sac`.
-    traces : list of obspy.Trace
-        The only trace of the file.
     """
     (trace,) = traces
     size = len(trace.data)
@@ -250,8 +248,6 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
     ----------
     _ : None
         Not used; K-NET has no check before reading.
-    traces : list of obspy.Trace
-        Traces of the file, with the header in `stats.knet`.
 
     Raises
     ------

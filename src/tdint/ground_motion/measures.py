@@ -180,11 +180,6 @@ def integrate(record: Record) -> Motion:
     The ground is at rest at the first sample, and the acceleration is linear between samples. The
     integrals and the maxima between samples are exact for this acceleration. The baseline is not
     corrected.
-
-    Returns
-    -------
-    Motion
-        Velocity and displacement at the samples, and their peaks.
     """
     a, h = record.acceleration, record.dt
     # Within an interval h, the acceleration changes linearly from a_i to a_(i + 1). The velocity

@@ -98,11 +98,6 @@ def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
     A difference that is explained by the rounding of the stated number is accepted. A small
     difference of a number computed from the values of samples is reported as a warning.
 
-    Parameters
-    ----------
-    statements : iterable of Statement
-        Pairs of a stated number and a computed number.
-
     Returns
     -------
     tuple of str
@@ -313,11 +308,6 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
 
     A warning is given for small gaps and overlaps between records, which libmseed ignores, and for
     data after the last sample of a channel.
-
-    Parameters
-    ----------
-    records : list of DataRecord
-        Headers of the data records of the file.
 
     Returns
     -------

@@ -219,8 +219,6 @@ def stated_origin(statement: str, samples: ArrayLike) -> MotionOrigin | None:
 
     Parameters
     ----------
-    statement : str
-        Text of `header_statement`, or any other text.
     samples : array_like, shape (samples,)
         Samples of the file, in its units.
 

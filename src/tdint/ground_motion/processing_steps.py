@@ -246,11 +246,6 @@ def process(
 def processed(record: Record, steps: Processing) -> Record:
     """Return a record after the requested processing steps; without steps, the same object.
 
-    Parameters
-    ----------
-    record : Record
-        Record to process; it is not changed.
-
     Raises
     ------
     RecordError

@@ -437,10 +437,6 @@ class JoinedRecord(Record):
         ----------
         records : sequence of Record
             Ground motions in order of time.
-        rest : float | None
-            Time between events, s; None means until the building is at rest.
-        fixed : int
-            Number of events at the beginning that are not scaled. Default 0.
 
         Raises
         ------

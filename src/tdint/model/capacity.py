@@ -103,11 +103,6 @@ class CapacityCurve:
         ----------
         points : sequence of (float, float)
             Spectral displacement (m) and spectral acceleration (g) of each point.
-
-        Raises
-        ------
-        UsageError
-            The points do not form a valid curve.
         """
         nonzero_points = [point for point in points if point != (0.0, 0.0)]
         return cls(tuple(sd for sd, _ in nonzero_points), tuple(sa for _, sa in nonzero_points))
@@ -173,8 +168,6 @@ class CapacityBuilding:
         Points of the backbone curve of each story, m and N.
     damping : RayleighRatio or RayleighCoefficients
         Damping of the first two modes; mass-proportional for one story.
-    degradation : bool
-        True if stories lose stiffness and strength.
     """
 
     name: str
@@ -297,15 +290,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
 
 @dataclass(frozen=True)
 class CapacityClass:
-    """Class of buildings with a common capacity curve.
-
-    Attributes
-    ----------
-    soft_story : bool
-        True if the ground story is soft.
-    degradation : bool
-        True if stories lose stiffness and strength.
-    """
+    """Class of buildings with a common capacity curve."""
 
     curve: CapacityCurve
     soft_story: bool = False

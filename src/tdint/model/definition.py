@@ -555,17 +555,7 @@ class TableForce:
 
 @dataclass(frozen=True)
 class Excitation:
-    """Ground motion and forces. Without both, the building performs free vibration.
-
-    Attributes
-    ----------
-    record : RecordSource | None
-        Ground motion.
-    forces : tuple of Force
-        Harmonic forces on floors.
-    tables : tuple of TableForce
-        Forces on floors from tables.
-    """
+    """Ground motion and forces. Without both, the building performs free vibration."""
 
     record: RecordSource | None
     forces: tuple[Force, ...] = ()

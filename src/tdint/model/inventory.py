@@ -730,18 +730,7 @@ def derive_all(
 def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
 ) -> DerivedBuilding | CapacityBuilding:
-    """Derive the building of one row. `derive_all` describes and checks the parameters.
-
-    Parameters
-    ----------
-    row : InventoryRow
-        Row with the id and the properties of the building.
-    stiffness, damping : float
-        Standard deviations of the random factors on stiffness and damping ratio. Default: no
-        scatter.
-    seed : int
-        Seed of the random factors, combined with the id of the building.
-    """
+    """Derive the building of one row. `derive_all` describes and checks the parameters."""
     scatter = None
     if stiffness or damping:
         random = np.random.default_rng([seed, *row.id.encode()])
@@ -763,8 +752,6 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
 
     Parameters
     ----------
-    building : DerivedBuilding or CapacityBuilding
-        Building with its stories from the ground up.
     rules : str
         Name of the rules, for the comment at the top of the file.
     """

@@ -209,8 +209,6 @@ def path_faults(
 
     Parameters
     ----------
-    law : DriftLaw
-        The law; its functions are executed in plain Python.
     column : ndarray, shape (rows,)
         Number of the law, initial stiffness (N/m) and parameters, as in `law_parameters`.
     yield_drift : float

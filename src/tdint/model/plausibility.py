@@ -247,8 +247,6 @@ def plausibility_warnings(
 
     Parameters
     ----------
-    model : Model
-        The building as read from its model file.
     pga : float
         Peak ground acceleration, m/s^2; nan by default, if unknown.
     has_motion : bool
@@ -293,13 +291,6 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     """Return warnings about unusual values of a building and of the ground acceleration.
 
     If the model switches plausibility warnings off, only the ground acceleration is checked.
-
-    Parameters
-    ----------
-    model : Model
-        The building as read from its model file.
-    pga : float
-        Peak ground acceleration, m/s^2; nan if unknown.
     """
     if model.plausibility_off:
         return [*peak_warnings(pga)]
@@ -582,11 +573,6 @@ def study_plausibility_warnings(models: Iterable[tuple[Model, Building]]) -> tup
 
     A warning about several models is returned a single time, with the number of models. The result
     contains at most ten warnings, and the number of further warnings.
-
-    Parameters
-    ----------
-    models : iterable of (Model, Building)
-        Buildings as read from their model files, and assembled to arrays.
     """
     files_by_warning: dict[str, list[str]] = {}
     for model, building in models:

@@ -467,8 +467,6 @@ def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit
 
     Parameters
     ----------
-    story : int
-        Number of the story, from 1 at the ground.
     drift : array, shape (points,)
         Drifts, m, which do not decrease.
     law_type : str

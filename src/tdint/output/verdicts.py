@@ -42,8 +42,6 @@ def run_verdicts(
 
     Parameters
     ----------
-    checks : sequence of LimitCheck
-        Comparisons of the demands of the run with the limits.
     status : str
         Status of the run; a collapsed building does not meet any limit.
     matched : str
@@ -112,8 +110,6 @@ def suite_verdicts(
 
     Parameters
     ----------
-    checks : sequence of LimitCheck
-        Comparisons of the mean demands over the ground motions with the limits.
     pair_demand : str
         Rule that combines the components of pairs; empty without pairs.
     matched : str

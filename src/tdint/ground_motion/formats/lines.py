@@ -651,11 +651,6 @@ def at_equal_steps(
     slack : float
         Permitted departure from equal steps as a fraction of the duration; infinite for a format
         with samples at unequal times.
-
-    Raises
-    ------
-    RecordError
-        The times do not increase, or depart too far from equal steps.
     """
     mean, departure = equal_steps(times, slack)
     if not departure:

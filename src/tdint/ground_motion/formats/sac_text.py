@@ -46,11 +46,6 @@ def _matches(lines: list[str]) -> bool:
 def read_sac_text(file: Any, headonly: bool = False, **_: Any) -> Any:
     """Read an alphanumeric SAC file.
 
-    Returns
-    -------
-    obspy.Stream
-        The only trace, with the SAC header in `stats.sac`.
-
     Raises
     ------
     RecordError

@@ -467,11 +467,6 @@ def read_signal(
     component : str, optional
         Component to read, required if the file has several components.
 
-    Returns
-    -------
-    Signal
-        Samples in SI units with their quantity, start time and notes.
-
     Raises
     ------
     UsageError, RecordError

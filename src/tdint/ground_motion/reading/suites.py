@@ -280,11 +280,6 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
     """Read pairs of horizontal components from files with both components, or from files with names
     that differ only in the component.
 
-    Parameters
-    ----------
-    names : PairNames
-        File names of pairs. Default: the usual names.
-
     Raises
     ------
     UsageError

@@ -105,11 +105,6 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
     """Return the limits of a model: limits without a level, followed by the limits of each level.
 
     Limits with errors are reported and omitted.
-
-    Parameters
-    ----------
-    stories : sequence of Story
-        Stories of the model; empty after an error.
     """
     section = value.section(LIMITS)
     if section is None:

@@ -492,11 +492,6 @@ def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
     """Return the model that a mapping defines; None after reporting an error.
 
     The mapping is the content of a model file, or a part of a file of another type.
-
-    Parameters
-    ----------
-    value : Value
-        Mapping with the keys of a model file.
     """
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None

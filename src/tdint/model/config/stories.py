@@ -465,8 +465,6 @@ def read_stories(
 
     Parameters
     ----------
-    value : Value | None
-        Value of the key `stories`; None if it is missing.
     p_delta : bool
         Require the height of every story.
     """

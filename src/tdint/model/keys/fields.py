@@ -187,8 +187,6 @@ class ByName:
 
     Attributes
     ----------
-    type : ValueType
-        Type of the value of each name.
     description, empty_message : str
         Description of the mapping in messages; message if it is empty.
     make : callable
@@ -331,8 +329,6 @@ class Value:
 
     Attributes
     ----------
-    node : Node
-        Text with its line and column.
     key : str
         Full key for messages.
     faults : Faults
@@ -759,13 +755,6 @@ class Section:
 
         The value of a misspelled key is stored under the most similar allowed key, so that errors
         in this value are also reported.
-
-        Parameters
-        ----------
-        value : Value
-            Value of the section in the file. It collects the reported errors (`faults`).
-        keys : collection of str
-            Allowed keys; the type `Keys` also declares the types of their values.
         """
         self.value = value
         self._entries: dict[str, Value] = {}
@@ -861,10 +850,6 @@ class Section:
 
         Parameters
         ----------
-        bounds : Bounds, optional
-            Allowed range of the number in the file. Default: declared bounds.
-        scale : float
-            Factor from the unit of the file to SI units.
         default : float, optional
             Number if the entry is missing. Without a default the entry is required.
         """
@@ -914,8 +899,6 @@ def resolve(file: str, folder: Path) -> str:
     ----------
     file : str
         Path relative to `folder`, or absolute path.
-    folder : Path
-        Directory to which a relative path refers.
     """
     path = os.fspath(folder / file)
     normalized = os.path.normpath(path)

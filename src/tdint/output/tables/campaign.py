@@ -181,13 +181,7 @@ RATIOS = (
 
 
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
-    """Return the table of the intensity measures of the ground motions of all runs (measures.csv).
-
-    Parameters
-    ----------
-    runs : iterable of MeasuredRun
-        Runs with their intensities; each run has a row.
-    """
+    """Return measures.csv: the intensity measures of the ground motions of all runs."""
     rows = (
         (run.building, run.record, run.component, run.scale, run.sample, *run.values)
         for run in runs
@@ -369,11 +363,6 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
     """Yield the rows of profiles.csv: statistics of the peak responses over the ground motions.
 
     There is one row per building, intensity level, quantity and story, from the ground up.
-
-    Parameters
-    ----------
-    profiles : iterable of Profile
-        Peak responses of a building at an intensity level under all ground motions.
     """
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
@@ -542,11 +531,6 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """Return the table of the floor spectra of runs, with one row per run, floor, damping ratio and
     period.
-
-    Parameters
-    ----------
-    store : Store
-        Store of the campaign, with the names of buildings and records.
     """
     # Two samples can be the same ground motion; their numbers distinguish the rows.
     has_samples = store.count("sample > 0") > 0
@@ -574,8 +558,6 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     ----------
     store : Store
         Store of the campaign, which determines the columns of the level and of pairs.
-    suites : sequence of FloorSuite
-        Spectra over the ground motions, for each building, level, floor and damping ratio.
     """
     return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
 

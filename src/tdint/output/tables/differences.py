@@ -367,8 +367,6 @@ class _Scope:
     ----------
     has_same_keys : bool
         True if a key that only one file has is a difference.
-    original_paths : mapping of str to str
-        Paths in the file `before`, by the paths that replace them in the file `now`.
     """
 
     has_same_keys: bool

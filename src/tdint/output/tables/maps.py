@@ -273,12 +273,8 @@ def write_districts(
 
     Parameters
     ----------
-    by : str
-        Column of the inventory.
     polygons : mapping, optional
         Geometries by value of the column (`read_polygons`).
-    events : collection of str
-        Events to write; all by default.
     """
     _write_collection(_districts(store, by, polygons, events), stream)
 

@@ -458,8 +458,6 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] 
     ----------
     spectra : sequence of RotatedSpectrum
         Spectra with the same percentiles. Each percentile has a column.
-    additional : sequence of str
-        Names of settings of the spectra that also have columns; empty by default.
     """
     # The columns of the settings follow the columns that all spectra have.
     setting_columns = columns_of(Spectrum, *additional)[len(SPECTRUM) :]

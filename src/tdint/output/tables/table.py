@@ -268,13 +268,7 @@ class Table:
         return Table(tuple(self.columns[i] for i in indices), rows, self.meanings)
 
     def with_values(self, name: str, function: Callable[[Cell], Cell]) -> Table:
-        """Return the table with the results of a function in place of the values of a column.
-
-        Parameters
-        ----------
-        function : callable
-            Receives a value and returns the new value.
-        """
+        """Return the table with the results of a function in place of the values of a column."""
         column = self.columns.index(name)
         rows = [(*row[:column], function(row[column]), *row[column + 1 :]) for row in self.rows]
         return replace(self, rows=rows)
@@ -324,11 +318,6 @@ PARQUET = ("a Parquet file", "parquet")
 
 def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]]) -> bytes:
     """Return a table as Parquet.
-
-    Parameters
-    ----------
-    meanings : mapping
-        Descriptions of the columns, as `describe` returns them; they become metadata.
 
     Raises
     ------
