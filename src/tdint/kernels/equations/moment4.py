@@ -800,7 +800,8 @@ def update_state(coefficients, scene, h, memory):
 
         u1 = u0 + D0,   v1 = v0 + a0 / h,   acceleration at the end = (a0 + a1 / 2) / h^2
 
-    For other stories, the state at the end of the path of the last iteration is committed.
+    The law of a story that remained on its linear branch (row LEAVES_BRANCH is 0) moves along this
+    branch. For other stories, the state at the end of the path of the last iteration is committed.
 
     The work of a force with the mean F0 and the first moment F1 over the step is D0 F0 + D1 F1 /
     12. A damper with the coefficient c has F0 = c D0 / h and F1 = c D1 / h. The work of the load
