@@ -68,6 +68,7 @@ def test_class_names_are_unique_among_layers():
 
 
 def test_columns_are_declared_in_table_modules():
+    """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     subjects = {
         "buildings",

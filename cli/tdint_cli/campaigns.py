@@ -485,7 +485,8 @@ def _open_store(
     together with the tables that were written from it. Otherwise another campaign is an
     AnotherStudyError.
     """
-    from tdint.campaign.store import FILE, open_store, remove, remove_store
+    from tdint.campaign.store import FILE
+    from tdint.campaign.store_opening import open_store, remove, remove_store
     from tdint.campaign.store_schema import AnotherStudyError, UntrustedStoreError
 
     try:

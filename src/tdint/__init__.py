@@ -124,10 +124,10 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.campaign.execute import campaign as campaign
     from tdint.campaign.fragility.fit_table import FragilityResult as FragilityResult
     from tdint.campaign.fragility.fit_table import fragility as fragility
-    from tdint.campaign.fragility.fits import Fragility as Fragility
     from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
+    from tdint.campaign.fragility.fragility_function import Fragility as Fragility
     from tdint.campaign.ida import IdaSettings as IdaSettings
     from tdint.campaign.ida import IdaStudy as IdaStudy
     from tdint.campaign.ida import ida as ida

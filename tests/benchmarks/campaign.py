@@ -29,14 +29,14 @@ from common import rotated_motions
 import tdint
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
-from tdint.campaign.batch import RunSettings
+from tdint.campaign.batch import CampaignSettings
 from tdint.campaign.buildings import model_buildings
 from tdint.campaign.execute import Shard, compile_for, execute_plan, threads
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import EveryMotion, Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.store import open_store
+from tdint.campaign.store_opening import open_store
 from tdint.ground_motion.reading.suites import suite_motions
 
 SCALES = tuple(np.linspace(0.1, 2.0, 20).tolist())
@@ -59,7 +59,7 @@ def measure_engine(method: str) -> None:
         suite_motions(records),
         EveryMotion(len(records)),
         Scales(SCALES),
-        RunSettings(dt=0.01),
+        CampaignSettings(dt=0.01),
     )
     compile_for(plan)
     cases = [

@@ -20,7 +20,7 @@ from common import components
 import tdint
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.prepared import Motions
-from tdint.campaign.batch import Batch, Run, RunSettings, spectral_accelerations
+from tdint.campaign.batch import Batch, CampaignSettings, Run, spectral_accelerations
 from tdint.model.definition import Model
 from tdint.model.inventory import InventoryRow, derive_row, model_text
 from tdint.model.mdof_lu import BuildingFacts
@@ -104,7 +104,7 @@ def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> np.ndarr
             n: spectral_accelerations(record, [subject.period])[0]
             for n, record in suite.records.items()
         }
-        rows = Batch(0, subject, suite, spectral, RunSettings(dt=dt)).results(runs).runs
+        rows = Batch(0, subject, suite, spectral, CampaignSettings(dt=dt)).results(runs).runs
         # The second and third column of a row are the ground motion and its scale.
         by_run = {
             row[1:3]: row.peak_drift_ratio if row.status == "done" else np.nan for row in rows

@@ -28,7 +28,7 @@ from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.time_steps import choose_steps
-from tdint.campaign.batch import Batch, Run, RunSettings, building_step
+from tdint.campaign.batch import Batch, CampaignSettings, Run, building_step
 from tdint.methods.catalogue import catalogue, parse
 
 MODELS = {
@@ -173,7 +173,11 @@ def tolerance():
     def peak_drifts(building, method, step):
         """Return the peak drifts of all runs with a time step in s, shape (runs, stories), in m."""
         batch = Batch(
-            0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True)
+            0,
+            Subject(building, method),
+            motions,
+            dict.fromkeys(records),
+            CampaignSettings(stories=True),
         )
         return np.array(
             [row.values[PEAK_DRIFT] for row in batch.results(runs, step).stories]
@@ -196,7 +200,7 @@ def tolerance():
                     start = time.process_time()
                     subject = Subject(building, method)
                     steps = (
-                        building_step(subject, records, group, RunSettings(), within)
+                        building_step(subject, records, group, CampaignSettings(), within)
                         for group in groups
                     )
                     step = next(step for step in steps if step is not None)

@@ -14,7 +14,7 @@ from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
 from tdint.analysis.run.outcome import STORY_QUANTITIES, FailedRun
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.sequence import run_sequence
-from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
+from tdint.campaign.batch import REPEATS, Batch, CampaignSettings, Run, RunRow
 from tdint.ground_motion.record import JoinedRecord, Record
 
 RECORDS = {
@@ -27,7 +27,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in SCALES]
 
 def batch(model: str, method: str, **settings: bool | float) -> Batch:
     subject = Subject(tdint.load_model(f"configs/{model}.yaml"), method)
-    return Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(**settings))
+    return Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), CampaignSettings(**settings))
 
 
 def single(runs: Batch, run: Run, **wishes: float) -> tdint.analysis.run.outcome.Response:
@@ -150,7 +150,7 @@ def test_errors_of_events_in_sequence(fixed: int) -> None:
     joined = JoinedRecord.of(short, 5.0, fixed=fixed)
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "moment4")
     (row,) = (
-        Batch(0, subject, Motions({0: joined}), {0: None}, RunSettings(check=True))
+        Batch(0, subject, Motions({0: joined}), {0: None}, CampaignSettings(check=True))
         .results([Run(0, 1.0)])
         .runs
     )
@@ -179,7 +179,11 @@ def test_failed_run_is_repeated_with_finer_steps() -> None:
     model = tdint.load_model("configs/hardening.yaml")
     subject = Subject(model, "newmark-linear")
     runs = Batch(
-        0, subject, Motions({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration)
+        0,
+        subject,
+        Motions({0: noise}),
+        {0: None},
+        CampaignSettings(dt=0.1, duration=noise.duration),
     )
     (row,) = runs.results([Run(0, 3.0)]).runs
     case = tdint.prepare(model, noise.scaled(3.0), method="newmark-linear")
@@ -201,7 +205,7 @@ def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.Monk
     """The attempt is integrated in the batch. It is integrated again only for a run that collapses
     before its failure. The row equals the row of individual runs."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
-    settings = RunSettings(dt=0.1, duration=noise.duration)
+    settings = CampaignSettings(dt=0.1, duration=noise.duration)
     model = tdint.load_model("configs/hardening.yaml")
     runs = Batch(0, Subject(model, method), Motions({0: noise}), {0: None}, settings)
     individual = []

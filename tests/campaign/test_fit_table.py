@@ -16,8 +16,10 @@ from tdint.campaign.fragility.fit_table import (
     fragility,
 )
 from tdint.campaign.fragility.fit_types import TypeRuns, fit_states
-from tdint.campaign.fragility.fits import Fragility, fit_cloud, fit_stripes
-from tdint.campaign.fragility.measures import line, motions_of
+from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
+from tdint.campaign.fragility.fragility_function import Fragility
+from tdint.campaign.fragility.measure_comparison import line
+from tdint.campaign.fragility.measures import motions_of
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import DamageStates

@@ -8,14 +8,8 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, norm
 
-from tdint.campaign.fragility.fits import (
-    Fragility,
-    Points,
-    empirical,
-    fit_capacities,
-    fit_cloud,
-    fit_stripes,
-)
+from tdint.campaign.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.fragility.fragility_function import Fragility, Points
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import OutputUnits
 

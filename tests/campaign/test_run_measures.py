@@ -11,7 +11,8 @@ from scipy.stats import t as student
 
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
-from tdint.campaign.fragility.measures import compare_measures, line, run_measure
+from tdint.campaign.fragility.measure_comparison import compare_measures, line
+from tdint.campaign.fragility.measures import run_measure
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.ground_motion.measures import cumulative_absolute_velocity_above, measure
 from tdint.ground_motion.record import Record

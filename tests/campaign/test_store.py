@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from tdint import spectrum, system
 from tdint.analysis.run.batch import Subject
-from tdint.campaign.batch import RunSettings, spectral_accelerations
+from tdint.campaign.batch import CampaignSettings, spectral_accelerations
 from tdint.campaign.buildings import model_buildings
 from tdint.campaign.execute import Advance, merge
 from tdint.campaign.motions import EveryMotion, MotionFactors
 from tdint.campaign.plan import Plan
-from tdint.campaign.store import open_store
+from tdint.campaign.store_opening import open_store
 from tdint.campaign.store_schema import refuse_network
 from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.reading.suites import suite_motions
@@ -62,7 +62,7 @@ def plan_of(
     )
     plan_buildings = model_buildings([Subject(model, "newmark-average")] * buildings)
     return Plan(
-        "", plan_buildings, suite, EveryMotion(len(motions)), levels, RunSettings(**settings)
+        "", plan_buildings, suite, EveryMotion(len(motions)), levels, CampaignSettings(**settings)
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import lognorm, norm, uniform
 
 import tdint
-from tdint.campaign.batch import RunSettings
+from tdint.campaign.batch import CampaignSettings
 from tdint.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
@@ -24,7 +24,7 @@ from tdint.campaign.motions import CampaignMotions, Scales
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.sensitivity import one_at_a_time, parameter_effects, rank_correlations
-from tdint.campaign.store import open_store
+from tdint.campaign.store_opening import open_store
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.output.tables.campaign import write_runs
@@ -57,7 +57,12 @@ def stored(models, records, scales=(1.0,)):
     motions = suite_motions(records)
     files = ModelFiles(()), RecordFiles((), RecordChoice())
     campaign = CampaignFile(
-        "sweep", "sweep", *files, Scales(scales), AnalysisOverrides(), RunSettings(profiles=True)
+        "sweep",
+        "sweep",
+        *files,
+        Scales(scales),
+        AnalysisOverrides(),
+        CampaignSettings(profiles=True),
     )
     plan = make_plan(campaign, Inputs(tuple(models), motions=CampaignMotions(motions)))
     store, _ = open_store(None, plan)

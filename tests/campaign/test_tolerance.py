@@ -13,7 +13,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.step_choice import choose_step, step_within
-from tdint.campaign.batch import Batch, Rows, Run, RunSettings, building_step
+from tdint.campaign.batch import Batch, CampaignSettings, Rows, Run, building_step
 from tdint.ground_motion.record import Record
 
 
@@ -38,7 +38,9 @@ PEAK_DRIFT = [quantity.name for quantity in STORY_QUANTITIES].index("peak_drift"
 
 
 def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
-    batch = Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), RunSettings(stories=True))
+    batch = Batch(
+        0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), CampaignSettings(stories=True)
+    )
     return batch.results(runs, largest)
 
 
@@ -58,7 +60,7 @@ def test_drifts_of_all_runs_are_within_the_tolerance(
     within the chosen one: impulse4 uses several samples per step, and average acceleration steps
     below the sampling interval."""
     subject = Subject(OFFICE, method)
-    step = building_step(subject, RECORDS, RUNS, RunSettings(), 0.01)
+    step = building_step(subject, RECORDS, RUNS, CampaignSettings(), 0.01)
     assert step is not None
     assert step > beyond if beyond else step < 0.01
     coarse = results(subject, RUNS, step)
@@ -83,8 +85,8 @@ def test_building_step_is_minimum_of_steps_of_runs() -> None:
     ]
     single = [choose_step(case, 0.05).dt for case in cases]
     assert len(set(single)) > 1
-    assert building_step(subject, RECORDS, runs, RunSettings(), 0.05) == min(single)
-    assert building_step(subject, RECORDS, runs, RunSettings(dt=0.0025), 0.05) == 0.0025
+    assert building_step(subject, RECORDS, runs, CampaignSettings(), 0.05) == min(single)
+    assert building_step(subject, RECORDS, runs, CampaignSettings(dt=0.0025), 0.05) == 0.0025
     largest = single.index(max(single))
     assert step_within(cases[largest], 0.05) == single[largest]
     assert step_within(cases[largest], 0.05, largest=min(single)) == min(single)
@@ -94,7 +96,10 @@ def test_collapsed_runs_do_not_affect_building_step() -> None:
     subject = Subject(tdint.load_model("configs/collapse-prone-frame.yaml"), "impulse4")
     collapses = [Run(0, 12.0), Run(1, 12.0), Run(2, 12.0)]
     assert {row.status for row in results(subject, collapses, 0.01).runs} == {"collapsed"}
-    assert building_step(subject, RECORDS, collapses, RunSettings(), 0.01) is None
-    alone = building_step(subject, RECORDS, [Run(0, 0.3)], RunSettings(), 0.01)
+    assert building_step(subject, RECORDS, collapses, CampaignSettings(), 0.01) is None
+    alone = building_step(subject, RECORDS, [Run(0, 0.3)], CampaignSettings(), 0.01)
     assert alone is not None
-    assert building_step(subject, RECORDS, [*collapses, Run(0, 0.3)], RunSettings(), 0.01) == alone
+    assert (
+        building_step(subject, RECORDS, [*collapses, Run(0, 0.3)], CampaignSettings(), 0.01)
+        == alone
+    )

@@ -159,7 +159,8 @@ def test_the_site_of_a_building_is_the_nearest_or_its_named_site(
 def test_distances_in_degrees_select_another_site_than_distances_in_km(
     region: Path, tdint: Command
 ) -> None:
-    """At 60 degrees north, a degree of longitude is half as long as a degree of latitude."""
+    """At 60 degrees north, a degree of longitude is half as long as a degree of latitude, so that
+    distances in degrees select another nearest site than distances in km."""
     Path("buildings.csv").write_text(BUILDINGS.splitlines()[0] + "\na,1,1968,W1,1500,60,10,\n")
     Path("sites.csv").write_text("site,longitude,latitude\nwest,10.15,60\neast,10,60.1\n")
     Path("fields.csv").write_text("event,site,record\n1,west,firm.mseed\n1,east,soft.mseed\n")
@@ -352,6 +353,7 @@ def test_rows_of_simcenter_files_are_events(region: Path, tdint: Command) -> Non
 def test_invalid_input_is_refused_with_file_and_line(
     region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str
 ) -> None:
+    """Invalid input causes a one-line error with file and line, and no output is written."""
     text = Path(file).read_text()
     assert before in text
     Path(file).write_text(text.replace(before, after, 1))
@@ -429,7 +431,8 @@ def test_distant_buildings_and_buildings_without_coordinates_are_skipped(
 
 
 def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(working_directory: Path) -> None:
-    """The memory does not depend on the number of rows, because the text of a row is not kept."""
+    """A row of a field needs at most 100 bytes of memory, for any number of rows, because its text
+    is not kept."""
     write_record(working_directory / "firm.mseed", "HN1")
 
     def read(count: int) -> CampaignMotions:

@@ -26,7 +26,7 @@ from tdint.kernels.building.store import _find_in, file_name
 from tdint.kernels.building.target import native
 from tdint.system import locked, version_of_sources
 from tdint_cli.main import cli
-from tdint_cli.options.grammar import FileName
+from tdint_cli.options.option_types import FileName
 
 MOTION = "motion.mseed --units m/s^2 --component HNE"
 ASCE7 = "asce7:sds=1,sd1=0.6,tl=8"

@@ -70,8 +70,8 @@ def test_fragility_of_an_ida_directory(folder, tdint, make_record):
 
 
 def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
-    """A run without a result is excluded and reported. tests/campaign/test_fit_table.py tests the
-    bounds."""
+    """Runs at common levels are stripes. A run without a result is excluded and reported.
+    tests/campaign/test_fit_table.py tests the bounds."""
     header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
     lines = [
         f"a,{record},{'collapsed' if drift == 0.05 else 'done'},{drift},{level}"

@@ -11,7 +11,8 @@ from csv_rows import rows
 from selection import every
 from tdint_cli.main import COMMANDS
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import BESIDE, with_named_files
+from tdint_cli.options.grammar import with_named_files
+from tdint_cli.options.option_types import BESIDE
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,8 @@ def test_global_options_have_one_line_each(tdint):
 )
 @pytest.mark.usefixtures("short_matching")
 def test_examples_run(name, office, monkeypatch, tdint):
-    """Nearly the same calls of `tdint examples` are also in test_examples.py."""
+    """The examples of each command run. Nearly the same calls of `tdint examples` are also in
+    test_examples.py."""
     monkeypatch.chdir(office)
     if not Path("office.yaml").exists():
         tdint("init", "office.yaml", "--stories", "5", "--period", "0.8", code=0)

@@ -47,6 +47,7 @@ def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_p
 
 @pytest.mark.long
 def test_labels_and_styles_can_be_replaced(working_directory, tdint, drawn):
+    """Titles and labels can be replaced; a style sheet is applied."""
     (working_directory / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     style = ("--style", "own.mplstyle,width=7in,label:impulse4='present, method',title=no")
     tdint(*STABILITY, *style, "--plot=a.svg", code=0)

@@ -40,7 +40,7 @@ def test_a_closed_pipe_is_no_error(folder):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_help_is_written_to_standard_output():
-    """tests/faults/test_outputs.py tests a full disk."""
+    """Help is written to standard output. tests/faults/test_outputs.py tests a full disk."""
     full, closed = shell("tdint run -h > /dev/full"), shell("tdint init - >&-")
     assert (full.returncode, closed.returncode) == (6, 6)
     assert full.stderr == "Error: standard output: cannot be written: No space left on device\n"

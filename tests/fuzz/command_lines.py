@@ -13,7 +13,7 @@ import click
 from fuzz.sandbox import MODELS, OLD, OUTPUT, STRANGE_NAMES
 from fuzz.study_files import CAMPAIGN, COMPARE, MATCH, SELECT
 from tdint_cli.main import COMMANDS, cli
-from tdint_cli.options import grammar
+from tdint_cli.options.option_types import FileName, ListOf
 
 RECORDS = (
     "a.txt",
@@ -288,7 +288,7 @@ def _option(option: click.Option, source: random.Random) -> list[str]:
 
 def _value(option: click.Option, source: random.Random) -> str:
     option_type = option.type
-    if isinstance(option_type, grammar.ListOf):
+    if isinstance(option_type, ListOf):
         count = source.choice((1, 1, 2, 3))
         return ",".join(
             _single_value(option.name or "", option_type.item, source) for _ in range(count)
@@ -334,7 +334,7 @@ _BY_NAME = {
 }
 _BY_FORM = (("grid", _GRIDS[:3], _GRIDS), ("drift", _DRIFTS[:5], _DRIFTS))
 _BY_TYPE: tuple[tuple[type, Sequence[str], Sequence[str]], ...] = (
-    (grammar.FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "/dev/null")),
+    (FileName, ("a.txt", "linear.yaml"), (*RECORDS, "", "/dev/null")),
     (click.types.IntRange, _COUNTS, _STRANGE_COUNTS),
     (click.types.IntParamType, _COUNTS, _STRANGE_COUNTS),
     (click.types.FloatRange, _NUMBERS, _STRANGE_NUMBERS),

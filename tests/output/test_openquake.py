@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.fragility.fragility_function import Fragility
 from tdint.errors import UsageError
 from tdint.output.tables.exports import fragility_model, vulnerability_model, whole_types
 

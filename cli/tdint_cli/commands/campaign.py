@@ -26,7 +26,8 @@ from tdint_cli.campaigns import (
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest
-from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import FileName, ListOf, Name, Written
 from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 from tdint_cli.terminal import Failures, say, warn
 
@@ -240,7 +241,7 @@ def _status(request: CampaignRequest) -> None:
 
     Warnings list the inputs that could not be used.
     """
-    from tdint.campaign.store import check_chunks, open_existing
+    from tdint.campaign.store_opening import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
     with open_existing(_folder(request)) as store:
@@ -261,7 +262,7 @@ def _export(request: CampaignRequest) -> None:
     """Write the tables of a campaign again (`tdint campaign export`). Failures is raised afterwards
     if a limit is exceeded with --require.
     """
-    from tdint.campaign.store import check_chunks, open_existing
+    from tdint.campaign.store_opening import check_chunks, open_existing
 
     folder = _folder(request)
     with open_existing(folder, write=True) as store:

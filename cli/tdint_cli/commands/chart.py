@@ -16,7 +16,8 @@ from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
-from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, Number, Ratio, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import Count, FileName, ListOf, Number, Ratio
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn

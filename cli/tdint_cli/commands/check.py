@@ -11,7 +11,8 @@ import click
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import is_file
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Mode, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import FileName
 from tdint_cli.terminal import Failures, emit, note, say, warn
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, ListOf, Written
+from tdint_cli.options.option_types import FileName, ListOf, Written
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.terminal import note, say, warn
 

@@ -10,7 +10,8 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.number_parsing import pluralize
 from tdint_cli import options
-from tdint_cli.options.grammar import ListOf, Mode, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import ListOf
 from tdint_cli.terminal import emit, progress_bar, say
 
 _PROCESSORS = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")

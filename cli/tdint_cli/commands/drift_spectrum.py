@@ -14,7 +14,7 @@ from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.commands.spectrum import make_tables
 from tdint_cli.commands.spectrum_kinds import Results, TablesRequest, TableType
-from tdint_cli.options.grammar import Number
+from tdint_cli.options.option_types import Number
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum

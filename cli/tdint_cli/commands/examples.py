@@ -16,7 +16,7 @@ from tdint.output import figures, tables
 from tdint.units import SI
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import ListOf, Number
+from tdint_cli.options.option_types import ListOf, Number
 from tdint_cli.terminal import note, say, say_table
 
 if TYPE_CHECKING:

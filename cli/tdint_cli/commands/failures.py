@@ -6,7 +6,7 @@ from collections import Counter
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import ListOf, Name
+from tdint_cli.options.option_types import ListOf, Name
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 

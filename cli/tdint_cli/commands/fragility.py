@@ -15,13 +15,14 @@ from tdint.files import check_outputs, is_file, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Number, refuse_idle, span
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import FileName, ListOf, Name, Number, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.fragility.fit_table import FragilityResult
-    from tdint.campaign.fragility.fits import Fragility
+    from tdint.campaign.fragility.fragility_function import Fragility
     from tdint.output.figures.style import Figure
 
 _FITS = ("stripes", "ida", "cloud")
@@ -172,7 +173,7 @@ def command(request: Request) -> None:
     several = bool(request.im and len(request.im) > 1)
     refuse_idle(_COMPARE if several else _FIT, MODES)
     if is_file(Path(request.table) / "campaign.sqlite"):
-        from tdint.campaign.store import open_existing
+        from tdint.campaign.store_opening import open_existing
         from tdint_cli.campaigns import warn_unfinished
 
         with open_existing(Path(request.table)) as store:
@@ -185,7 +186,7 @@ def command(request: Request) -> None:
 
 def _compare(request: Request) -> None:
     """Compare intensity measures, write the table and report the most efficient measure."""
-    from tdint.campaign.fragility.measures import compare_measures
+    from tdint.campaign.fragility.measure_comparison import compare_measures
 
     fits = compare_measures(request.table, request.im or (), request.sufficiency)
     request.outputs.deliver(tables.studies.comparison_of_measures(fits))
@@ -372,7 +373,7 @@ def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
     Types without loss ratios are omitted.
     """
     from tdint.campaign.fragility.runs import stored_states
-    from tdint.campaign.store import open_existing
+    from tdint.campaign.store_opening import open_existing
 
     with open_existing(folder) as store:
         return {

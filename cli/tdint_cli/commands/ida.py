@@ -17,7 +17,15 @@ from tdint.system import processors
 from tdint.units import GROUND_MOTION
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import FileName, ListOf, Name, PairWish, Ratio, intensity, period
+from tdint_cli.options.option_types import (
+    FileName,
+    ListOf,
+    Name,
+    PairWish,
+    Ratio,
+    intensity,
+    period,
+)
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite, read_table_of_factors
@@ -198,6 +206,7 @@ def command(request: IdaRequest) -> None:
     drift threshold; the collapse drift is the last threshold. With -o, the same call
     continues an interrupted analysis; --overwrite starts again.
     """
+    from tdint.analysis.run.settings import settings_from
     from tdint.campaign.ida import IdaSettings, ida
     from tdint.campaign.pairs import LARGER
     from tdint.ground_motion.measures import cut_off
@@ -207,14 +216,10 @@ def command(request: IdaRequest) -> None:
     model = load_model(request.model)
     units = request.output_units or model.output_units
     measure = _intensity_measure(request, model)
-    settings = IdaSettings(
-        precision=request.precision,
-        collapse_drift=request.collapse_drift,
+    settings = settings_from(
+        request,
+        IdaSettings,
         max_im=request.max_im.scale if request.max_im else math.inf,
-        dt=request.dt,
-        duration=request.duration,
-        until_rest=request.until_rest,
-        check=request.check,
         thresholds=request.threshold or None,
     )
     if not request.records and request.factors is None and model.excitation.has_forces:
@@ -296,7 +301,7 @@ def _folder(request: IdaRequest) -> Path | None:
     --overwrite is not specified, or the store cannot be used.
     """
     from tdint.campaign.ida import STORE
-    from tdint.campaign.store import open_written, remove_store
+    from tdint.campaign.store_opening import open_written, remove_store
     from tdint.campaign.store_schema import locked
 
     folder = Path(request.output) if request.output else None
@@ -332,8 +337,9 @@ def _write(
     `shown` is the study with intensities in the output units, for the tables and the figure.
     `unused` contains the error messages of the records that could not be read.
     """
+    from tdint.analysis.run.settings import RunSettings, settings_from
     from tdint.campaign.ida import STORE
-    from tdint.campaign.store import open_written
+    from tdint.campaign.store_opening import open_written
     from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
 
@@ -350,11 +356,13 @@ def _write(
             "intensity_measure": asdict(study.measure),
             "pairs": study.pair,
             **({"pair_demand": study.pair_demand} if study.partners else {}),
-            **asdict(settings),
+            "precision": settings.precision,
+            "collapse_drift": study.model.collapse_drift,
             # The last threshold is the collapse drift.
             "thresholds": list(study.thresholds[:-1]),
+            "max_im": settings.max_im,
+            **asdict(settings_from(settings, RunSettings)),
             **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
-            "collapse_drift": study.model.collapse_drift,
         }
         records = [record_summary(curve.record) for curve in study.states[0].curves]
         meanings = {**runs_table.meanings, **capacities_table.meanings}

@@ -13,7 +13,7 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.units import SI
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName
+from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs, beside
 from tdint_cli.options.record import RecordsRequest, notes_of_components
 from tdint_cli.processes import Task, outcomes

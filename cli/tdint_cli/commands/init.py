@@ -13,7 +13,8 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.number_parsing import pluralize
 from tdint_cli import options
-from tdint_cli.options.grammar import Count, FileName, Mode, Name, Written, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import Count, FileName, Name, Written
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.units import LENGTH
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName
+from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, warn
 

@@ -11,7 +11,8 @@ from tdint.errors import UsageError
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, drift_size, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import Count, FileName, ListOf, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 

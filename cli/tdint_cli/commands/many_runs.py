@@ -52,7 +52,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         files are written.
     """
     from tdint.campaign.execute import threads
-    from tdint.campaign.store import open_store
+    from tdint.campaign.store_opening import open_store
     from tdint.model.config.model_file import load_model
 
     if "-" in (request.model, *records):
@@ -95,7 +95,8 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     Without records, those of the table of --factors are used, or the record of the model
     (UsageError if there is none).
     """
-    from tdint.campaign.batch import RunSettings
+    from tdint.analysis.run.settings import settings_from
+    from tdint.campaign.batch import CampaignSettings
     from tdint.campaign.definition import (
         AnalysisOverrides,
         CampaignFile,
@@ -116,13 +117,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         records=(record_files := RecordFiles(records, request.choice)),
         intensity=factors_file or Scales(request.scale or (1.0,)),
         analysis=AnalysisOverrides(request.method),
-        settings=RunSettings(
-            request.dt,
-            request.duration,
-            request.until_rest,
-            profiles=True,
-            check=bool(request.check),
-        ),
+        settings=settings_from(request, CampaignSettings, profiles=True, check=bool(request.check)),
         pair_demand=request.pair_demand,
     )
     if records:

@@ -15,7 +15,7 @@ from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import ListOf, PairsType, PairWish, Ratio, span
+from tdint_cli.options.option_types import BESIDE, ListOf, PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import read_table_of_factors
@@ -141,7 +141,7 @@ def command(request: MatchRequest) -> None:
     if request.output is None:
         raise UsageError("-o DIR is required: the directory for the matched ground motions")
     folder = Path(request.output)
-    plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
+    plot = str(folder / PICTURE) if request.plot == BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
     targets = read_targets(request.target, request.damping)
     suite, factors = read_table_of_factors(

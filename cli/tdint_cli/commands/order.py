@@ -11,7 +11,7 @@ from tdint.errors import AnalysisError, TdintError
 from tdint.number_parsing import Grid
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Count, grid
+from tdint_cli.options.option_types import Count, grid
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say_table
 

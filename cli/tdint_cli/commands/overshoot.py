@@ -9,7 +9,7 @@ import click
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Count, Number
+from tdint_cli.options.option_types import Count, Number
 from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import click
 
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import Count, drift_size
+from tdint_cli.options.option_types import Count, drift_size
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, warn
 

@@ -24,14 +24,8 @@ from tdint.output import tables
 from tdint.output.printed import TRUSTED
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import (
-    ELSEWHERE,
-    FileName,
-    ListOf,
-    SampleUnitsType,
-    is_recorded,
-    with_named_files,
-)
+from tdint_cli.options.grammar import is_recorded, with_named_files
+from tdint_cli.options.option_types import ELSEWHERE, FileName, ListOf, SampleUnitsType
 from tdint_cli.terminal import Settings, complain, current, note, say, warn
 
 if TYPE_CHECKING:
@@ -838,7 +832,7 @@ def _recorded_files(recorded: _RecordedCommand) -> Iterator[Path]:
     if isinstance(motions, list):
         names += motions
     if is_file(folder / STORE):
-        from tdint.campaign.store import open_existing
+        from tdint.campaign.store_opening import open_existing
 
         with open_existing(folder) as store:
             names += sorted({name for name, _ in store.written()})

@@ -306,20 +306,20 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
 def _respond(case: Case, events: list[Record], request: Request) -> Response:
     """Run the time integration under a single ground motion, or under a sequence if there are
     `events`."""
-    from tdint.analysis.run.run import run_case
+    from tdint.analysis.run.run import integrate_case
+    from tdint.analysis.run.settings import RunSettings, settings_from
 
-    settings: dict[str, Any] = {
-        "dt": request.dt,
+    settings = settings_from(request, RunSettings, check=request.check is not False)
+    outputs: dict[str, Any] = {
         "history": bool(request.floor_request.floors or request.export_floors),
-        "check": request.check,
+        "history_errors": bool(request.check),
         "tolerance": request.tolerance,
-        "until_rest": request.until_rest,
     }
     if events:
-        from tdint.analysis.run.sequence import run_sequence
+        from tdint.analysis.run.sequence import integrate_sequence
 
-        return run_sequence(case, events, rest=request.rest, **settings)
-    return run_case(case, duration=request.duration, **settings)
+        return integrate_sequence(case, events, settings, rest=request.rest, **outputs)
+    return integrate_case(case, settings, **outputs)
 
 
 def _record_warnings(record: Record | None) -> list[str]:

@@ -12,7 +12,8 @@ from tdint.files import check_outputs
 from tdint.units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion
-from tdint_cli.options.grammar import BESIDE, Count, FileName, Mode, Number, Ratio
+from tdint_cli.options.grammar import Mode
+from tdint_cli.options.option_types import BESIDE, Count, FileName, Number, Ratio
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest

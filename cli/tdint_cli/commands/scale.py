@@ -13,7 +13,7 @@ from tdint.files import check_outputs, write_files
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import (
+from tdint_cli.options.option_types import (
     Count,
     FileName,
     ListOf,

@@ -14,7 +14,8 @@ from tdint.number_parsing import parse_ratio, pluralize
 from tdint.output import figures
 from tdint.system import processors
 from tdint_cli import options
-from tdint_cli.options.grammar import FileName, Mode, refuse_idle
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import Failures, note_of_runs, say
@@ -92,7 +93,7 @@ def command(request: Request) -> None:
     if is_folder(request.building):
         refuse_idle(_CAMPAIGN, MODES)
         from tdint.campaign.sensitivity import rank_correlations
-        from tdint.campaign.store import check_chunks, open_existing
+        from tdint.campaign.store_opening import check_chunks, open_existing
         from tdint.output.tables.studies import CORRELATIONS
         from tdint.output.tables.table import Table
         from tdint_cli.campaigns import warn_unfinished
@@ -129,7 +130,7 @@ def _one_at_a_time(request: Request) -> None:
     from tdint.campaign.execute import threads
     from tdint.campaign.inputs import read_motions
     from tdint.campaign.sensitivity import parameter_effects, plan_of
-    from tdint.campaign.store import open_store
+    from tdint.campaign.store_opening import open_store
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import PARAMETER_EFFECTS
     from tdint.output.tables.table import Table

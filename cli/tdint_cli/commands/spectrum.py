@@ -19,7 +19,8 @@ from tdint_cli import options
 from tdint_cli.commands import spectrum_kinds as kinds
 from tdint_cli.commands.spectrum_kinds import AXES, MODES, SpectrumRequest, TablesRequest, TableType
 from tdint_cli.drawing import reading_width, table_bytes
-from tdint_cli.options.grammar import BESIDE, refuse_idle
+from tdint_cli.options.grammar import refuse_idle
+from tdint_cli.options.option_types import BESIDE
 from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
 from tdint_cli.options.record import notes_of_components
 from tdint_cli.processes import Task, outcomes

@@ -16,7 +16,16 @@ from tdint.number_parsing import Grid, parse_positive
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import BESIDE, FileName, ListOf, Mode, Number, Ratio, pair_names
+from tdint_cli.options.grammar import Mode
+from tdint_cli.options.option_types import (
+    BESIDE,
+    FileName,
+    ListOf,
+    Number,
+    Ratio,
+    Written,
+    pair_names,
+)
 from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import note
 
@@ -263,7 +272,7 @@ class SpectrumRequest(TablesRequest):
     )
     smoothing: float | None = options.spectra.option(
         needs="--fourier",
-        type=grammar.Written("bandwidth", _bandwidth),
+        type=Written("bandwidth", _bandwidth),
         metavar="B|none",
         rare=True,
         help="With --fourier: bandwidth of the smoothing window of Konno and Ohmachi; 40 by "

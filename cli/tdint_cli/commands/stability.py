@@ -6,7 +6,7 @@ from tdint.analysis.defaults import BETAS
 from tdint.number_parsing import Grid
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import ListOf, grid
+from tdint_cli.options.option_types import ListOf, grid
 from tdint_cli.terminal import say_table, warn
 
 _STEPS = Grid(0.001, 1000.0, 400)

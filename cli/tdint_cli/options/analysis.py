@@ -12,7 +12,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, ListOf, Name, Ratio
+from tdint_cli.options.option_types import FileName, ListOf, Name, Ratio
 from tdint_cli.options.output import PICTURE, Outputs, to_files
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.terminal import note, warn

@@ -19,7 +19,8 @@ from tdint.files import STDIN, check_outputs, is_folder, protect_input, write_fi
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Function, OutputUnitsType
+from tdint_cli.options.grammar import Function
+from tdint_cli.options.option_types import BESIDE, FileName, OutputUnitsType
 from tdint_cli.terminal import current, warn
 
 if TYPE_CHECKING:
@@ -513,7 +514,7 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
     UsageError
         The figure has no file name, and no table file is specified.
     """
-    if plot != grammar.BESIDE:
+    if plot != BESIDE:
         return Path(plot) if plot else None
     if table is None:
         raise UsageError(

@@ -13,7 +13,8 @@ import click
 
 from tdint.number_parsing import abbreviate
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import FileName, Function, ListOf, Nonzero, Number, SampleUnitsType
+from tdint_cli.options.grammar import Function
+from tdint_cli.options.option_types import FileName, ListOf, Nonzero, Number, SampleUnitsType
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout

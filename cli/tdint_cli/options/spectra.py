@@ -15,7 +15,7 @@ from tdint.output import figures, tables
 from tdint.system import processors
 from tdint_cli.options import grammar, output
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.grammar import ListOf, Number, grid
+from tdint_cli.options.option_types import ListOf, Number, grid
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,7 @@ import click
 from tdint.errors import UsageError
 from tdint.units import OutputUnits
 from tdint_cli.options import analysis, output, record
-from tdint_cli.options.grammar import BESIDE, Ratio
+from tdint_cli.options.option_types import BESIDE, Ratio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import FloorRequest
 

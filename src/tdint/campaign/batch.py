@@ -37,6 +37,7 @@ from tdint.analysis.run.outcome import (
 )
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.sequence import event_responses, sequence_of
+from tdint.analysis.run.settings import RunSettings
 from tdint.analysis.run.step_choice import step_within
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.time_steps import Steps, finer
@@ -52,36 +53,25 @@ step of the preceding run. Single steps of each run are also halved
 (`tdint.methods.workspace.HALVINGS`)."""
 
 
-@dataclass(frozen=True)
-class RunSettings:
+@dataclass(frozen=True, kw_only=True)
+class CampaignSettings(RunSettings):
     """Settings of all runs of a campaign.
 
     Attributes
     ----------
-    dt, duration : float | None
-        Time step and duration, s. None: the value in the model file or, if the model file has
-        none, the value of the record.
-    until_rest : bool
-        Continue after the record until free vibration has decayed (`tdint.analysis.run.case`).
     stories : bool
         Store the peaks of every story, because the table of stories is written.
     profiles : bool
         Store the peaks of every story, because the table with their statistics over the motions is
         written.
-    check : bool
-        Estimate the errors of the demands of each run, as `tdint.run` does.
     tolerance : float | None
         Maximum estimated error of the peak drifts, relative to these drifts. The time step of each
         building is chosen to meet this tolerance. None: the time step is not chosen by errors.
     """
 
-    dt: float | None = None
-    duration: float | None = None
-    until_rest: bool = False
     stories: bool = False
-    tolerance: float | None = None
     profiles: bool = False
-    check: bool = False
+    tolerance: float | None = None
 
     @property
     def keeps_stories(self) -> bool:
@@ -464,7 +454,7 @@ class Batch:
     subject: Subject
     motions: Motions
     spectral: dict[int, float | None]
-    settings: RunSettings
+    settings: CampaignSettings
 
     def results(self, runs: Sequence[Run], max_step: float | None = math.inf) -> Rows:
         """Integrate runs and return their rows, with stories and elements if they are stored, and
@@ -674,7 +664,7 @@ class Chunk:
     number: int
     buildings: tuple[BuildingRuns, ...]
     records: Mapping[int, Record]
-    settings: RunSettings
+    settings: CampaignSettings
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.campaign.batch import RunSettings
+from tdint.campaign.batch import CampaignSettings
 from tdint.campaign.fragility.type_states import DamageRequest
 from tdint.campaign.load_cases import LoadFiles
 from tdint.campaign.motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
@@ -562,7 +562,7 @@ class CampaignFile:
     records: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles
     intensity: Scales | MeasureLevels | FactorsFile
     analysis: AnalysisOverrides
-    settings: RunSettings
+    settings: CampaignSettings
     sweep: ParameterSweep | None = None
     damage: DamageRequest | None = None
     outputs: tuple[str, ...] | None = None

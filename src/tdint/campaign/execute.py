@@ -21,14 +21,9 @@ from tdint.campaign.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.store import (
-    FILE,
-    Store,
-    is_empty,
-    open_existing,
-    open_store,
-)
+from tdint.campaign.store import FILE, Store, is_empty
 from tdint.campaign.store_differences import INVENTORY_CHANGED, all_differences
+from tdint.campaign.store_opening import open_existing, open_store
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import is_there
 from tdint.kernels.building.compilable import EVERYTHING, time_loops

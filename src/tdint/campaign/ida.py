@@ -16,7 +16,8 @@ from tdint.analysis.arguments import AnyModel, AnyMotion, model_of, motion_of
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
-from tdint.campaign.batch import Batch, ChunkResult, Rows, Run, RunRow, RunSettings
+from tdint.analysis.run.settings import RunSettings, settings_from
+from tdint.campaign.batch import Batch, CampaignSettings, ChunkResult, Rows, Run, RunRow
 from tdint.campaign.buildings import ModelBuilding
 from tdint.campaign.ida_curve import (
     DamagedState,
@@ -36,7 +37,9 @@ from tdint.campaign.intensity import (
     sa,
 )
 from tdint.campaign.pairs import LARGER, SEPARATE, check_pair_demand, join_pairs
-from tdint.campaign.store import Identity, Store, as_json, open_or_create
+from tdint.campaign.store import Store
+from tdint.campaign.store_identity import Identity, as_json
+from tdint.campaign.store_opening import open_or_create
 from tdint.campaign.store_schema import locked
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -73,7 +76,7 @@ RecordRuns = tuple[IdaRun, ...]
 
 
 @dataclass(frozen=True)
-class IdaSettings:
+class IdaSettings(RunSettings):
     """Settings of an incremental dynamic analysis.
 
     Attributes
@@ -87,23 +90,14 @@ class IdaSettings:
         medians of the damage states of the model if they are drift ratios, otherwise `THRESHOLDS`.
     max_im : float
         Maximum intensity, in the unit of the measure. Capacities above this value are censored.
-    dt, duration : float | None
-        Time step and duration of the runs, s; by default the values of the model, otherwise of the
-        record.
-    until_rest : bool
-        Continue after the record until free vibration has decayed, which residual drifts require.
-    check : bool
-        Estimate the errors of the demands of each run.
+    dt, duration, until_rest, check : optional
+        Settings of each run, as for `run`; `check` is False by default.
     """
 
     precision: float = PRECISION
     collapse_drift: float | None = None
     thresholds: tuple[float, ...] | None = None
     max_im: float = math.inf
-    dt: float | None = None
-    duration: float | None = None
-    until_rest: bool = False
-    check: bool = False
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,6 +175,7 @@ class IdaStudy(Tabular):
         a common curve, unless they count separately."""
         if self.pair_demand == SEPARATE or not self.partners:
             return self.curves
+        # Index of the second component by the index of the first component
         second_of_first = {first: second for second, first in self.partners.items()}
         curves: list[IdaCurve] = []
         for state in self.states:
@@ -474,9 +469,6 @@ class _WorkItem:
             lowest_drift=min(searched_thresholds, default=math.inf),
             max_level=settings.max_im,
         )
-        run_settings = RunSettings(
-            settings.dt, settings.duration, settings.until_rest, check=settings.check
-        )
         # The scale factor of the mainshock is constant (`fixed`: one event that is not scaled); the
         # factor of the record increases.
         run_record = record
@@ -484,7 +476,13 @@ class _WorkItem:
             mainshock = damaged_state.record
             run_record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
         # The levels are values of `measure`, so that Sa(T1) of the record is not needed (None).
-        batch = Batch(0, subject, Motions({number: run_record}), {number: None}, run_settings)
+        batch = Batch(
+            0,
+            subject,
+            Motions({number: run_record}),
+            {number: None},
+            settings_from(settings, CampaignSettings),
+        )
         return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
     def integrate(self) -> tuple[ChunkResult, RecordRuns]:

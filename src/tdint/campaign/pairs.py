@@ -215,6 +215,7 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
         if isinstance(motion, Record)
     }
     recordings = recording_numbers(singles)
+    # Number of the second component by the number of the first component
     second_of_first = {first: number for number, first in recordings.items() if number != first}
     joined: list[GroundMotion] = []
     for number, motion in enumerate(motions):

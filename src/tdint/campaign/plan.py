@@ -25,10 +25,10 @@ from tdint.analysis.run.load_notes import table_notes
 from tdint.arrays import cached_property
 from tdint.campaign.batch import (
     BuildingRuns,
+    CampaignSettings,
     Chunk,
     Rows,
     Run,
-    RunSettings,
     Source,
     building_step,
 )
@@ -89,7 +89,7 @@ class Plan:
     motions: tuple[SuiteMotion, ...]
     assignment: Assignment
     levels: Levels
-    settings: RunSettings
+    settings: CampaignSettings
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
     damage: Damage | None = None

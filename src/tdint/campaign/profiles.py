@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
 
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY_QUANTITIES
-from tdint.analysis.run.run import run_case
+from tdint.analysis.run.run import integrate_case
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array
@@ -664,15 +664,8 @@ def _spectra(
     `run_and_step` is the run and its time step, s.
     """
     run, dt = run_and_step
-    settings, case = plan.settings, subject.case(plan.motions[run.motion].record, run.scale)
-    response = run_case(
-        case,
-        dt=dt,
-        duration=settings.duration,
-        history=True,
-        check=False,
-        until_rest=settings.until_rest,
-    )
+    case = subject.case(plan.motions[run.motion].record, run.scale)
+    response = integrate_case(case, replace(plan.settings, dt=dt, check=False), history=True)
     return RunFloors(
         building, run, floor_spectra(response, choice.floors, choice.periods, choice.damping)
     )

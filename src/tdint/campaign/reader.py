@@ -7,7 +7,7 @@ import math
 from functools import partial
 from pathlib import Path
 
-from tdint.campaign.batch import RunSettings
+from tdint.campaign.batch import CampaignSettings
 from tdint.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
@@ -296,7 +296,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         records=motions or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(intensity) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
-        settings=RunSettings(
+        settings=CampaignSettings(
             dt=dt.read() if dt and not dt.is_list else None,
             **analysis.read_present("duration", "tolerance", "until_rest", "check"),
             stories=has_stories,

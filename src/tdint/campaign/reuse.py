@@ -14,16 +14,13 @@ from typing import Any, cast
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import ChunkResult, Rows, Run
 from tdint.campaign.plan import Plan
-from tdint.campaign.store import (
-    FILE,
-    Identity,
-    Store,
-    is_empty,
+from tdint.campaign.store import FILE, Store, is_empty
+from tdint.campaign.store_identity import Identity, stored_text
+from tdint.campaign.store_opening import (
     obstacle_to_reuse,
     open_or_create,
     open_written,
     remove_store,
-    stored_text,
 )
 from tdint.files import is_there
 from tdint.number_parsing import pluralize

@@ -393,6 +393,7 @@ class _EventGroups:
         `recordings`: for each motion, the names of the recordings to which its files belong
         (`_recordings`).
         """
+        # First motion of each recording, by the name of the recording
         motion_of_recording: dict[str, int] = {}
         # Files with similar names may contain several recordings. A motion with a known event is
         # therefore united only with a motion of the same event.

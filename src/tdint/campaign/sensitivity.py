@@ -13,13 +13,14 @@ import numpy as np
 from tdint.analysis.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.analysis.run.demands import RUN
 from tdint.arrays import Array
-from tdint.campaign.batch import RunSettings
+from tdint.campaign.batch import CampaignSettings
 from tdint.campaign.definition import AnalysisOverrides, CampaignFile, ModelFiles, RecordFiles
 from tdint.campaign.execute import execute_plan, threads
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import CampaignMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
-from tdint.campaign.store import Store, open_store
+from tdint.campaign.store import Store
+from tdint.campaign.store_opening import open_store
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
@@ -226,7 +227,7 @@ def plan_of(
         records=RecordFiles((), RecordChoice()),
         intensity=Scales((1.0,)),
         analysis=AnalysisOverrides(method and parse(method).label),
-        settings=RunSettings(dt),
+        settings=CampaignSettings(dt=dt),
     )
     return make_plan(campaign, Inputs(one_at_a_time(model, ranges), motions=motions))
 
@@ -238,6 +239,7 @@ def parameter_effects(
     effects on each peak are in descending order.
     """
     result: list[ParameterEffect] = []
+    # Medians of all peaks by the number of the building
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
 
     def sort_key(item: ParameterEffect) -> float:
@@ -303,6 +305,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
             )
             for index, quantity in enumerate(PEAKS):
                 peak_values = np.array([values[index] for _, values in variations])
+                # Exclude samples without a peak, or without this parameter.
                 is_valid = np.isfinite(parameter_values) & np.isfinite(peak_values)
                 samples = parameter_values[is_valid], peak_values[is_valid]
                 # The rank correlation with a constant is not defined.

@@ -721,6 +721,7 @@ class _FieldRecords:
         The files are in the same directory, and their names differ only in the component.
         """
         folder = Path(path).parent
+        # Read each directory a single time.
         if folder not in self._files:
             files = [str(file) for file in sorted(folder.iterdir())]
             files_by_motion: dict[str, list[str]] = {}

@@ -6,12 +6,9 @@ can continue from its completed chunks. Other processes can read the file at the
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 import sqlite3
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -22,166 +19,23 @@ from tdint.campaign.batch import ChunkResult, RunRow
 from tdint.campaign.buildings import (
     NO_LIMITS,
     BuildingLimits,
-    Buildings,
     RowBuildings,
-    digests_of,
     limits_of_text,
-    limits_text,
-    model_files,
-    output_units,
-    plugin_files,
 )
-from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.pairs import LARGER, PairRule, recording_numbers
-from tdint.campaign.plan import Plan
-from tdint.campaign.store_differences import ComparedValues, all_differences, differences
+from tdint.campaign.store_differences import ComparedValues
+from tdint.campaign.store_identity import Identity, metadata_of, stored_text
 from tdint.campaign.store_schema import (
     UntrustedStoreError,
-    connect,
-    connect_to_read,
     sqlite_errors_reported,
     transaction,
 )
-from tdint.errors import OutputError, UsageError
-from tdint.files import digest_of, is_file, is_there, protect_input, refuse_protected
+from tdint.errors import OutputError
+from tdint.files import digest_of, is_file
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.system import __version__
 from tdint.units import SI, OutputUnits, parse_output_units
-
-# ---- Identity of a store: complete input of its runs
-
-
-@dataclass(frozen=True)
-class Identity:
-    """Complete input of the runs in a store, and metadata of the runs.
-
-    Attributes
-    ----------
-    study_type : str
-        Type of study for messages, such as `campaign`.
-    settings : dict
-        Settings that apply to all runs: JSON texts by name.
-    buildings, motions : sequence
-        Buildings and ground motions. Their indices are their numbers in the tables of the store.
-    chunks, runs : int
-        Number of chunks and of runs; 0 runs if the number depends on results.
-    size : callable
-        Function that returns the number of runs of a chunk; None if the number depends on results.
-    unused : sequence of (str, str)
-        Inputs that could not be used: the category (`record` or `building`), and the reason.
-    units : OutputUnits
-        Output units that the models request.
-    files : mapping of str to str
-        SHA-256 of the model files, or of the files of the inventory, by name.
-    rates : mapping of str to float
-        Annual rate of each event, 1/year, if specified.
-    style : tuple of (str, str)
-        Style of the figures, and the directory that relative paths of style sheets refer to.
-    pair_demand : str | None
-        Rule that combines the demands of the two components of a pair; None: the default.
-    building_numbers : sequence of int | None
-        Numbers of the buildings that are written to the store, that is, of a shard; None: all.
-    scaling : mapping
-        File of the scale factors with rule and target; empty without such a file.
-    """
-
-    name: str
-    study_type: str
-    settings: dict[str, str]
-    buildings: Buildings
-    motions: Sequence[SuiteMotion]
-    chunks: int
-    runs: int = 0
-    size: Callable[[int], int | None] = lambda chunk: None
-    unused: Sequence[tuple[str, str]] = ()
-    units: OutputUnits = SI
-    damage: Damage | None = None
-    files: Mapping[str, str] = field(default_factory=dict)
-    outputs: Sequence[str] | None = None
-    rates: Mapping[str, float] = field(default_factory=dict)
-    style: tuple[str, str] = ("", "")
-    pair_demand: str | None = None
-    building_numbers: Sequence[int] | None = None
-    scaling: Mapping[str, Any] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, plan: Plan, building_numbers: Sequence[int] | None) -> Identity:
-        """Return the identity of the store of a campaign."""
-        # Attributes that have the same name and meaning in `Plan` and `Identity`.
-        plan_attributes = (
-            "buildings",
-            "motions",
-            "chunks",
-            "runs",
-            "size",
-            "unused",
-            "damage",
-            "outputs",
-            "rates",
-            "style",
-            "pair_demand",
-            "scaling",
-        )
-        return cls(
-            **{name: getattr(plan, name) for name in plan_attributes},
-            name=plan.name,
-            study_type="campaign",
-            settings=as_json(
-                asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
-            ),
-            units=output_units(plan.buildings),
-            building_numbers=building_numbers,
-            files=model_files(plan.buildings)
-            | {
-                entry.file: entry.sha256
-                for motion in plan.motions
-                if isinstance(motion.record, LoadCase)
-                for entry in motion.record.inputs
-            }
-            | {file: digest_of(Path(file)) for file in plan.inventory},
-        )
-
-    @cached_property
-    def code(self) -> dict[str, str]:
-        """SHA-256 of the files of plug-ins that the runs depend on, by name."""
-        return plugin_files(self.buildings)
-
-    @cached_property
-    def fingerprint(self) -> str:
-        """SHA-256 of the settings, the files of plug-ins if there are any, and the digests of all
-        buildings and records in order. Stores with the same fingerprint contain the same runs."""
-        hasher = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
-        if self.code:
-            hasher.update(json.dumps(["plug-ins", self.code]).encode())
-        records = [motion.record.digest for motion in self.motions]
-        for table, digests in (("buildings", digests_of(self.buildings)), ("records", records)):
-            hasher.update(table.encode())
-            for digest in digests:
-                hasher.update(digest.encode())
-        return hasher.hexdigest()
-
-    @property
-    def compared_values(self) -> ComparedValues:
-        """Settings, and SHA-256 of buildings, records and plug-in files, by name.
-        `all_differences` compares these values with the values of a store."""
-        buildings = {stored_text(building.name): building.digest for building in self.buildings}
-        records: dict[str, str] = {}
-        # Motions with the same name and component, such as the samples of a grid, are
-        # distinguished by their numbers, which are added to all names except the first.
-        for number, motion in enumerate(self.motions, start=1):
-            name = stored_text(f"{motion.name} {motion.component}")
-            records[name if name not in records else f"{name} ({number})"] = motion.record.digest
-        return self.settings, buildings, records, self.code
-
-
-def as_json(settings: dict[str, Any]) -> dict[str, str]:
-    """Return a dictionary from the name of each setting to its value as JSON text, the form in
-    which a store contains settings."""
-    return {name: json.dumps(value, sort_keys=True) for name, value in sorted(settings.items())}
-
-
-# ---- Store
 
 FILE = "campaign.sqlite"
 """File name of the store in the directory of a campaign."""
@@ -446,7 +300,7 @@ class Store:
         OutputError
             The store cannot be written.
         """
-        values = _metadata(identity)
+        values = metadata_of(identity)
         stored_unused = [
             (category, reason) for category, reasons in self.unused().items() for reason in reasons
         ]
@@ -699,183 +553,6 @@ class Store:
         return {number: (name, component, direction) for number, name, component, direction in rows}
 
 
-def open_store(
-    folder: Path | None, plan: Plan, building_numbers: Sequence[int] | None = None
-) -> tuple[Store, list[str]]:
-    """Open or create the store of a campaign.
-
-    Parameters
-    ----------
-    folder : Path | None
-        Directory of the store; None: in memory.
-    building_numbers : sequence of int, optional
-        Numbers of the buildings of a shard; by default all buildings are in the store.
-
-    Returns
-    -------
-    Store, list of str
-        Store, and messages for the user, for example about chunks that are run again.
-
-    Raises
-    ------
-    AnotherStudyError
-        The directory contains another campaign; the message has one line per difference.
-    OutputError
-        The store cannot be written.
-    """
-    return open_or_create(
-        None if folder is None else folder / FILE, Identity.of(plan, building_numbers)
-    )
-
-
-def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[str]]:
-    """Open the store in a file, or create it if the file does not exist.
-
-    Results and errors are those of `open_store`.
-
-    Parameters
-    ----------
-    file : Path | None
-        Path of the store; None: in memory.
-    identity : Identity
-        Campaign or study that the store must contain.
-    """
-    name = ":memory:" if file is None else str(file)
-    with sqlite_errors_reported(name):
-        store = Store(connect(name), name)
-    with schema.closed_on_failure(store.connection), sqlite_errors_reported(name):
-        # `remarks` is None if the file is new or empty.
-        remarks = check_same(store, identity) if _has_contents(store) else None
-        if remarks is None:
-            _create(store, identity)
-        elif removed_count := store.remove_invalid_chunks(identity):
-            remarks.append(
-                f"{name}: {removed_count} chunks of runs are corrupt or incomplete; they are run "
-                "again"
-            )
-        store.update_metadata(identity)
-    return store, remarks or []
-
-
-def open_existing(folder: Path, *, write: bool = False) -> Store:
-    """Open the store of a campaign in a directory. Its chunks are not verified (`check_chunks`).
-
-    Raises
-    ------
-    UsageError
-        The directory contains no campaign.
-    OutputError
-        The store cannot be used or trusted.
-    """
-    if not is_there(folder / FILE):
-        raise UsageError(
-            f"{folder}: no campaign in this directory ({FILE} not found); specify the directory "
-            "that was specified with -o of `tdint campaign`"
-        )
-    protect_input(folder / FILE)
-    if write and not os.access(folder, os.W_OK):
-        raise OutputError(
-            f"{folder}: no permission to write to the directory; copy it, or call `tdint campaign "
-            f"merge {folder} -o DIR`, which writes the tables to another directory"
-        )
-    name = str(folder / FILE)
-    with sqlite_errors_reported(name):
-        store = Store(connect(name) if write else connect_to_read(folder / FILE), name)
-    if not _has_contents(store):
-        store.connection.close()
-        raise UsageError(
-            f"{folder}: the campaign in this directory has not started; call `tdint campaign` again"
-        )
-    return store
-
-
-def open_written(file: Path) -> Store:
-    """Open the store of a study for writing, and verify it.
-
-    Raises
-    ------
-    OutputError
-        The store cannot be used or trusted.
-    """
-    with sqlite_errors_reported(str(file)):
-        store = Store(connect(str(file)), str(file))
-    _has_contents(store)  # raises the error of a store with invalid contents
-    return store
-
-
-def _has_contents(store: Store) -> bool:
-    """Verify a store, and return True if it has contents. If they are invalid, the store is closed
-    and OutputError is raised.
-    """
-    with schema.closed_on_failure(store.connection), sqlite_errors_reported(store.name):
-        has_contents = not is_empty(store)
-        if has_contents:
-            schema.check_store(store.connection, store.name)
-    return has_contents
-
-
-def check_chunks(store: Store) -> None:
-    """Raise OutputError if chunks of runs in a store do not match their checksums."""
-    with sqlite_errors_reported(store.name):
-        corrupt = schema.corrupt_chunks(store.connection)
-    if corrupt:
-        raise OutputError(
-            f"{store.name}: {len(corrupt)} chunks of runs are corrupt; call `tdint campaign FILE "
-            f"-o {Path(store.name).parent}` again, which runs them again"
-        )
-
-
-def check_same(store: Store, identity: Identity) -> list[str]:
-    """Check that a store contains the runs of a campaign.
-
-    Returns
-    -------
-    list of str
-        A message if another version of tdint created the store; otherwise empty.
-
-    Raises
-    ------
-    AnotherStudyError
-        The store contains another campaign; the message has one line per difference.
-    """
-    # An empty list of `inventory_files` represents a store without an inventory.
-    if identity.fingerprint != store.meta("fingerprint"):
-        differences_text = all_differences(
-            store.compared_values(),
-            identity.compared_values,
-            compared_label=f"this {identity.study_type}",
-            are_shards=bool(store.shards()),
-            has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
-        )
-        changed = ""
-        if identity.study_type == "campaign" and not obstacle_to_reuse(store, identity):
-            changed = "--changed to keep the results of unchanged records and buildings, "
-        raise schema.AnotherStudyError(
-            f"{store.name}: contains another {identity.study_type}; specify another directory with "
-            f"-o, {changed}or --overwrite to start again\n"
-            f"{differences_text}"
-        )
-    version = store.meta("version")
-    if version == __version__:
-        return []
-    return [f"{store.name}: created by tdint {version}, this is tdint {__version__}"]
-
-
-def obstacle_to_reuse(store: Store, identity: Identity) -> str:
-    """Return the reason for which no result of a store can be used in a campaign with other records
-    or buildings; empty if there is none."""
-    if identity.building_numbers is not None or store.shards():
-        return "the directory contains a part of a campaign (--shard)"
-    if store.settings().keys() >= {"tolerance"} and store.parameters()["tolerance"] is not None:
-        return "with `tolerance`, the time step of a building depends on all its records"
-    if (version := store.meta("version")) != __version__:
-        return f"it was created by tdint {version}, this is tdint {__version__}"
-    labels = {"stored_label": "the store", "compared_label": "this campaign"}
-    lines = differences(store.settings(), identity.settings, entry_type="setting", **labels)
-    lines += differences(store.code(), identity.code, entry_type="plug-in", **labels)
-    return "; ".join(lines)
-
-
 def foreign_file_error(file: Path) -> OutputError:
     """Return the error for an existing file that was not written from the store in its
     directory."""
@@ -885,40 +562,12 @@ def foreign_file_error(file: Path) -> OutputError:
     )
 
 
-def remove_store(file: Path) -> None:
-    """Remove the file of a store and its log files. The caller has locked the directory.
-
-    Raises
-    ------
-    OutputError
-        The store cannot be removed, or is an input of the command.
-    """
-    refuse_protected([file])
-    # SQLite creates files with these suffixes next to a database.
-    for suffix in ("", "-wal", "-shm", "-journal"):
-        remove(file.with_name(file.name + suffix))
-
-
-def remove(file: Path) -> None:
-    """Remove a file if it exists.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be removed.
-    """
-    try:
-        file.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(f"{file}: cannot remove the file: {error.strerror or error}") from None
-
-
 def is_empty(store: Store) -> bool:
     """Return True if a store has no tables."""
     return not store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
 
 
-def _create(store: Store, identity: Identity) -> None:
+def create_tables(store: Store, identity: Identity) -> None:
     """Create the tables of an empty store, and write the definition of a campaign or study
     (`identity`), in a single transaction.
 
@@ -980,32 +629,3 @@ def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
             measure(record).pgv,
             record.digest,
         )
-
-
-def _metadata(identity: Identity) -> dict[str, str]:
-    """Return the metadata of a campaign or study (`identity`) that do not affect the results of
-    runs, as texts by their keys in the table `meta`."""
-    buildings = identity.buildings
-    rows = buildings.rows if isinstance(buildings, RowBuildings) else None
-    # The SHA-256 includes the cells of the columns that are copied to tables.
-    columns, inventory_digest = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
-    # An inventory has no limits, and its periods are stored with the building types.
-    periods = [] if inventory_digest else [building.subject().period for building in buildings]
-    return {
-        "inventory": json.dumps({"columns": columns, "sha256": inventory_digest}),
-        "output_units": str(identity.units),
-        "damage": identity.damage.description() if identity.damage else "",
-        "files": json.dumps(dict(identity.files)),
-        "outputs": json.dumps(identity.outputs),
-        "rates": json.dumps(dict(identity.rates)),
-        "style": json.dumps(identity.style),
-        "pair_demand": identity.pair_demand or LARGER,
-        "limits": "" if inventory_digest else limits_text(buildings),
-        "periods": json.dumps(periods),
-    }
-
-
-def stored_text(name: str) -> str:
-    """Return a name as text that SQLite can store. A file name can contain bytes that are not
-    UTF-8, which Python represents by surrogates; they become escape sequences such as \\xff."""
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.campaign.fragility.fits import CLOUD, IDA, STRIPES, Fragility, fit_capacities
+from tdint.campaign.fragility.fits import fit_capacities
+from tdint.campaign.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
 from tdint.campaign.ida_curve import IdaCurve, PairCurve, fractiles
 from tdint.campaign.pairs import SEPARATE, describe_demand, motions_text
 from tdint.errors import AnalysisError, TdintError

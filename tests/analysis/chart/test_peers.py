@@ -230,7 +230,7 @@ def test_failed_and_slow_runs_of_openseespy_are_reported(opensees, monkeypatch):
 
 @pytest.mark.parametrize("opensees", ["stand-in"], indirect=True)
 def test_time_limit_applies_to_each_integrator(opensees, monkeypatch):
-    """Larger time steps are run first."""
+    """The time limit applies to each integrator, and larger time steps are run first."""
     clock = [0.0]
     run = opensees_worker._run
 

@@ -265,6 +265,7 @@ def test_order_with_kinks_and_jumps_inside_steps(method, force):
 
 
 def test_every_family_is_integrated_here():
+    """Each family of the catalogue is integrated under a table."""
     tested = {catalogue()[name.partition(":")[0]].family.name for name in ORDERS} | {"exact"}
     assert {method.family.name for method in catalogue().values()} <= tested
 

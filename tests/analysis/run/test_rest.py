@@ -23,7 +23,7 @@ from tdint import load_model, run
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.analysis.run.prepared import Motions
-from tdint.campaign.batch import Batch, Run, RunSettings
+from tdint.campaign.batch import Batch, CampaignSettings, Run
 from tdint.units import parse_output_units
 
 MOVES = "the building still vibrates at the end (drift of story"
@@ -42,7 +42,7 @@ def test_run_until_rest_equals_run_of_campaign(damping, rests):
         Subject(building, "impulse4"),
         Motions({0: record}),
         {0: None},
-        RunSettings(until_rest=True),
+        CampaignSettings(until_rest=True),
     )
     row = batch.results([Run(0, 1.0)]).runs[0]
     assert (row.steps, row.at_rest) == (response.steps, rests)

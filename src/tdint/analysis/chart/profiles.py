@@ -463,6 +463,7 @@ def measure_problem(
                 posed, integrator, tolerances, partial(_peak_errors, reference.stories), repeats
             )
 
+    # Add the results of OpenSeesPy, if requested.
     opensees_points, opensees_gap, opensees_note = (
         _opensees_results(posed, dts, reference.stories) if peers else ([], math.nan, "")
     )

@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 from tdint.analysis.arguments import numbers_of
 from tdint.analysis.run.case import (
     Case,
-    energy_errors,
     extend_to_rest,
-    named_peaks,
     needs_review,
     rest_criterion,
     until_forces_end,
@@ -32,6 +30,7 @@ from tdint.analysis.run.case import (
 from tdint.analysis.run.elements import element_peaks
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.load_case import LoadCase
+from tdint.analysis.run.loop_results import energy_errors, named_peaks
 from tdint.analysis.run.outcome import (
     STORY_QUANTITIES,
     Collapse,
@@ -48,7 +47,8 @@ from tdint.ground_motion.record import Record
 from tdint.kernels.time_loop.loop import AT_REST, STEPS_COMPLETED
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
-from tdint.model.building import Building, DrawnBuildings
+from tdint.model.building import Building
+from tdint.model.building_samples import DrawnBuildings
 from tdint.model.definition import Model
 
 _parse_cached = lru_cache(maxsize=64)(parse)

@@ -30,7 +30,8 @@ from functools import partial
 
 import numpy as np
 
-from tdint.analysis.run.case import Case, story_peaks
+from tdint.analysis.run.case import Case
+from tdint.analysis.run.loop_results import story_peaks
 from tdint.analysis.run.outcome import (
     ElementValues,
     ErrorEstimate,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run import case as run_totals
+from tdint.analysis.run import loop_results
 from tdint.analysis.run.outcome import (
     STORY_QUANTITIES,
     Gradient,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 HISTORY_FIELDS = {
     quantity.called or quantity.name: quantity.name
     for quantity in quantities(History)
-    if quantity.name in run_totals.HISTORIES
+    if quantity.name in loop_results.HISTORIES
 }
 """Quantities of a history that can be kept: field of `History` by the name of its column without
 the unit.

@@ -53,7 +53,8 @@ from tdint.methods.workspace import (
     state_jumps,
     workspace,
 )
-from tdint.model.building import Building, DrawnBuildings, assemble, variant
+from tdint.model.building import Building, assemble, variant
+from tdint.model.building_samples import DrawnBuildings
 from tdint.model.definition import Model
 from tdint.model.force_arrays import load_arrays
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import cast, overload
+from typing import TypedDict, Unpack, cast, overload
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from tdint.analysis.arguments import (
     is_list,
     model_of,
     model_record,
-    number_of,
     numbers_of,
     ratio_of,
     record_of,
@@ -25,10 +24,23 @@ from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_esti
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.settings import RunSettings
 from tdint.arrays import Numbers
 from tdint.errors import UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.tabular import ResultList
+
+
+class _Options(TypedDict, total=False):
+    """Arguments of `run` with the same types in all overloads."""
+
+    duration: float | None
+    history: bool
+    allow_unstable: bool
+    check: bool | None
+    tolerance: float | str | None
+    until_rest: bool
+    gradient: str | Sequence[str]
 
 
 @overload
@@ -38,13 +50,7 @@ def run(
     *,
     method: str | None = None,
     dt: float | None = None,
-    duration: float | None = None,
-    history: bool = False,
-    allow_unstable: bool = False,
-    check: bool | None = None,
-    tolerance: float | str | None = None,
-    until_rest: bool = False,
-    gradient: str | Sequence[str] = (),
+    **options: Unpack[_Options],
 ) -> Response: ...
 
 
@@ -55,13 +61,7 @@ def run(
     *,
     method: list[str] | tuple[str, ...],
     dt: float | Numbers | None = None,
-    duration: float | None = None,
-    history: bool = False,
-    allow_unstable: bool = False,
-    check: bool | None = None,
-    tolerance: float | str | None = None,
-    until_rest: bool = False,
-    gradient: str | Sequence[str] = (),
+    **options: Unpack[_Options],
 ) -> ResultList[Response]: ...  # Several methods: one response for each method and time step.
 
 
@@ -72,13 +72,7 @@ def run(
     *,
     method: str | None = None,
     dt: Numbers,
-    duration: float | None = None,
-    history: bool = False,
-    allow_unstable: bool = False,
-    check: bool | None = None,
-    tolerance: float | str | None = None,
-    until_rest: bool = False,
-    gradient: str | Sequence[str] = (),
+    **options: Unpack[_Options],
 ) -> ResultList[Response]: ...  # A list or an array of time steps: one response per step.
 
 
@@ -156,6 +150,7 @@ def run(
         converge, or no time step meets the tolerance (`FailedRun`).
     """
     if is_list(method) or is_list(dt):
+        # Each method is run with each time step.
         options = locals()
         method, dt = options.pop("method"), options.pop("dt")
         methods = method if isinstance(method, list | tuple) else (method,)
@@ -172,7 +167,7 @@ def run(
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     response = run_case(
         case,
-        dt=number_of(dt, "dt"),
+        dt=cast("float | None", dt),
         duration=duration,
         history=history,
         check=check,
@@ -255,26 +250,63 @@ def run_case(
         As by `run` (`FailedRun`).
     """
     case = validated_case(case)
-    dt, duration = number_of(dt, "dt"), number_of(duration, "duration")
-    tolerance = ratio_of(tolerance, "tolerance")
+    settings = RunSettings(
+        dt=dt, duration=duration, until_rest=until_rest, check=check is not False
+    )
+    return integrate_case(
+        case,
+        settings,
+        history=history,
+        history_errors=bool(check),
+        tolerance=ratio_of(tolerance, "tolerance"),
+    )
+
+
+def integrate_case(
+    case: Case,
+    settings: RunSettings,
+    *,
+    history: bool = False,
+    history_errors: bool = False,
+    tolerance: float | None = None,
+) -> Response:
+    """Integrate a case in time, as `run_case` with checked arguments.
+
+    Parameters
+    ----------
+    history_errors : bool, default False
+        With error estimates of the peaks, also estimate the errors of the history.
+
+    Raises
+    ------
+    UsageError
+        The time step or the tolerance is invalid.
+    FailedRun
+        As by `run`.
+    """
     # First determine the time at which free vibration has decayed, by a run without history. Then
     # run again up to this time, so that a time step for a tolerance is chosen over the complete
     # duration.
-    if until_rest:
-        steps, at_rest = extend_to_rest(case, case.steps(dt, duration))
-        end = steps.count * steps.h
-        response = run_case(
-            case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance
+    if settings.until_rest:
+        steps, at_rest = extend_to_rest(case, case.steps(settings.dt, settings.duration))
+        response = integrate_case(
+            case,
+            replace(settings, duration=steps.count * steps.h, until_rest=False),
+            history=history,
+            history_errors=history_errors,
+            tolerance=tolerance,
         )
         response = ended_at_rest(response)
         return replace(response, time_at_rest=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step
 
-        return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
-    steps = case.steps(dt, duration)
+        return choose_step(
+            case, tolerance, dt=settings.dt, duration=settings.duration, history=history
+        )
+    steps = case.steps(settings.dt, settings.duration)
     return (
-        case.integrate(steps, history)
-        if check is False
-        else run_with_error_estimate(case, steps, history, history_errors=bool(check))
+        run_with_error_estimate(case, steps, history, history_errors=history_errors)
+        if settings.check
+        else case.integrate(steps, history)
     )

@@ -25,7 +25,7 @@ from tdint.analysis.arguments import (
     numbers_of,
     record_of,
 )
-from tdint.analysis.run import case as run_totals
+from tdint.analysis.run import loop_results
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled, samples_of
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import default_reference, factors, shorter_steps
@@ -58,7 +58,7 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.methods.catalogue import DEFAULT_METHOD
-from tdint.model.building import draw_buildings
+from tdint.model.building_samples import draw_buildings
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
@@ -517,6 +517,7 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
                 if result.history
                 else None,
             )
+        # Write the results: first all runs as done, then the runs with another status.
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
         result.energy_error[numbers] = outcomes.energy_error
@@ -546,7 +547,7 @@ def _integrate_with_histories(
     # The functions compute a quantity from the rows of a history and write it to an array of the
     # result, because the next run overwrites the rows.
     targets = [
-        (array, run_totals.HISTORIES[HISTORY_FIELDS[name]])
+        (array, loop_results.HISTORIES[HISTORY_FIELDS[name]])
         for name, array in result.history.items()
     ]
     building, loads, n = prepared.building, prepared.loads, prepared.building.stories

@@ -11,8 +11,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tdint.analysis.arguments import number_of
-from tdint.analysis.run import case as run_totals
+from tdint.analysis.arguments import number_of, ratio_of
+from tdint.analysis.run import loop_results
 from tdint.analysis.run.case import REST_PERIODS, Case, extend_to_rest, validated_case
 from tdint.analysis.run.error_estimate import (
     factors,
@@ -22,7 +22,8 @@ from tdint.analysis.run.error_estimate import (
     story_errors,
 )
 from tdint.analysis.run.outcome import EventResponse, Response
-from tdint.analysis.run.run import run_case
+from tdint.analysis.run.run import integrate_case
+from tdint.analysis.run.settings import RunSettings
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record, at_one_interval, join_records, rest_intervals
@@ -148,20 +149,41 @@ def run_sequence(
     FailedRun
         As by `tdint.run`.
     """
-    sequence = sequence_of(
-        validated_case(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt")
+    case, rest = validated_case(case), number_of(rest, "rest")
+    settings = RunSettings(dt=dt, until_rest=until_rest, check=check is not False)
+    return integrate_sequence(
+        case,
+        records,
+        settings,
+        rest=rest,
+        history=history,
+        history_errors=bool(check),
+        tolerance=ratio_of(tolerance, "tolerance"),
     )
+
+
+def integrate_sequence(
+    case: Case,
+    records: Sequence[Record],
+    settings: RunSettings,
+    *,
+    rest: float | None = None,
+    history: bool = False,
+    history_errors: bool = False,
+    tolerance: float | None = None,
+) -> Response:
+    """Integrate a building under a sequence, as `run_sequence` with checked arguments. The duration
+    of the settings is not used."""
+    sequence = sequence_of(case, records, rest=rest, dt=settings.dt)
     joined_record = sequence.joined
     duration = joined_record.duration
     joined = replace(case.under(joined_record), remarks=(*case.remarks, *sequence.notes))
-    response = run_case(
+    response = integrate_case(
         joined,
-        dt=dt,
-        duration=duration,
+        replace(settings, duration=duration),
         history=history,
-        check=check,
+        history_errors=history_errors,
         tolerance=tolerance,
-        until_rest=until_rest,
     )
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
     return replace(
@@ -199,9 +221,9 @@ def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventRe
     parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
     events = []
     for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
-        stories = run_totals.story_peaks(building, space)
+        stories = loop_results.story_peaks(building, space)
         # Residual drifts are read at the end of the part, so that the last step is 0 s late.
-        bound = run_totals.interstep_peak_errors(building, space, 0.0, stories)
+        bound = loop_results.interstep_peak_errors(building, space, 0.0, stories)
         events.append(EventResponse(record, start * dt, stories, bound))
     return tuple(events)
 

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from tdint.analysis.arguments import between, numbers_of
 from tdint.arrays import Array
-from tdint.campaign.fragility.fits import (
+from tdint.campaign.fragility.fits import fit_at_threshold, fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.fragility.fragility_function import (
     CLOUD,
     FITS,
     IDA,
@@ -29,10 +30,6 @@ from tdint.campaign.fragility.fits import (
     STRIPES,
     Fragility,
     extrapolated,
-    fit_at_threshold,
-    fit_capacities,
-    fit_cloud,
-    fit_stripes,
     levels_of,
 )
 from tdint.campaign.fragility.measures import (

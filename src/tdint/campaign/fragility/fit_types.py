@@ -26,15 +26,8 @@ from tdint.campaign.fragility.fit_table import (
     FragilityRequest,
     FragilityResult,
 )
-from tdint.campaign.fragility.fits import (
-    CLOUD,
-    IDA,
-    STRIPES,
-    Fragility,
-    fit_cloud,
-    fit_stripes,
-    levels_of,
-)
+from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
+from tdint.campaign.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility, levels_of
 from tdint.campaign.fragility.measures import (
     RunIntensities,
     RunMeasure,
@@ -49,7 +42,7 @@ from tdint.campaign.fragility.runs import (
     runs_of_motions,
 )
 from tdint.campaign.pairs import PairRule
-from tdint.campaign.store import check_chunks, open_existing
+from tdint.campaign.store_opening import check_chunks, open_existing
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import FALLEN, DamageStates
 from tdint.number_parsing import pluralize
@@ -122,6 +115,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         )
     measure = measure_named(request.measure or "sa")
     requested_states = _requested_states(request)
+    # Read the store one time, building by building.
     with open_existing(folder) as store:
         check_chunks(store)
         if not (store.damage() or requested_states):

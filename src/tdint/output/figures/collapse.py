@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.arrays import Array
-from tdint.campaign.fragility.fits import CloudPoints, Fragility, Points
+from tdint.campaign.fragility.fragility_function import CloudPoints, Fragility, Points
 from tdint.campaign.ida import IdaStudy
 from tdint.campaign.ida_curve import IdaCurve, fractiles
 from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, MotionIntensity, SpectralIntensity

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.analysis.run.demands import RUN
 from tdint.analysis.run.outcome import STORY_QUANTITIES
-from tdint.campaign.fragility.fits import Fragility
+from tdint.campaign.fragility.fragility_function import Fragility
 from tdint.campaign.store_schema import STORIES
 from tdint.errors import UsageError
 from tdint.number_parsing import pluralize

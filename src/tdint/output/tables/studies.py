@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from tdint.campaign.fragility.fits import BINS, Fragility
-from tdint.campaign.fragility.measures import MeasureFit
+from tdint.campaign.fragility.fragility_function import BINS, Fragility
+from tdint.campaign.fragility.measure_comparison import MeasureFit
 from tdint.campaign.ida import IdaStudy
 from tdint.campaign.ida_curve import Capacity, IdaCurve, PairCurve
 from tdint.campaign.scaling import Scaling

@@ -1,0 +1,442 @@
+"""Types of option values: numbers in a range, ratios, lists, grids, units, names with completion,
+and files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from contextvars import ContextVar
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from tdint.errors import UsageError
+from tdint.files import STDIN, protect_input
+from tdint.number_parsing import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
+from tdint.units import (
+    ACCELERATION,
+    FORCE,
+    LENGTH,
+    MASS,
+    VELOCITY,
+    OutputUnits,
+    Units,
+    parse_drift,
+    parse_output_units,
+    parse_units,
+)
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.horizontals import PairNames
+
+    ValueType = click.ParamType[Any]
+else:
+    ValueType = (
+        click.ParamType
+    )  # generic only for type checkers: click before 8.4 does not support brackets
+
+
+class Number(click.FloatRange):
+    """Option type of a finite number in a range.
+
+    Numbers other than 0 must have an absolute value between SMALLEST and LARGEST, so that products
+    of values do not overflow or become 0.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number that a text represents; click reports invalid values as errors."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number; specify a finite number", param, ctx)
+        if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
+            self.fail(
+                f"{value}: its absolute value must be between {SMALLEST:g} and {LARGEST:g}",
+                param,
+                ctx,
+            )
+        return number
+
+
+class Ratio(Number):
+    """Option type of a ratio in a range, written as a number or in percent: 0.05 or 5%."""
+
+    name = "ratio"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the ratio that a text represents as a number, 0.05 for 5%.
+
+        A number from 1 to 100 that is too large was probably meant in percent, so that the message
+        suggests the percent sign.
+        """
+        if not isinstance(value, str):
+            return value
+        try:
+            ratio = parse_ratio(value)
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
+        try:
+            return super().convert(ratio, param, ctx)
+        except click.BadParameter as error:
+            if 1.0 <= ratio < 100.0 and "%" not in value:
+                self.fail(f"{error.message.rstrip('.')}; did you mean {value}%?", param, ctx)
+            raise
+
+
+class Nonzero(Number):
+    """Option type of a number other than zero."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number that a text represents; click reports zero as an error."""
+        number = super().convert(value, param, ctx)
+        if number == 0.0:
+            self.fail("must not be zero; specify a positive or a negative number", param, ctx)
+        return number
+
+
+class Count(click.IntRange):
+    """Option type of a number of items: an integer in a range, with the name COUNT in the help."""
+
+    def get_metavar(self, *_: Any, **__: Any) -> str:
+        """Return the name of the value in the help."""
+        return "COUNT"
+
+
+class ListOf(ValueType):
+    """Option type of comma-separated values of the same type.
+
+    An option of the type may be repeated. The command receives a tuple of all values; None if no
+    value is specified.
+
+    Parameters
+    ----------
+    once : bool
+        True (the default) to remove duplicate values.
+    """
+
+    def __init__(self, member: ValueType, once: bool = True) -> None:
+        self.item = member
+        self.name = f"{member.name},..."
+        self.once = once
+
+    def joined(
+        self, _: click.Context, __: click.Parameter, tuples: tuple[tuple[Any, ...], ...]
+    ) -> tuple[Any, ...] | None:
+        """Join the values of a repeated option (callback of an option of the type), without
+        duplicates if the type requests this; None for no value.
+        """
+        values = list(chain.from_iterable(tuples))
+        return tuple(dict.fromkeys(values) if self.once else values) or None
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a tuple of the values between the commas of a text, each converted to its type."""
+        if isinstance(value, tuple):
+            return value
+        parts = self.members(value) if isinstance(value, str) else [value]
+        return tuple(self.item.convert(part, param, ctx) for part in parts)
+
+    @staticmethod
+    def members(text: str) -> list[str]:
+        """Return the texts between the commas of a text, without blanks around them."""
+        return [part.strip() for part in text.split(",")]
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the text after the last comma."""
+        first_values, comma, last_value = incomplete.rpartition(",")
+        items = self.item.shell_complete(ctx, param, last_value)
+        return [
+            CompletionItem(first_values + comma + item.value, type=item.type, help=item.help)
+            for item in items
+        ]
+
+
+class OutputUnitsType(ListOf):
+    """Option type of comma-separated units of the output, such as kN,mm."""
+
+    def __init__(self) -> None:
+        super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
+        self.name = "unit,..."
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> OutputUnits:
+        """Return the units that a text names; unknown units raise UsageError."""
+        return parse_output_units(value) if isinstance(value, str) else value
+
+
+class Written(ValueType):
+    """Option type of a value with a special notation, such as 0.2:2:50, which `read` converts.
+
+    Parameters
+    ----------
+    name : str
+        Name of the value in the help (in capitals).
+    read : callable
+        Converts a text to the value; raises click.BadParameter or UsageError for an invalid text.
+    """
+
+    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self.read = read
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the value of a text; a value that is not a text, such as a default, is returned
+        unchanged."""
+        return self.read(value) if isinstance(value, str) else value
+
+
+def grid(low: float = 0.0, high: float = math.inf) -> Written:
+    """Return the option type of a grid FIRST:LAST:COUNT, or of a single number.
+
+    All values must be between `low` and `high`.
+    """
+
+    def read(text: str) -> Grid:
+        """Return the grid that a text represents; raise BadParameter for values out of range."""
+        try:
+            values = parse_grid(text)
+        except UsageError as error:
+            raise click.BadParameter(str(error)) from None
+        if not low <= values.first <= values.last <= high:
+            raise click.BadParameter(f"{text!r} is outside the range {low:g} to {high:g}")
+        return values
+
+    return Written("grid", read)
+
+
+def span_at(count: int) -> Written:
+    """Return the option type of a range FIRST:LAST or FIRST:LAST:COUNT.
+
+    Its value is a grid of logarithmically spaced numbers; without COUNT it has `count` numbers.
+    """
+
+    def read(text: str) -> Any:
+        """Return the values of a range; raise BadParameter for a single number."""
+        if ":" not in text:
+            raise click.BadParameter(f"{text!r} must be a range FIRST:LAST, such as 0.2:2")
+        return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
+
+    return Written("FIRST:LAST", read)
+
+
+def _span(text: str) -> tuple[float, float]:
+    """Return the ends of a range LOW:HIGH; an omitted LOW is 0, an omitted HIGH is infinity.
+    BadParameter is raised for another form, or if LOW is negative or not less than HIGH.
+    """
+    try:
+        low_text, high_text = (part.strip() for part in text.split(":"))
+        low = parse_ratio(low_text) if low_text else 0.0
+        high = parse_ratio(high_text) if high_text else math.inf
+    except (ValueError, UsageError):
+        raise click.BadParameter(f"{text!r} must be LOW:HIGH, such as 0.001:0.1") from None
+    if not 0.0 <= low < high:
+        raise click.BadParameter(f"{text!r}: LOW must be less than HIGH, and must not be negative")
+    return low, high
+
+
+def _period(text: str) -> float | None:
+    """Return a period in s; None for T1, the first period of the building."""
+    if text.strip().upper() == "T1":
+        return None
+    return float(Number(0.0, min_open=True).convert(text, None, None))
+
+
+span = Written("LOW:HIGH", _span)
+"""LOW:HIGH, two numbers or ratios; an omitted LOW is 0, an omitted HIGH is infinity."""
+
+period = Written("T1|SECONDS", _period)
+"""A period in s, or T1 (value None) for the first period of the building."""
+
+drift_size = Written("drift", parse_drift)
+"""A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
+
+
+def intensity(*quantities: str) -> Written:
+    """Return the option type of a peak value or pseudo-acceleration with its unit, such as 0.6g.
+
+    `quantities` are the allowed quantities: acceleration, velocity or displacement.
+    """
+    example = "40cm/s" if quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
+
+    def read(text: str) -> Units:
+        """Return the value and the unit; raise BadParameter for a text without an allowed unit."""
+        try:
+            units = parse_units(text)
+        except UsageError:
+            units = None
+        if units is None or not units.has_factor or units.quantity not in quantities:
+            raise click.BadParameter(
+                f"{text!r} must be a number with a unit of {' or '.join(quantities)}, such as "
+                f"{example}"
+            )
+        return units
+
+    return Written("value", read)
+
+
+def _pair_names(text: str) -> PairNames:
+    """Return the patterns of two file names with {}, such as {}_N.AT2,{}_E.AT2."""
+    from tdint.ground_motion.horizontals import PairNames
+
+    return PairNames.parse(text)
+
+
+pair_names = Written("names", _pair_names)
+"""Patterns for the file names of a pair: two names with {}."""
+
+
+class PairsType(ValueType):
+    """Option type of pairs of components: a measure, patterns of file names, or both.
+
+    Two patterns such as {}_N.AT2,{}_E.AT2 identify the files of a pair.
+
+    Parameters
+    ----------
+    measures : sequence of str
+        Allowed measures of a pair, such as rotd100.
+    """
+
+    name = "pairs"
+
+    def __init__(self, measures: Sequence[str]) -> None:
+        self.measures = click.Choice(measures)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the measure and the patterns that a text contains, as `PairWish`.
+
+        Without patterns, the usual names of components identify the pairs.
+        """
+        from tdint.ground_motion.horizontals import USUAL, PairNames
+
+        if not isinstance(value, str):
+            return value
+        # Patterns of file names contain {}; the other part, if any, is the measure.
+        parts = value.split(",")
+        measures = [part for part in parts if "{}" not in part]
+        patterns = [part for part in parts if "{}" in part]
+        if len(measures) > 1:
+            self.fail(
+                f"{value!r} must be one of {', '.join(self.measures.choices)}, two names with "
+                "{}, or both",
+                param,
+                ctx,
+            )
+        measure = str(self.measures.convert(measures[0], param, ctx)) if measures else None
+        names = PairNames.parse(",".join(patterns)) if patterns else USUAL
+        return PairWish(measure, names)
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the measure of a pair of horizontal components, such as rotd50."""
+        return self.measures.shell_complete(ctx, param, incomplete)
+
+
+@dataclass(frozen=True)
+class PairWish:
+    """Requested treatment of pairs of components.
+
+    Attributes
+    ----------
+    measure : str | None
+        Measure of a pair, such as rotd100; None if no measure is specified.
+    """
+
+    measure: str | None
+    names: PairNames
+
+
+class Name(ValueType):
+    """Option type of a text, with names that the shell can complete.
+
+    Parameters
+    ----------
+    names : callable
+        Returns the names. It is called only for completion, because loading can take time. By
+        default there are no names.
+    """
+
+    name = "name"
+
+    def __init__(self, names: Callable[[], Iterable[str]] = tuple) -> None:
+        self.names = names
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the names that start with the incomplete text."""
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
+
+
+class SampleUnitsType(Name):
+    """Option type of the units of record samples.
+
+    The text is a unit for all records, units by file (`AT2=g,*.mseed=m/s^2`), or the name of a
+    table of units.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the units; a table of units is read."""
+        from tdint.ground_motion.reading.sample_units import units_of_text
+
+        return units_of_text(value) if isinstance(value, str) else value
+
+
+ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar(
+    "elsewhere", default=None
+)
+"""Function that returns the new path of an output when `tdint rerun` repeats a command. Its
+arguments are the parameter, the typed name, and whether the name is a directory. None if outputs
+are written to the typed names."""
+
+
+class FileName(ValueType):
+    """Option type of a file name, with completion by the shell.
+
+    Parameters
+    ----------
+    folder : bool
+        True for the name of a directory; false by default.
+    written : bool
+        True for an output. By default the file is an input, which the command never replaces.
+    tables : bool
+        True for the output with the tables of a command, which `tdint rerun` compares; false by
+        default.
+    """
+
+    name = "file"
+
+    def __init__(
+        self, *, folder: bool = False, written: bool = False, tables: bool = False
+    ) -> None:
+        self.path_type = "dir" if folder else "file"
+        self.written = written
+        self.tables = tables
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path of the file.
+
+        An input file is protected, so that no output of the command replaces it. During `tdint
+        rerun`, the path of an output file is replaced by the result of the function in `ELSEWHERE`,
+        except for standard output and for a figure next to a table (`BESIDE`).
+        """
+        if not self.written:
+            protect_input(value)
+        elif (elsewhere := ELSEWHERE.get()) and value not in ("", STDIN, BESIDE):
+            return elsewhere(param.name or "" if param else "", value, self.path_type == "dir")
+        return value
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return an item that requests completion of paths by the shell."""
+        return [CompletionItem(incomplete, type=self.path_type)]
+
+
+BESIDE = "\0"
+"""Value of --plot or --history without a file name, for a default name next to the table. It is a
+null character, which no file name can contain."""
