@@ -1,5 +1,7 @@
 """Arguments of public functions have their effect: numbers that they change."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -183,3 +185,34 @@ def test_stride_of_an_order():
     assert one.order("displacement") == pytest.approx(2.0, abs=0.01)
     assert four.order("displacement") == pytest.approx(2.0, abs=0.01)
     assert abs(one.displacement[-1] / four.displacement[-1] - 1.0) > 0.1
+
+
+def test_load_and_law_of_an_order():
+    """Free vibration has no frequency of a load."""
+    found = tdint.order("impulse4", load="free", law="polynomial")
+    assert (found.load, found.law) == ("free", "polynomial")
+    assert np.isnan(found.frequency_ratio)
+    assert found.order("displacement") == pytest.approx(4.0, abs=0.1)
+
+
+def test_arguments_of_a_matched_suite(short_matching):
+    """The spectra before and after are those of the damping ratio and of the factors, within the
+    range of periods."""
+    target, reports = "ec8:type=1,soil=B,ag=0.2g,damping=2%", []
+    motions = [MOTION, replace(MOTION, acceleration=MOTION.acceleration[::-1])]
+    matches = tdint.match_suite(
+        motions,
+        target,
+        periods=(0.3, 0.6),
+        damping=0.02,
+        factors=[0.5, 2.0],
+        progress=lambda *done: reports.append(done),
+    )
+    assert reports[-1][0] == reports[-1][1] > 0
+    assert matches[1].factor == pytest.approx(4.0 * matches[0].factor)
+    for match, motion in zip(matches, motions, strict=True):
+        assert 0.3 <= min(match.periods) < max(match.periods) <= 0.6
+        seed = match.factor * tdint.spectrum(motion, match.periods, 0.02).psa
+        np.testing.assert_allclose(match.seed_psa, seed, rtol=1e-9)
+        after = tdint.spectrum(match.record, match.periods, 0.02).psa
+        np.testing.assert_allclose(match.psa, after, rtol=1e-9)

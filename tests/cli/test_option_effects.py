@@ -1,5 +1,6 @@
 """Effects of single options as numbers: closed forms, other commands, and keys of files."""
 
+import json
 import re
 from importlib import resources
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cli.conftest import STUDY
 from csv_rows import rows
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ntower,2,1987,C1,900\n"
@@ -130,3 +132,12 @@ def test_compiled_loops_of_a_method(folder, tdint):
         assert [name for name in loops if name.startswith("tdint.methods.")] == [
             f"tdint.methods.{module}:step"
         ]
+
+
+def test_name_of_a_campaign(folder, tdint):
+    """The name in the summary is that of the file, or the key `name`."""
+    for line, name in (("", "study"), ("name: two towers\n", "two towers")):
+        Path("study.yaml").write_text(f"{line}{STUDY}")
+        tdint("campaign", "study.yaml", "-o", name.partition(" ")[0], code=0)
+        summary = json.loads(Path(name.partition(" ")[0], "summary.json").read_text())
+        assert summary["name"] == name
