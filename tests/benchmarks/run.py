@@ -733,7 +733,7 @@ INTRODUCTION = """# Benchmark of methods
 
 This page answers the question: how much processor time does each method need for a given error? Many buildings and
 motions are integrated with many time steps. One command measures the points and writes the page, also on your machine.
-It starts no problem after 20 minutes (`--minutes`). The next call continues:
+It starts no problem after 20 minutes, and the next call continues:
 
 ```
 $ python tests/benchmarks/run.py
