@@ -32,7 +32,7 @@ def motion():
 
 @pytest.fixture(scope="module")
 def matched(motion):
-    return tdint.match(motion, TARGET, periods=(0.1, 2.0))
+    return tdint.match(motion, TARGET, periods=(0.2, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -115,9 +115,10 @@ def test_quadratic_program_agrees_with_scipy():
 
 
 @pytest.mark.long
-def test_motion_is_matched_to_target(motion, matched):
+def test_motion_is_matched_to_target(motion):
     """The exact spectrum agrees at other periods, and the ground displacement ends at the value of
     the scaled seed."""
+    matched = tdint.match(motion, TARGET, periods=(0.1, 2.0))
     periods = np.geomspace(0.11, 1.9, 333)
     deviation = tdint.spectrum(matched.record, periods).psa / matched.target.at(periods) - 1.0
     before = tdint.spectrum(matched.before, periods).psa / matched.target.at(periods) - 1.0
@@ -337,7 +338,7 @@ def test_spectra_extend_beyond_matched_range(matched, pair):
     """From half of the shortest period to twice the longest; of a pair RotD100 and both
     components."""
     periods = matched.shown_periods
-    assert periods[0] == pytest.approx(0.05) and periods[-1] == pytest.approx(4.0)
+    assert periods[0] == pytest.approx(0.1) and periods[-1] == pytest.approx(2.0)
     ((after, before),) = matched.spectra_at(periods)
     np.testing.assert_allclose(after, tdint.spectrum(matched.record, periods).psa)
     np.testing.assert_allclose(before, matched.factor * tdint.spectrum(matched.seed, periods).psa)

@@ -148,6 +148,7 @@ EXCEPTIONS = {
 """Printed numbers that are not values of a table, by type of report."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", [pytest.param(kind, marks=MARKS.get(kind, [pytest.mark.slow])) for kind in KINDS]
 )

@@ -54,6 +54,7 @@ def rerun(folder, tdint):
     return run
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "table"),
     [

@@ -49,6 +49,7 @@ def test_impulse4_is_of_order_4_with_bilinear_stories(reference):
     assert orders(errors).min() >= 3.7
 
 
+@pytest.mark.long
 def test_average_acceleration_has_known_error(reference):
     """The L2 error is 4.7e-3 and the error of the peak drift 1.6 %, as measured with OpenSeesPy
     3.7.1 and with a simple loop."""
@@ -60,6 +61,7 @@ def test_average_acceleration_has_known_error(reference):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rho_inf", [0.5, 0.0])
 def test_dissipative_impulse4_is_of_order_3(rho_inf, reference):
     exact, _ = reference
@@ -250,6 +252,7 @@ def test_short_contact_within_step_is_located():
     assert orders(errors)[2:].min() > 3.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 6, 61])
 def test_error_decreases_with_time_step(seed):
     found = study(seed)

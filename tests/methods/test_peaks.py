@@ -82,6 +82,7 @@ def errors(building, record, method, parts, truth):
         yield reported, 1.1 * np.maximum(at_steps, own) + 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", every(20, METHODS, ("impulse4", "moment4")))
 def test_peak_error_is_at_most_error_of_motion_or_steps(buildings, method):
     good = []

@@ -230,6 +230,7 @@ def test_check_suggests_public_name_of_import(tmp_path):
     assert "from tdint.plugin import Memory, Scene" in result.output
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("plain", "forgotten")
 @pytest.mark.parametrize("method", every(4, ["impulse4", "moment4", "gauss4", "newmark-average"]))
 def test_law_with_linear_and_curved_branches(method):

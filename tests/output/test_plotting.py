@@ -93,6 +93,7 @@ def test_the_main_panel_is_drawn_on_axes_of_the_caller(results):
         assert axes.has_data() and axes.get_xlabel() and axes.get_ylabel(), name
 
 
+@pytest.mark.long
 def test_drawn_values_equal_the_result(results):
     axes = Figure().subplots()
     spectrum = results["spectrum"]
