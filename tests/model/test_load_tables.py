@@ -53,7 +53,9 @@ def test_columns_of_floors_have_factors_and_share_a_table(load):
 @pytest.mark.parametrize(
     ("column", "newtons"),
     [("f_N", 1.0), ("f_kN", 1e3), ("f_kn", 1e3), ("f_MN", 1e6), ("f_lbf", 4.4482216152605),
-     ("f_kip", 4448.2216152605), ("force", 1e3), ("wind_1", 1e3)],
+     ("f_kip", 4448.2216152605), ("force", 1e3), ("wind_1", 1e3), ("f (N)", 1.0),
+     ("f[lbf]", 4.4482216152605), ("top floor kip", 4448.2216152605), ("top floor", 1e3),
+     ("f (top)", 1e3)],
 )  # fmt: skip
 def test_unit_of_a_column(load, column, newtons):
     (force,) = load(
@@ -154,7 +156,12 @@ def test_messages_of_the_model_file(load, forces, expected):
         ("time_s,f_kN\n", "blast.csv: the table must have at least two rows, got 0"),
         ("", "blast.csv: the file is empty"),
         ("f_kN,g\n0,1\n1,2\n",
-         "blast.csv:1: no column of times, such as time_s or time_ms; the columns are f_kN, g"),
+         "blast.csv:1: no column of times, such as time_s or time_ms; the columns are f_kN, g; the "
+         "first line must contain the names"),
+        ("time_s;f_kN\n0;1,5\n1;2\n",
+         "the columns are time_s;f_kN; separate columns by commas, and write decimals with a "
+         "point"),
+        ("time_s,f (t)\n0,1\n1,2\n", "the column f (t) has the unit t, which is not a unit"),
         ("t,time_s,f\n0,0,1\n1,1,2\n", "several columns of times"),
         ("time_s,f_mm\n0,1\n1,2\n",
          "blast.csv:1: the column f_mm has the unit mm, which is not a unit of force; known: N, "

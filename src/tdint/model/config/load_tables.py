@@ -30,6 +30,9 @@ _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0}
 _OTHER_UNITS = {*LENGTH, *MASS, *VELOCITY, *ACCELERATION} - {"t"}
 """Units that a column of forces must not have. `t` is allowed, because it can belong to a name."""
 
+_UNIT_ENDING = re.compile(r".*(?:_|\s)([^\W_]+)|.*\(\s*([^\W_]+)\s*\)|.*\[\s*([^\W_]+)\s*\]")
+"""Unit at the end of the name of a column: `roof_kN`, `roof kN`, `roof (kN)` or `roof [kN]`."""
+
 _NAME_AND_FACTOR = re.compile(r"\s*(\S+?)\s*(?:\*\s*|\s)(\S.*?)\s*")
 """Factor and name of a column: `0.6 roof_kN` or `0.6 * roof_kN`."""
 
@@ -268,9 +271,14 @@ def _time_column(table: CsvTable) -> tuple[str, float]:
     if len(found) != 1:
         listed = ", ".join(found) or ", ".join(table.titles)[:200]
         problem = "several columns" if found else "no column"
+        advice = ""
+        if not found:
+            advice = "; the first line must contain the names of the columns"
+            if len(table.titles) == 1 and re.search(r"[;\t]", table.titles[0]):
+                advice = "; separate columns by commas, and write decimals with a point"
         raise ModelError(
             f"{table.source}:{table.header_line}: {problem} of times, such as time_s or time_ms; "
-            f"the columns are {listed}"
+            f"the columns are {listed}{advice}"
         )
     return found[0], names[found[0]]
 
@@ -300,7 +308,7 @@ def _column_and_factor(
     if name.lower() in others:
         return name.lower(), factor
     similar = nearest(name.lower(), others)
-    hint = f"; did you mean {similar}?" if similar else ""
+    hint = f"; did you mean {table.titles[table.header.index(similar)]}?" if similar else ""
     item.value.fault(
         f"no column {quoted(name)} in {table.source}; the columns of forces are "
         f"{', '.join(titles)[:200]}{hint}"
@@ -309,18 +317,20 @@ def _column_and_factor(
 
 
 def _unit_of(title: str, unit: float | str, table: CsvTable) -> float:
-    """Return the factor to N of the unit at the end of a name such as `roof_kN`; for a name without
+    """Return the factor to N of the unit at the end of a name (`_UNIT_ENDING`); for a name without
     a unit, `unit`. ModelError is raised for the unit of another quantity, and without a unit if
     `unit` is a reason.
     """
-    ending = title.rpartition("_")[2] if "_" in title else ""
+    match = _UNIT_ENDING.fullmatch(title.strip())
+    ending = next(filter(None, match.groups()), "") if match else ""
     # MN and mN differ only in case, so that case matters for this unit.
     factors = {name.lower(): factor for name, factor in FORCE.items() if name != "MN"}
     if ending in FORCE:
         return FORCE[ending]
     if ending.lower() in factors:
         return factors[ending.lower()]
-    if ending in _OTHER_UNITS or ending.lower() == "mn":
+    is_tonne = ending == "t" and title.rstrip().endswith((")", "]"))
+    if ending in _OTHER_UNITS or ending.lower() == "mn" or is_tonne:
         raise ModelError(
             f"{table.source}:{table.header_line}: the column {title} has the unit {ending}, which "
             f"is not a unit of force; known: {', '.join(FORCE)}"
