@@ -341,10 +341,10 @@ def _elements(response: Response) -> dict[str, Any]:
     table = element_table(response)
     if table is None:
         return {}
-    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     return {
         "elements": [
-            {key: None if value != value else value for key, value in row.items()} for row in rows
+            {key: None if value != value else value for key, value in row.items()}
+            for row in table.as_dictionaries()
         ]
     }
 

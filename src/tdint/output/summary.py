@@ -534,10 +534,9 @@ def comparison_summary(
     fit: dict[str, Any] | None = None
     if fitted is not None:
         table = fitted_table(fitted.values, units)
-        values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
         fit = {
             "runs": fitted.runs,
-            "values": values,
+            "values": table.as_dictionaries(),
             "notes": list(fitted.notes),
             "columns": table.meanings,
         }

@@ -10,7 +10,7 @@ from itertools import groupby
 from itertools import product as combined
 from pathlib import Path
 from threading import Event, Semaphore
-from typing import Any, cast, overload
+from typing import Any, TypedDict, Unpack, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,27 +67,33 @@ _RUNS_PER_BATCH = 64
 """Number of runs that a thread integrates in one batch."""
 
 
+class _Options(TypedDict, total=False):
+    """Arguments of `run_many` with the same types in all overloads."""
+
+    scales: float | Numbers | Iterable[float]
+    zip_records: bool
+    duration: float | None
+    history: bool | str | Sequence[str]
+    every: int
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None
+    jobs: int | None
+    check: bool
+    vary: Mapping[str, Numbers | float] | None
+    product: bool
+    progress: bool | Progress
+    partial: bool
+    gradient: str | Sequence[str]
+    errors: str
+
+
 @overload
 def run_many(
     models: AnyModel | Sequence[AnyModel],
     records: AnyRecord | Sequence[AnyRecord],
     *,
-    scales: float | Numbers | Iterable[float] = 1.0,
-    zip_records: bool = False,
     method: str | None = None,
     dt: float | None = None,
-    duration: float | None = None,
-    history: bool | str | Sequence[str] = (),
-    every: int = 1,
-    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
-    jobs: int | None = None,
-    check: bool = False,
-    vary: Mapping[str, Numbers | float] | None = None,
-    product: bool = False,
-    progress: bool | Progress = False,
-    partial: bool = False,
-    gradient: str | Sequence[str] = (),
-    errors: str = "raise",
+    **options: Unpack[_Options],
 ) -> Runs: ...
 
 
@@ -96,22 +102,9 @@ def run_many(
     models: AnyModel | Sequence[AnyModel],
     records: AnyRecord | Sequence[AnyRecord],
     *,
-    scales: float | Numbers | Iterable[float] = 1.0,
-    zip_records: bool = False,
     method: list[str] | tuple[str, ...],
     dt: float | Numbers | None = None,
-    duration: float | None = None,
-    history: bool | str | Sequence[str] = (),
-    every: int = 1,
-    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
-    jobs: int | None = None,
-    check: bool = False,
-    vary: Mapping[str, Numbers | float] | None = None,
-    product: bool = False,
-    progress: bool | Progress = False,
-    partial: bool = False,
-    gradient: str | Sequence[str] = (),
-    errors: str = "raise",
+    **options: Unpack[_Options],
 ) -> ResultList[Runs]: ...
 
 
@@ -120,22 +113,9 @@ def run_many(
     models: AnyModel | Sequence[AnyModel],
     records: AnyRecord | Sequence[AnyRecord],
     *,
-    scales: float | Numbers | Iterable[float] = 1.0,
-    zip_records: bool = False,
     method: str | None = None,
     dt: Numbers,
-    duration: float | None = None,
-    history: bool | str | Sequence[str] = (),
-    every: int = 1,
-    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
-    jobs: int | None = None,
-    check: bool = False,
-    vary: Mapping[str, Numbers | float] | None = None,
-    product: bool = False,
-    progress: bool | Progress = False,
-    partial: bool = False,
-    gradient: str | Sequence[str] = (),
-    errors: str = "raise",
+    **options: Unpack[_Options],
 ) -> ResultList[Runs]: ...
 
 

@@ -43,5 +43,4 @@ def load_table(excitation: Excitation) -> Table:
 
 def loads_summary(excitation: Excitation) -> list[dict[str, Any]]:
     """Return the part of summary.json about the forces from tables."""
-    table = load_table(excitation)
-    return [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    return load_table(excitation).as_dictionaries()

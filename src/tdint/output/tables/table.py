@@ -257,8 +257,11 @@ class Table:
     def as_summary(self, key: str) -> dict[str, Any]:
         """Return the table for a JSON file: a list of rows, each a dictionary by column, under the
         key `key`, and the descriptions of the columns under the key `meanings`."""
-        rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
-        return {key: rows, "meanings": dict(self.meanings)}
+        return {key: self.as_dictionaries(), "meanings": dict(self.meanings)}
+
+    def as_dictionaries(self) -> list[dict[str, Any]]:
+        """Return the rows, each as a dictionary by column."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
 
     def chosen(self, names: Iterable[str]) -> Table:
         """Return the table with only the columns in `names`, in this order. Names that the table
