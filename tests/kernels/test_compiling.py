@@ -15,7 +15,7 @@ import pytest
 from facts import states
 from small_kernel import scaled
 from tdint import load_model
-from tdint.analysis.run.prepared import kernels_of_model
+from tdint.analysis.run.prepared import PreparedBuilding, all_kernels, kernels_of_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels import build
 from tdint.kernels.building import compilable, store
@@ -30,6 +30,7 @@ from tdint.kernels.building.sources import OUTSIDE
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.stories.law_state import follow
+from tdint.kernels.time_loop.loop import integrate, integrate_many
 from tdint.methods.catalogue import parse as parse_method
 from tdint.system import lock
 
@@ -210,6 +211,49 @@ def test_only_required_kernels_are_compiled():
         assert variants[name].keys() >= {"moment4:step", "loop:integrate", "law_state:follow"}
         assert variants[name].pop("elastic:peaks") == EVERYTHING.text
         assert set(variants[name].values()) == {variant}
+
+
+def test_loops_contain_only_the_features_of_the_building(monkeypatch):
+    """The loops of a building without forces, dashpots, elements and tangent damping are compiled
+    without them, and `compile --all` includes these loops."""
+    monkeypatch.setattr(compilable, "WHOLE", False)
+    configs = Path(__file__).parents[2] / "configs"
+    features = {
+        "ten-story-bilinear": set(),
+        "wind-tower": {"forces"},
+        "self-centering-frame": {"dashpots", "elements", "braces", "tangent_damping"},
+    }
+    for loop in (integrate, integrate_many):
+        for name, expected in features.items():
+            required = loop.required_variant(
+                PreparedBuilding.of(load_model(configs / f"{name}.yaml")).variant
+            )
+            found = {
+                feature
+                for feature in ("forces", "dashpots", "elements", "braces", "tangent_damping")
+                if getattr(required, feature)
+            }
+            assert found == expected
+            assert required.laws == () and required.modal
+        assert loop in [kernel for kernel, variant in all_kernels() if not variant.forces]
+
+
+def test_loop_without_features_never_serves_all_buildings(monkeypatch):
+    """With one variant for all buildings, a loop without some features is neither requested nor
+    found, although the process has used and loaded it before."""
+    kernel = Kernel(scaled.function, scaled.signature, ("forces",))
+    plain = Variant(("linear",), forces=False)
+    monkeypatch.setattr(compilable, "WHOLE", False)
+    required = kernel.required_variant(plain)
+    assert required == Variant(forces=False)
+    monkeypatch.setattr(compilable, "WHOLE", True)
+    kernel.install(required, abs)
+    assert kernel.required_variant(plain) == kernel.required_variant(required) == EVERYTHING
+    assert not kernel.loaded(plain) and not kernel.loaded(EVERYTHING)
+    kernel.install(EVERYTHING, max)
+    assert kernel.variant(plain) is kernel.compiled is max
+    monkeypatch.setattr(compilable, "WHOLE", False)
+    assert kernel.variant(required) is abs and kernel.compiled is max
 
 
 SOME = Target("some", "")

@@ -76,16 +76,13 @@ def test_specific_variant_and_general_variant_agree_to_last_bit(laws, methods, m
     # All loops are compiled at once, so that common loops are compiled only once.
     required = [item for method in methods for item in kernels(parse(method), variant)]
     monkeypatch.setattr(compilable, "WHOLE", False)
-    for kernel, _ in required:  # each kernel caches the required variant
-        monkeypatch.setattr(kernel, "_required", {})
     compile_ahead(required, ["native"], None, lambda done: None)
     for method in methods:
         own, everything = {}, {}
         for is_general, result in ((True, everything), (False, own)):
             monkeypatch.setattr(compilable, "WHOLE", is_general)
-            # each kernel caches the required loop
+            # Each kernel caches the function of the last call.
             for kernel, _ in kernels(parse(method), EVERYTHING):
-                monkeypatch.setattr(kernel, "_required", {})
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
             result.update(integrated(PreparedBuilding(assembled), method))
         step = parse(method).family.step

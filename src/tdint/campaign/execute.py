@@ -26,8 +26,9 @@ from tdint.campaign.store_differences import INVENTORY_CHANGED, all_differences
 from tdint.campaign.store_opening import open_existing, open_store
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import is_there
-from tdint.kernels.building.compilable import EVERYTHING, time_loops
+from tdint.kernels.building.compilable import Variant, time_loops
 from tdint.kernels.building.load_or_compile import load_or_compile
+from tdint.kernels.compiling import Kernel
 from tdint.kernels.time_loop.loop import integrate_many
 from tdint.number_parsing import first_warning, pluralize
 from tdint.system import on_threads, processors
@@ -174,13 +175,14 @@ def cluster(scheduler: Cluster) -> Engine:
 def compile_for(plan: Plan) -> None:
     """Load the time loops for the buildings of a plan, and compile them if necessary, before
     several threads request them at the same time."""
-    # `integrate_many`, the loop over the runs of a batch, has a single variant for all buildings.
-    variants = {(integrate_many, EVERYTHING): None}
+    variants: dict[tuple[Kernel, Variant], None] = {}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
         # Forces of a load case belong to the building.
         variant = subject.case(plan.motions[0].record).prepared.variant
-        variants |= dict.fromkeys(kernels(subject.integrator, variant))
+        variants |= dict.fromkeys(
+            [(integrate_many, variant), *kernels(subject.integrator, variant)]
+        )
     load_or_compile(list(variants))
     # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The record
     # and the period of the call are arbitrary; its result is not used.

@@ -612,7 +612,7 @@ class PreparedBuilding:
             count = 1 if building.elements else len(table)
             for first in range(0, len(table), count):
                 part = result.part(first, first + count)
-                integrate_many.compiled(
+                integrate_many.variant(self.variant)(
                     *(*first_arguments, samples, np.array(table[first : first + count], float)),
                     *(self.points, *last_arguments),
                     *(criterion.window, criterion.windows, criterion.quiet),
@@ -859,7 +859,8 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
 
 def all_kernels() -> list[tuple[Kernel, Variant]]:
-    """Return all kernels, each in the variant for all buildings."""
+    """Return all kernels, each in the variant for all buildings, and the loops for buildings
+    without forces on floors, dashpots, elements and tangent damping."""
     # Imported here, because a run does not need these kernels.
     from tdint.kernels.oscillators.bilinear import bilinear_response
     from tdint.kernels.oscillators.elastic import peaks
@@ -879,7 +880,11 @@ def all_kernels() -> list[tuple[Kernel, Variant]]:
         bilinear_response,
         *separate_kernels(),
     )
-    return [*steps, *((kernel, EVERYTHING) for kernel in others)]
+    plain = Variant(
+        forces=False, dashpots=False, elements=False, braces=False, tangent_damping=False
+    )
+    loops = [(integrate, plain), (integrate_many, plain)]
+    return [*steps, *((kernel, EVERYTHING) for kernel in others), *loops]
 
 
 def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:

@@ -159,7 +159,7 @@ class Compilable:
         self.__doc__ = function.__doc__
         # By the variant that the kernel requires (`required_variant`)
         self._loaded: dict[Variant, Callable[..., Any]] = {}
-        # Results of `required_variant`, which is called for each run
+        # Results of `Variant.only` for the parts of this kernel, which each run requires
         self._required: dict[Variant, Variant] = {}
         # Variant and function of the last call, because most calls request the same variant again.
         # If the function is None, the variant is not used.
@@ -174,15 +174,14 @@ class Compilable:
         """Return the variant that this kernel requires for a building with the features of
         `variant` (`Variant.only`).
 
-        EVERYTHING does not contain laws of plug-ins: for a variant with such laws,
-        TDINT_KERNELS=whole has no effect.
+        TDINT_KERNELS=whole replaces it by EVERYTHING, except for a kernel that contains laws of
+        plug-ins, which EVERYTHING does not contain.
         """
         required = self._required.get(variant)
         if required is None:
-            required = self._required[variant] = (
-                EVERYTHING if WHOLE and not variant.outside else variant.only(self.parts)
-            )
-        return required
+            required = self._required[variant] = variant.only(self.parts)
+        # WHOLE is not part of the stored result, because tests change it.
+        return EVERYTHING if WHOLE and not required.outside else required
 
     def loaded(self, variant: Variant) -> bool:
         """Return True if this process has loaded or installed the kernel for a variant."""
@@ -195,10 +194,13 @@ class Compilable:
     def install(
         self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
     ) -> None:
-        """Store a compiled or Python function, which later calls of the kernel for a variant
-        use.
+        """Store a compiled or Python function, which later calls of the kernel use if they require
+        exactly `variant` (a result of `required_variant`).
+
+        The variant is not replaced here: a function without some features must never become the
+        function for all buildings.
         """
         _INSTALLED.add("interpreted" if interpreted else "compiled")
-        self._loaded[self.required_variant(variant)] = function
+        self._loaded[variant] = function
         # The function of the last call may have been replaced.
         self._last = EVERYTHING, None

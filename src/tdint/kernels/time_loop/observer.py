@@ -25,6 +25,7 @@ from tdint.kernels.linear_terms import (
     DASHPOTS,
     FORCES,
     MODAL,
+    TANGENT_DAMPING,
     add_modal_force,
     force_rate,
     force_value,
@@ -128,7 +129,7 @@ def observe(scene, span, slope, memory, seen):
     n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _store_additional_forces(modal, forces, span.t, state, observer_state, n)
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if (BRACES or TANGENT_DAMPING) and flags[rows.HAS_BRACES] != 0.0:
         _store_brace_forces(scene, state, observer_state)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
     # The bounds include tables (rows START_FORCE and DEVIATION_BOUND), but not harmonic forces
@@ -274,9 +275,9 @@ def observe(scene, span, slope, memory, seen):
     _update_energies(scene, span, slope, sums, memory, seen)
     if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
         may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
-    if law_state.shape[1] > n + 1:
+    if HAS_ELEMENTS and law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
-    if BRACES and flags[rows.HAS_BRACES] != 0.0:
+    if (BRACES or TANGENT_DAMPING) and flags[rows.HAS_BRACES] != 0.0:
         _observe_braces(linear_terms, state, seen)
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
@@ -822,7 +823,7 @@ def record_collapse(law_state, steps, seen):
 
 # ---- Kernels that evaluate the drift laws outside of the steps: initialization, energies, and
 # forces at reversals. The time loop receives the addresses of these kernels and of the step as
-# arguments. It is therefore compiled only once for all laws and methods.
+# arguments. It is therefore compiled for all laws and methods together.
 
 INITIALIZE_LAWS = I8(TABLE, TABLE, TABLE, TABLE)
 SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
