@@ -201,13 +201,7 @@ class CsvTable:
                 raise self.error(f"{self.source}:{line}: {name} {requirement}, got {text[:40]!r}")
 
     def lines(self, name: str, *, empty: bool = True) -> Iterator[tuple[int, str]]:
-        """Return the line number and the text of each cell of a column.
-
-        Parameters
-        ----------
-        empty : bool
-            True (the default) to allow empty cells; otherwise an empty cell is an error.
-        """
+        """Return the line number and the text of each cell of a column."""
         return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
 
     def overfull(self, cells: list[str]) -> bool:

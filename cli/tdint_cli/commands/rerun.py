@@ -452,8 +452,6 @@ def _texts(values: Mapping[str, Any], name: str) -> list[str]:
     """Return the texts of a parameter, which may be repeated; empty if it is not specified.
 
     click represents a missing value by a special object, which is not text.
-
-    `values` contains the values of the parameters of the command line, by parameter name.
     """
     value = values.get(name)
     items = value if isinstance(value, list | tuple) else [value]

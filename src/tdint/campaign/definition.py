@@ -430,8 +430,6 @@ class InventoryFile:
     as_published : bool
         For the rules of capacity curves: multiply forces and stiffness by the factor that the
         published program applies.
-    mapping : str | None
-        CSV file with the columns of an inventory for each taxonomy of an exposure model.
     mass_only : bool
         Omit the stiffness-proportional damping.
     stiffness_scatter, damping_scatter : float

@@ -137,7 +137,7 @@ class LevelSearch:
     start : float
         First level, at which the building should remain elastic.
     precision : float
-        Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
+        As in `tdint.campaign.ida.IdaSettings`.
     lowest_drift : float
         Lowest drift ratio for which a capacity is computed. The search decreases the level until
         the drift ratio of a run is smaller. Infinity: no such drift ratio.

@@ -561,9 +561,6 @@ def read_listed_motions(
 
     Raises
     ------
-    ModelError
-        Files of the table are not found; the component of a row is missing from its file or
-        ambiguous.
     RecordError
         No record can be used; the message has the reasons, one line each.
     """

@@ -173,13 +173,7 @@ class Scaling(Tabular):
 def suite_spectra(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> Array:
-    """Return the pseudo-accelerations of n motions at k periods, m/s^2, shape (n, k).
-
-    Parameters
-    ----------
-    pair : str
-        Spectrum that represents a pair of components: a name of `PAIRS`.
-    """
+    """Return the pseudo-accelerations of n motions at k periods, m/s^2, shape (n, k)."""
     return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
 
 

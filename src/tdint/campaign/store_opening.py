@@ -112,13 +112,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 
 
 def open_written(file: Path) -> Store:
-    """Open the store of a study for writing, and verify it.
-
-    Raises
-    ------
-    OutputError
-        The store cannot be used or trusted.
-    """
+    """Open the store of a study for writing, and verify it."""
     with sqlite_errors_reported(str(file)):
         store = Store(connect(str(file)), str(file))
     _has_contents(store)  # raises the error of a store with invalid contents

@@ -426,11 +426,6 @@ def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
     specifications : str, iterable of str or None
         Names with parameters, such as `hht:alpha=-0.1`. None: all methods of the catalogue with
         default parameters.
-
-    Raises
-    ------
-    UsageError
-        An unknown method or parameter, or a value out of range.
     """
     # None requests the complete catalogue.
     requested = [specifications] if isinstance(specifications, str) else specifications

@@ -186,11 +186,10 @@ def _predict_tangent_damping(weights, by_force, linear_terms, memory):
     """Store the part of the forces of tangent damping at the end of the step that is known (row
     DAMPING_BASE, N).
 
-    With average acceleration, the forces D of the damping and f of the law satisfy
-    a1 (f1 - f0) = h (D0 + D1) / 2. With the multi-step formulas, D1 = a1 V . (g1, g0, g_) with the
-    mean rates g of f over the last three steps, as the velocity follows from the mean velocities.
-    In both cases, the impulses of the damping are exact. With D = a1 k v, the order would be 1 if a
-    law changes its stiffness.
+    With average acceleration, the forces D of the damping and f of the law satisfy a1 (f1 - f0) = h
+    (D0 + D1) / 2. With the multi-step formulas, D1 = a1 V . (g1, g0, g_) with the mean rates g of f
+    over the last three steps, as the velocity follows from the mean velocities. In both cases, the
+    impulses of the damping are exact (see `tdint.methods.bathe`).
     """
     state = memory.state
     for i in range(linear_terms.shape[1] - 1):

@@ -703,11 +703,6 @@ def measure_all(
     """Measure problems sequentially and return their chart; the other arguments are those of
     `measure_problem`.
 
-    Parameters
-    ----------
-    progress : callable
-        Callback with the name of the current action and the completed fraction, from 0 to 1.
-
     Raises
     ------
     AnalysisError

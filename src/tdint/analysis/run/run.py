@@ -150,7 +150,6 @@ def run(
         converge, or no time step meets the tolerance (`FailedRun`).
     """
     if is_list(method) or is_list(dt):
-        # Each method is run with each time step.
         options = locals()
         method, dt = options.pop("method"), options.pop("dt")
         methods = method if isinstance(method, list | tuple) else (method,)

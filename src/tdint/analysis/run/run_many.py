@@ -497,7 +497,6 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
                 if result.history
                 else None,
             )
-        # Write the results: first all runs as done, then the runs with another status.
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
         result.energy_error[numbers] = outcomes.energy_error

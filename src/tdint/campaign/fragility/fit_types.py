@@ -115,7 +115,6 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         )
     measure = measure_named(request.measure or "sa")
     requested_states = _requested_states(request)
-    # Read the store one time, building by building.
     with open_existing(folder) as store:
         check_chunks(store)
         if not (store.damage() or requested_states):

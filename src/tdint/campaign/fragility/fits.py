@@ -542,11 +542,6 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
     """Return the empirical distribution of capacities, some of which may be censored (Kaplan and
     Meier 1958).
 
-    Parameters
-    ----------
-    capacity : ndarray, shape (n,)
-        Capacities. A censored capacity is only known to be above the specified value.
-
     Returns
     -------
     Points

@@ -214,14 +214,8 @@ def local(typing_context, size):
 def local_table(typing_context, rows, columns):
     """Return the numba signature and the code generator of an uninitialized table on the stack.
 
-    In a kernel, `local_table(rows, columns)` is a table of `rows` times `columns` numbers, which
-    exists until the calling function returns. numba executes this function while it compiles such a
-    call. The arguments are then numba types, not values. `typing_context` is passed by numba and
-    not used.
-
-    `_on_stack(2)` is the numba type of an array with two dimensions. Its call with two integer
-    types gives the first result: the signature of a function that has two integer arguments and
-    returns such an array. The second result is a function that generates the code of the table.
+    In a kernel, `local_table(rows, columns)` is a table of `rows` times `columns` numbers. All else
+    is as for `local`, with an array of two dimensions.
     """
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes

@@ -132,8 +132,6 @@ def add_rows(factor, scratch, source, target, row_count, n):
     ----------
     factor : float
         Factor of the source rows, of either sign.
-    source, target : int
-        First row of the source and of the target.
     """
     for row in range(row_count):
         for i in range(n):

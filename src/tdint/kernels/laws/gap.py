@@ -30,9 +30,7 @@ def _functions() -> LawFunctions:
         """Compute the force f at the drift d; return the tangent stiffness, N/m.
 
         f = k d for |d| <= gap, and f = k d + stop_stiffness (|d| - gap) sgn(d) in contact with a
-        stop. The force is written to block `trial`.
-
-        `drift` is the drift, m.
+        stop.
         """
         force = law_parameters[rows.STIFFNESS, i] * drift
         tangent = law_parameters[rows.STIFFNESS, i]

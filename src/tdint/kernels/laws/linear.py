@@ -13,12 +13,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Compute the force k d at the drift d; return the tangent stiffness k, N/m.
-
-        The force is written to block `trial`.
-
-        `drift` is the drift, m.
-        """
+        """Compute the force k d at the drift d; return the tangent stiffness k, N/m."""
         law_state[trial + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift
         return law_parameters[rows.STIFFNESS, i]
 

@@ -14,12 +14,9 @@ def _functions() -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force c1 d + c2 d^2 + ... at the drift d; return the tangent stiffness, N/m.
 
-        The polynomial and its derivative are evaluated by Horner's scheme, from the highest
-        power to the lowest. In a sum of products, the compiler could combine products and sums in
+        The polynomial and its derivative are evaluated by Horner's scheme, from the highest power
+        to the lowest. In a sum of products, the compiler could combine products and sums in
         different ways in different variants of the code, and the results would differ by rounding.
-        The force is written to block `trial`.
-
-        `drift` is the drift, m.
         """
         secant = 0.0  # secant stiffness c1 + c2 d + ..., N/m
         slope = 0.0  # derivative of the secant stiffness, N/m^2

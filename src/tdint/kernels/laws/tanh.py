@@ -19,10 +19,7 @@ def _functions() -> LawFunctions:
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force F tanh(k d / F) at the drift d; return the tangent stiffness, N/m.
 
-        F is the strength and k the initial stiffness. The tangent is k (1 - tanh^2(k d / F)). The
-        force is written to block `trial`.
-
-        `drift` is the drift, m.
+        F is the strength and k the initial stiffness. The tangent is k (1 - tanh^2(k d / F)).
         """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         ratio = math.tanh(law_parameters[rows.STIFFNESS, i] * drift / strength)

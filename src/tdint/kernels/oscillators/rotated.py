@@ -118,8 +118,6 @@ _ROWS = _MAXIMA + AXES + 1
 def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `rotated_peaks`, uninitialized, in the order of its arguments.
 
-    A step is a sampling interval divided by `parts`.
-
     Returns
     -------
     ground : ndarray, shape (2, steps + 1)
@@ -165,8 +163,7 @@ def rotated_peaks(
     directions : ndarray, shape (2, ANGLES)
         Cosine and sine of each direction, at 0, 1, ..., 179 degrees.
     between_steps : int
-        1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
-        only.
+        As in `tdint.kernels.oscillators.elastic.peaks`.
     result : ndarray, shape (k, ANGLES)
         Receives the peaks of the first k oscillators, m.
     ground, starts, maxima : ndarray

@@ -14,13 +14,8 @@ if TYPE_CHECKING:
 
 
 def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:
-    """Return the columns of transfer functions: frequency, and amplitude and phase of each floor.
-
-    Parameters
-    ----------
-    source : str or int
-        `ground`, or the number of the floor with the force.
-    """
+    """Return the columns of transfer functions: frequency, and amplitude and phase of each
+    floor."""
     unit, meaning = "m/N", f"displacement divided by the force on floor {source}"
     if source == "ground":
         unit, meaning = "1", "absolute acceleration divided by the ground acceleration"
