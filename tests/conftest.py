@@ -193,7 +193,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         if not any("kernels" in str(argument) for argument in config.args):
             logging.getLogger("tdint").addFilter(_is_not_about_compilation)
         return
-    from tdint.analysis.run.prepared import all_kernels
+    from tdint.analysis.run.analysis_kernels import all_kernels
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
 
     # Loops that were installed with a wheel are not compiled again.

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tdint.analysis.run import batch as runs
-from tdint.analysis.run.prepared import PreparedBuilding, all_kernels
+from tdint.analysis.run.analysis_kernels import all_kernels
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.ground_motion import measures
 from tdint.kernels.building import compilable

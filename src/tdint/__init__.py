@@ -79,6 +79,7 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.overview import overview
     from tdint.analysis.pushover import Pushover as Pushover
     from tdint.analysis.pushover import pushover as pushover
+    from tdint.analysis.run.analysis_kernels import compile_model as compile_model
     from tdint.analysis.run.case import Case as Case
     from tdint.analysis.run.many_results import Runs as Runs
     from tdint.analysis.run.outcome import Collapse as Collapse
@@ -91,7 +92,6 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.run.outcome import Response as Response
     from tdint.analysis.run.outcome import StoryErrors as StoryErrors
     from tdint.analysis.run.outcome import StoryPeaks as StoryPeaks
-    from tdint.analysis.run.prepared import compile_model as compile_model
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import tdint
 from building_cases import noise, ten_bilinear
 from tdint.analysis.chart import problem as references
-from tdint.analysis.run import prepared
+from tdint.analysis.run import analysis_kernels
 from tdint.methods.catalogue import parse
 
 MOTION = noise(samples=201, peak=6.0)
@@ -173,10 +173,10 @@ def test_labels_and_font_of_a_figure():
 def test_loop_of_a_compiled_model(monkeypatch, method):
     """The kernels that are compiled are those of the method. They are not compiled here."""
     compiled = []
-    monkeypatch.setattr(prepared, "compile_ahead", lambda pairs, *_: compiled.extend(pairs))
+    monkeypatch.setattr(analysis_kernels, "compile_ahead", lambda pairs, *_: compiled.extend(pairs))
     tdint.compile_model(ten_bilinear(), method)
-    assert compiled == list(prepared.kernels_of_model(ten_bilinear(), parse(method)))
-    assert compiled != list(prepared.kernels_of_model(ten_bilinear(), parse("impulse4")))
+    assert compiled == list(analysis_kernels.kernels_of_model(ten_bilinear(), parse(method)))
+    assert compiled != list(analysis_kernels.kernels_of_model(ten_bilinear(), parse("impulse4")))
 
 
 def test_stride_of_an_order():

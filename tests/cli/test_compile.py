@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from small_kernel import scaled
-from tdint.analysis.run import prepared
+from tdint.analysis.run import analysis_kernels
 from tdint.kernels.building import store
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.target import named
@@ -16,7 +16,7 @@ from tdint.model.config.model_file import load_model
 
 @pytest.fixture(autouse=True)
 def only_a_small_kernel(monkeypatch):
-    monkeypatch.setattr(prepared, "all_kernels", lambda: [(scaled, EVERYTHING)])
+    monkeypatch.setattr(analysis_kernels, "all_kernels", lambda: [(scaled, EVERYTHING)])
 
 
 @pytest.mark.long
@@ -59,7 +59,7 @@ def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypat
 def test_a_model_is_compiled_with_the_kernels_of_its_tables():
     model = load_model(Path(__file__).parents[2] / "configs" / "ten-story.yaml")
     assert peaks in [
-        kernel for kernel, _ in prepared.kernels_of_model(model, parse_method("impulse4"))
+        kernel for kernel, _ in analysis_kernels.kernels_of_model(model, parse_method("impulse4"))
     ]
 
 

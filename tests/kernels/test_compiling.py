@@ -15,7 +15,8 @@ import pytest
 from facts import states
 from small_kernel import scaled
 from tdint import load_model
-from tdint.analysis.run.prepared import PreparedBuilding, all_kernels, kernels_of_model
+from tdint.analysis.run.analysis_kernels import all_kernels, kernels_of_model
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels import build
 from tdint.kernels.building import compilable, store

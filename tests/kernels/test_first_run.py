@@ -17,7 +17,8 @@ import pytest
 
 import tdint
 from csv_rows import rows
-from tdint.analysis.run.prepared import PreparedBuilding, run_interpreted
+from tdint.analysis.run.analysis_kernels import run_interpreted
+from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import AnalysisError
 from tdint.kernels.building import load_or_compile, process, store, target
 from tdint.kernels.time_loop.loop import integrate

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 import tdint
-from tdint.analysis.run.prepared import all_kernels
+from tdint.analysis.run.analysis_kernels import all_kernels
 from tdint.kernels.building import sources
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS

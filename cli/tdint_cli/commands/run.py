@@ -262,8 +262,8 @@ def _step_count(request: Request, case: Case) -> int:
 
 def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
     """Select interpreted time loops if the run is so short that a compilation would take longer."""
+    from tdint.analysis.run.analysis_kernels import run_interpreted
     from tdint.analysis.run.error_estimate import reference
-    from tdint.analysis.run.prepared import run_interpreted
 
     methods = [case.method]
     if request.check is not False:
