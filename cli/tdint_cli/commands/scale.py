@@ -384,7 +384,7 @@ def _select_function(
 
     The tables of events and of the standard deviation are read here, before the records.
 
-    `periods` contains the periods at which the spectra are compared with the target, s.
+    `periods` contains the periods where the spectra are compared with the target, s.
     """
     import numpy as np
 

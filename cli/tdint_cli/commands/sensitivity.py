@@ -138,7 +138,7 @@ def _one_at_a_time(request: Request) -> None:
 
     model = load_model(request.building)
     motions = read_motions(RecordFiles(request.records, request.choice))
-    # The runs are a campaign in memory, with the unchanged building and with buildings in which a
+    # The runs are a campaign in memory, with the unchanged building and with buildings where a
     # parameter has its low or its high value.
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)

@@ -93,7 +93,7 @@ class SparseRows:
     Attributes
     ----------
     starts : ndarray of int, shape (rows,)
-        Number of the first sample at which a row is not zero.
+        Number of the first sample where a row is not zero.
     lines : list of ndarray
         Values of each row from this sample on, for a component factor of 1.
     directions : ndarray, shape (rows, components)

@@ -383,7 +383,7 @@ class _Chain:
                 if area_error > _AREA_TOLERANCE * maximum_shear * drift.sum():
                     drift_step *= 0.5
                     continue
-            # A negative base shear is not meaningful: the path ends at the state in which the base
+            # A negative base shear is not meaningful: the path ends at the state where the base
             # shear is zero.
             if base_shear <= 0.0:
                 drift, _ = self._find_state(

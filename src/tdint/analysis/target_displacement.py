@@ -331,7 +331,7 @@ def _coefficients(
 
 def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
     """Idealize a pushover curve by two lines, and return base shear (N) and roof displacement (m)
-    of the point at which the lines meet (yield).
+    of the point where the lines meet (yield).
 
     The first line is a secant from the origin, which intersects the curve at 0.6 of the yield
     force. The second line ends on the curve at the displacement `roof`. The area below the two

@@ -681,7 +681,7 @@ def _damaged_states(
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
-    """Return the maximum scale factor of a record at which the drift of each story in the first
+    """Return the maximum scale factor of a record for which the drift of each story in the first
     elastic mode is at most 0.7 times its yield drift and at most a tenth of the collapse drift.
     """
     # Circular frequency (rad/s) and mode shape at the floors

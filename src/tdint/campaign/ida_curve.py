@@ -130,12 +130,12 @@ MOST_RUNS = 300
 
 @dataclass(frozen=True)
 class LevelSearch:
-    """Search for the levels of intensity at which a building is run under one record.
+    """Search for the levels of intensity where a building is run under one record.
 
     Attributes
     ----------
     start : float
-        First level, at which the building should remain elastic.
+        First level, where the building should remain elastic.
     precision : float
         As in `tdint.campaign.ida.IdaSettings`.
     lowest_drift : float
@@ -201,7 +201,7 @@ class LevelSearch:
         return self._level_in_gap(stable, runs) or self._probe_level(collapse, runs)
 
     def _level_in_gap(self, stable: Sequence[IdaRun], runs: Sequence[IdaRun]) -> float | None:
-        """Return a level between two adjacent levels at which the drift ratios differ by more than
+        """Return a level between two adjacent levels where the drift ratios differ by more than
         a factor of 1.2; None if no such gap remains.
 
         `stable` contains the runs below the first collapse in ascending order of levels.
@@ -260,7 +260,7 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
 
 @dataclass(frozen=True)
 class Capacity:
-    """Intensity at which a building first exceeds a drift ratio under a record.
+    """Intensity where a building first exceeds a drift ratio under a record.
 
     Attributes
     ----------
@@ -331,7 +331,7 @@ class IdaCurve:
         return Capacity(self.collapse_drift, capacity, lower, first.im, censored=False)
 
     def capacity(self, threshold: float) -> Capacity:
-        """Return the intensity at which the curve first reaches a drift ratio, by linear
+        """Return the intensity where the curve first reaches a drift ratio, by linear
         interpolation on logarithmic axes.
 
         The capacity of a damaged building is unknown (NaN) if its residual drift is at least the
@@ -372,7 +372,7 @@ class IdaCurve:
         return replace(self.collapse, threshold=threshold)
 
     def intensity_at(self, drift_ratios: Array) -> Array:
-        """Return the intensities at which the curve reaches drift ratios.
+        """Return the intensities where the curve reaches drift ratios.
 
         Returns
         -------
@@ -447,7 +447,7 @@ class PairCurve(IdaCurve):
         return min((part.collapse for part in self.parts), key=lambda limit: limit.capacity)
 
     def capacity(self, threshold: float) -> Capacity:
-        """Return the intensity at which the pair first reaches the drift ratio `threshold`: the
+        """Return the intensity where the pair first reaches the drift ratio `threshold`: the
         smaller capacity of the two components for the rule `larger`, or the capacity of the mean
         curve for the rule `mean`."""
         if threshold >= self.collapse_drift:

@@ -622,7 +622,7 @@ def _located(table: FactorTable) -> FactorTable:
     the files that are not found.
     """
     directory = Path(table.source).parent
-    located: dict[str, str] = {}  # path at which the file exists, by the path in the table
+    located: dict[str, str] = {}  # path where the file exists, by the path in the table
     for file in dict.fromkeys(file for file, _ in table.by_name):
         candidates = (Path(file), directory / file)
         path = next((candidate for candidate in candidates if file and candidate.is_file()), None)

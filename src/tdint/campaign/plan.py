@@ -324,7 +324,7 @@ class Plan:
         return tuple(result)
 
     def _max_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
-        """Return the maximum time step of a building at which the estimated errors are within the
+        """Return the maximum time step of a building for which the estimated errors are within the
         tolerance of the campaign, s: None if there is none, infinity without a tolerance. It is
         computed once for all chunks.
         """

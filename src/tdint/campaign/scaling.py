@@ -38,7 +38,7 @@ MIN_PAIRS = 11
 
 _MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
 """Relative tolerance of the minimum of the average spectrum divided by the target, and maximum
-number of periods at which the average is computed. If motions match their target closely, the
+number of periods where the average is computed. If motions match their target closely, the
 average is close to the minimum at many periods."""
 
 MIN_AVERAGE_RATIO = 0.9

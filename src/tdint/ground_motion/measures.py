@@ -294,7 +294,7 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
 
 
 def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
-    """Return the time from the first sample at which the integral of the squared acceleration
+    """Return the time from the first sample when the integral of the squared acceleration
     reaches a fraction of its final value.
 
     Within a sampling interval, the integral is a non-decreasing cubic function of time. The time is

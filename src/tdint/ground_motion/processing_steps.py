@@ -392,7 +392,7 @@ def pad(record: Record, *seconds: float) -> Record:
 def butterworth(record: Record, filter_type: str, corner: float, order: int) -> Record:
     """Apply a zero-phase Butterworth filter to a record, which is zero outside its samples.
 
-    The filter is applied forwards and, from the time at which it has settled after the end of the
+    The filter is applied forwards and, from the time when it has settled after the end of the
     record, backwards.
 
     Parameters

@@ -568,7 +568,7 @@ class Excitation:
 
     @property
     def table_end(self) -> float:
-        """Time at which the last force from a table ends, s; 0 without tables."""
+        """Time when the last force from a table ends, s; 0 without tables."""
         return max((float(force.times[-1]) for force in self.tables), default=0.0)
 
 

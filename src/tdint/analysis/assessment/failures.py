@@ -270,10 +270,10 @@ def soft_node_motion(time: Array) -> Array:
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
-    """Define the two problems of Bathe and Noh, in which a stiff spring transmits a harmonic base
+    """Define the two problems of Bathe and Noh, where a stiff spring transmits a harmonic base
     motion to a building of two floors.
 
-    The first problem judges the acceleration of floor 1 (the stiff node), in which a method without
+    The first problem judges the acceleration of floor 1 (the stiff node), where a method without
     numerical damping oscillates. The second problem judges the displacement of floor 2 (the soft
     node).
     """
@@ -342,7 +342,7 @@ _PENDULUM_STIFFNESS, _HALF_MASS, _JOINT_STIFFNESS = 9.81, 0.5, 2.5e7
 
 
 def _stiff_pair() -> HardProblem:
-    """Define the problem of two masses connected by a stiff spring, in which methods without
+    """Define the problem of two masses connected by a stiff spring, where methods without
     numerical damping may oscillate at the frequency of the spring."""
     # If both masses move together, the force in the joint is proportional to their displacement.
     joint_force = _HALF_MASS * _PENDULUM_STIFFNESS  # N, at a displacement of 1 m

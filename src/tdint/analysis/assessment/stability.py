@@ -30,12 +30,12 @@ _MOST_STEPS = 1e6
 """Maximum number of time steps for the measurement of overshoot, which occurs in the first ten."""
 
 _FIRST_STEP = 1e-3
-"""Ratio dt/T at which the principal root is close to the exact root, so that it is identified with
+"""Ratio dt/T where the principal root is close to the exact root, so that it is identified with
 certainty."""
 
 _REAL = 1e-9  # maximum imaginary part of a root that is real except for rounding errors
 _MAX_STEP_RATIO = 1.08
-"""Maximum ratio of neighboring time steps at which roots are tracked without confusion."""
+"""Maximum ratio of neighboring time steps for which roots are tracked without confusion."""
 LARGEST = 1e4
 """Dimensionless. Maximum omega dt of the search for a critical time step."""
 

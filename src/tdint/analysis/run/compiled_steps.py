@@ -233,7 +233,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
             stiffness * u,
             stiffness,
         )
-        # A linear spring has no drifts at which its branch changes.
+        # A linear spring has no drifts where its branch changes.
         law_state[rows.UPPER, :-1], law_state[rows.LOWER, :-1] = math.inf, -math.inf
         if rows.ACCELERATION not in memory_rows:
             state[rows.ACCELERATION, :-1] = (

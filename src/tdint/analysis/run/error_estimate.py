@@ -67,7 +67,7 @@ accurate than such a run.
 
 COMMON = 0.2
 """Dimensionless. Minimum relative error of a story divided by the root mean square of the relative
-errors of all stories. The minimum covers a story in which both runs agree by accident. With a value
+errors of all stories. The minimum covers a story where both runs agree by accident. With a value
 of 0.5, 7 % of the estimates of accelerations and total shears by methods of order 3 and more are
 more than ten times too large (325 random buildings).
 """

@@ -66,7 +66,7 @@ def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Arra
     The error of a derivative is the maximum of three terms, as for peaks
     (`tdint.analysis.run.error_estimate`): a factor times the difference of the two derivatives; a
     factor times the root mean square of these products over all stories; and a small fraction of
-    the derivative. The second term covers a story in which the two derivatives agree by accident.
+    the derivative. The second term covers a story where the two derivatives agree by accident.
     It is not relative to the derivative, because derivatives can be zero.
     """
     errors = by.difference * np.abs(derivatives - others)

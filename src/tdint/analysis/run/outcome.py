@@ -598,12 +598,12 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
 
 @dataclass(frozen=True)
 class Collapse:
-    """First time at which a drift ratio exceeded the collapse drift or a story failed.
+    """First time when a drift ratio exceeded the collapse drift or a story failed.
 
     Attributes
     ----------
     time : float
-        End of the time step in which the collapse occurred, s.
+        End of the time step where the collapse occurred, s.
     story : int
         Story, from 1.
     ended : bool
@@ -691,7 +691,7 @@ class Response(Tabular):
         Returns the history in chunks when called with a number N: every N-th step. The time
         integration is repeated, so that the complete history does not need to be in memory.
     time_at_rest : float | None
-        Time at which the building was at rest, s, if the run was continued until rest and reached
+        Time when the building was at rest, s, if the run was continued until rest and reached
         it.
     notes : tuple of str
         Information on the run for the user.

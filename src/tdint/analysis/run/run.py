@@ -283,7 +283,7 @@ def integrate_case(
     FailedRun
         As by `run`.
     """
-    # First determine the time at which free vibration has decayed, by a run without history. Then
+    # First determine the time when free vibration has decayed, by a run without history. Then
     # run again up to this time, so that a time step for a tolerance is chosen over the complete
     # duration.
     if settings.until_rest:

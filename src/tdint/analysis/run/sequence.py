@@ -38,7 +38,7 @@ class EventSequence:
     records : tuple of Record
         Ground motions of the events, all with the same sampling interval.
     starts : tuple of int
-        Sample of the joined record at which each event starts.
+        Sample of the joined record where each event starts.
     restless : tuple of int
         Numbers, from 1, of the events after which the building did not come to rest.
     """

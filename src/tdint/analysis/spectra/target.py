@@ -78,7 +78,7 @@ and tall buildings are used up to twice the first period."""
 
 DesignSpectrum: TypeAlias = tuple[Callable[[Array], Array], tuple[float, ...], float, float]
 """Design spectrum of a code: function that returns pseudo-accelerations, m/s^2, at periods (s, 0 or
-more), shape (k,); periods at which its branches meet, s; its damping ratio; its maximum period,
+more), shape (k,); periods where its branches meet, s; its damping ratio; its maximum period,
 s."""
 
 
@@ -207,7 +207,7 @@ _NEEDS = (
     "spectrum by name, such as asce7:sds=1.0,sd1=0.6,tl=8"
 )
 _GRID = (0.01, 241)
-"""Minimum period (s) and number of periods at which a design spectrum is plotted and written, in
+"""Minimum period (s) and number of periods where a design spectrum is plotted and written, in
 addition to its corner periods."""
 
 
@@ -231,7 +231,7 @@ class TargetSpectrum:
     curve : callable | None
         The formula of the code; None for a table.
     formula_corner : float | None
-        Period at which the constant acceleration of the formula ends, s; None for a table.
+        Period where the constant acceleration of the formula ends, s; None for a table.
     """
 
     source: str
@@ -260,8 +260,8 @@ class TargetSpectrum:
 
     @property
     def corner(self) -> float:
-        """Period at which the constant acceleration ends (TC or TS), s. For a table, this is the
-        period at which the maximum pseudo-acceleration and the maximum pseudo-velocity
+        """Period where the constant acceleration ends (TC or TS), s. For a table, this is the
+        period where the maximum pseudo-acceleration and the maximum pseudo-velocity
         intersect."""
         if self.formula_corner is not None:
             return self.formula_corner

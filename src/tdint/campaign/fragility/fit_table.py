@@ -447,7 +447,7 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
         f"{table.source}: {failed_count} of {runs.result.size} runs have no result and are omitted"
     )
     if fit == CLOUD:
-        # A collapse exceeds every threshold. Its demand is not used, because the drift at which the
+        # A collapse exceeds every threshold. Its demand is not used, because the drift where the
         # run was stopped depends on the method. It is replaced by the largest threshold, or by the
         # lower limit of the requested range if this is larger: `_cloud` omits smaller demands.
         is_used = runs.result

@@ -1,4 +1,4 @@
-"""Fragility functions: lognormal distributions of the intensity at which a threshold is exceeded.
+"""Fragility functions: lognormal distributions of the intensity where a threshold is exceeded.
 
 Three fits are available:
 

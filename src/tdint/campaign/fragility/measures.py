@@ -68,7 +68,7 @@ class RunMeasure:
         The measure is proportional to this power of the scale factor of the record; None if it must
         be computed for each scale factor.
     called : str
-        Name in tables of functions, in which {} is replaced by the first period of the building.
+        Name in tables of functions, where {} is replaced by the first period of the building.
     """
 
     column: str
@@ -147,7 +147,7 @@ def _period(text: str) -> tuple[float | None, str, str]:
     building, or a number of seconds.
 
     The result is the period (s; None for the first period), its text in descriptions, and its text
-    in names, in which {} is replaced by the first period later. ValueError or UsageError is raised
+    in names, where {} is replaced by the first period later. ValueError or UsageError is raised
     for any other text.
     """
     if text in ("", FIRST):

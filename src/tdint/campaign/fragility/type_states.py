@@ -444,7 +444,7 @@ def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
     lightest state first.
 
     The formulas are those of GEM's toolkit for single-degree-of-freedom systems. They use the
-    displacement at which damage begins and the displacement at the end of the curve.
+    displacement where damage begins and the displacement at the end of the curve.
 
     Parameters
     ----------

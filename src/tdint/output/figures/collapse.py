@@ -695,7 +695,7 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **plot_style: Any)
 
 
 def _axis_end(functions: Sequence[Fragility]) -> float:
-    """Return the end of the intensity axis of fragility functions: the largest intensity at which a
+    """Return the end of the intensity axis of fragility functions: the largest intensity where a
     probability is nearly 1, but for each function at most two times the maximum observed intensity,
     or two times the median if the median is larger.
     """

@@ -350,7 +350,7 @@ def factor_table(scaling: Scaling) -> Table:
 
 
 def scaled_table(scaling: Scaling) -> Table:
-    """Return the spectra of a scaled suite, their mean and the target, at the periods at which mean
+    """Return the spectra of a scaled suite, their mean and the target, at the periods where mean
     and target were compared.
 
     Raises
