@@ -172,9 +172,10 @@ def test_row_with_wrong_number_of_values_is_refused():
         ("23:59:50.5", "00:00:01.5", 6),
         ("", "00:00:01", 5),
         ("13:00:00", "01:00:00", 5),
+        ("00:00:10", "23:59:50", 4),
     ],
 )
-def test_start_of_unam_record_after_midnight(origin, first, day):
+def test_start_of_unam_record_near_midnight(origin, first, day):
     """The header states the day of the earthquake, and the first sample is within twelve hours of
     the origin time."""
     header = files.unam().replace("2004/01/01", "2004/03/05").replace("00:00:01    ", first)

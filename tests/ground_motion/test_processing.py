@@ -280,6 +280,7 @@ def test_incompatible_processing_is_refused(options, message):
         {"trim": (2.0, 1.0)},
         {"trim": (-1.0, 1.0)},
         {"trim": (math.nan, 1.0)},
+        {"trim": [None, None]},
         {"baseline": "cubic"},
         {"pad": -1.0},
         {"pad": 0.0},

@@ -83,8 +83,8 @@ class Request:
     all_figures: bool = options.output.option(
         "--figures",
         needs="-o",
-        help="Plot all sixteen figures, including stability, accuracy and order (1 to 6) and the "
-        "buildings of examples 2 and 3 (9, 13).",
+        help="Plot all figures of the requested examples (examples 2 and 3 with their buildings, 9 "
+        "and 13) and those of stability, accuracy and order (1 to 6).",
     )
     overwrite: bool = options.output.overwrite
 
@@ -194,7 +194,8 @@ def _names(example: Example, suffix: str) -> list[str]:
 def _files(
     example: Example, runs: list[ExampleRun], reference: str, suffix: str
 ) -> list[tuple[str, Content]]:
-    """Return the file names and contents of a single example, without figures if all runs failed.
+    """Return the file names and contents of a single example; no figures without a completed run
+    of a method with the first time step.
 
     The table contains the runs with all time steps, the figures only the runs with the first time
     step.
@@ -211,7 +212,7 @@ def _files(
         contents += [
             figures.style.picture(suffix, partial(draw, figure)) for figure in example.figures
         ]
-    # If all runs failed, there are names of figures without contents: `zip` omits them.
+    # Without figures, their names have no contents: `zip` omits them.
     return list(zip(_names(example, suffix), contents, strict=False))
 
 

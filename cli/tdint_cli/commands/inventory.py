@@ -102,8 +102,8 @@ def command(request: Request) -> None:
     With --mapping FILE.csv, BUILDINGS is an exposure model of OpenQuake. Ids, coordinates, numbers
     of buildings and structural costs are read from its assets.
 
-    If rows cannot be used, all errors are listed, the other rows are processed, and the exit code
-    is 3.
+    If rows cannot be used, their errors are listed (the first ten), the other rows are processed,
+    and the exit code is 3.
     """
     from tdint.model.capacity import read_classes
     from tdint.model.inventory import CAPACITY, derive_all, read_inventory

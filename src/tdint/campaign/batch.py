@@ -2,8 +2,9 @@
 
 A campaign runs many buildings under many scaled ground motions. A chunk is a part of its runs
 together with all their input, so that a thread or a remote worker can process it without reading
-files. All runs of a building with the same time step are integrated by a single compiled call.
-Failed runs are repeated with half the time step.
+files. All runs of a building with the same time step are integrated by a single compiled call;
+sequences, load cases and runs with error estimates are integrated one by one. Failed runs are
+repeated with half the time step.
 """
 
 from __future__ import annotations
@@ -369,7 +370,7 @@ def building_step(
         if isinstance(record, JoinedRecord):
             sequence = sequence_of(case, record.events, rest=record.rest, dt=settings.dt)
             case = case.under(sequence.joined)
-        # Runs that collapse or fail provide no time step: try other runs instead.
+        # A run that collapses provides no time step: try other runs instead.
         outcome = attempt(case, case.steps(settings.dt, settings.duration))
         if isinstance(outcome, Response) and outcome.collapse:
             continue
@@ -574,9 +575,9 @@ class Batch:
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs that have the same time step in a single call of compiled code. Return the
-        failed runs that must be repeated with half the time step; the rows of all others are
-        appended to `results`.
+        """Integrate runs that have the same time step, without error estimates in a single call.
+        Return the failed runs that must be repeated with half the time step; the rows of all
+        others are appended to `results`.
         """
         settings = self.settings
         run_requests = [(job.run.motion, job.run.scale, job.steps) for job in jobs]

@@ -22,7 +22,7 @@ SAME_STEP = 1e-3
 MAX_SKIPPED_LINES = 1_000_000  # lines; maximum to skip, a larger number is an input error
 
 BASELINES = ("constant", "linear", "quadratic")
-DEFAULT_FILTER_ORDER = 4  # default order of the filters: 24 dB per octave
+DEFAULT_FILTER_ORDER = 4  # default order of the filters: 24 dB per octave in each of two passes
 MAX_FILTER_ORDER = 10  # maximum order of the filters; steeper than required in practice
 
 
@@ -257,8 +257,8 @@ def parse_pad(text: str) -> tuple[float, float]:
 
 
 def _problems(steps: Processing) -> Iterator[str]:
-    """Yield an error message for each invalid value of the processing steps and for each invalid
-    combination of values."""
+    """Yield an error message for each invalid value or combination of values; none after a trim or
+    pad that is not a pair."""
     for name in ("highpass", "lowpass", "resample"):
         value = getattr(steps, name)
         if value is not None and not 0.0 < value < math.inf:
@@ -275,7 +275,7 @@ def _problems(steps: Processing) -> Iterator[str]:
     if steps.trim is not None:
         start = 0.0 if steps.trim[0] is None else steps.trim[0]
         end = math.inf if steps.trim[1] is None else steps.trim[1]
-        if not 0.0 <= start < end or steps.trim == (None, None):
+        if not 0.0 <= start < end or tuple(steps.trim) == (None, None):
             yield "trim must be START:END in seconds from the first sample with START below END"
     # One of the two durations may be zero, but not both.
     if steps.pad is not None and not (min(steps.pad) >= 0.0 < sum(steps.pad) < math.inf):

@@ -331,7 +331,7 @@ def measure(
     `cached`, the reference is read from the cache, if available, and stored.
 
     `judge` receives all points and returns a result of interest, for example the cheapest point.
-    After `repeats` repetitions, the runs are timed again until one more repetition does not change
+    The runs are timed `repeats` times, and then again until the last repetition has not changed
     this result, or up to four times `repeats`.
 
     Raises
@@ -582,7 +582,7 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
 
 
 def alternative(points: Sequence[Point], quantity: str, limit: float, best: Point) -> Point | None:
-    """Return the cheapest point of another method that meets the tolerance, or None.
+    """Return the cheapest point of another line that meets the tolerance, or None.
 
     Points of the same line with smaller steps must meet the tolerance also. The alternative costs
     at least as much as the recommended point: a cheaper point was not recommended, because it is

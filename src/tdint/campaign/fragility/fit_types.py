@@ -269,8 +269,8 @@ def _fit_groups(
 def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
     """Fit a fragility function for each damage state of a group of runs.
 
-    By default stripes are fitted if there are several intensity levels with enough ground motions,
-    otherwise a cloud.
+    By default stripes are fitted if there are several intensity levels, each with enough ground
+    motions, otherwise a cloud.
 
     Returns
     -------
@@ -280,7 +280,8 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     Raises
     ------
     UsageError
-        Stripes are requested, but a level has fewer than three ground motions.
+        Stripes are requested, but there is a single level, or a level has fewer than three ground
+        motions.
     """
     if not runs.im.size:
         reason = "no run has a result; execute the runs of these buildings first"

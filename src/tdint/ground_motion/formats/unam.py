@@ -158,18 +158,19 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
 
 
 def _times(texts: list[str]) -> tuple[datetime | None, str]:
-    """Return the time of the first sample (UTC; None if the header does not state it) and the date
-    and origin time of the earthquake (empty without a date).
+    """Return the time of the first sample (UTC; None if the header does not state it or the date)
+    and the date and origin time of the earthquake (empty without a date).
     """
-    # The date of the first sample is the date of the earthquake, or the next day if the record
-    # starts just after midnight.
+    # The date of the first sample is the date of the earthquake, or the day after or before it if
+    # midnight is between the two times.
     start = None
     date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
     if date and first:
         year, month, day = map(float, date.groups())
         hour, minute, second = map(float, first.groups())
-        added_hours = 24.0 if origin and int(origin[1]) - int(first[1]) > 12 else 0.0
-        start = moment(year, month, day, hour, minute, second, -added_hours)
+        added_days = round((int(origin[1]) - int(first[1])) / 24) if origin else 0
+        # The last argument is a time zone in hours.
+        start = moment(year, month, day, hour, minute, second, -24.0 * added_days)
 
     # The date starts with the year.
     event = "-".join(date.groups()) if date else ""

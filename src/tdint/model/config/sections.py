@@ -176,7 +176,7 @@ _SHORT_LIST_ERROR = (
     "a list must contain at least two damping ratios; write a single ratio without brackets"
 )
 _SECOND_MODE = 3
-"""Second mode with the damping ratio of `damping: 5%`, if the building has three modes."""
+"""Second mode with the damping ratio of `damping: 5%`, if the building has at least three modes."""
 
 
 def _damping_type(count: int | None) -> Either:
