@@ -357,8 +357,8 @@ def _type_cloud(
     Some demands are used only as limits (censored). The demand of a collapse, and demands at or
     above the upper limit of the range, are lower limits. For the states of a campaign, demands
     above the heaviest state are also lower limits, and demands below the lightest state are upper
-    limits. For requested thresholds these two rules do not apply. A function then does not depend
-    on the other thresholds.
+    limits. For requested thresholds these two rules do not apply: a function then depends on the
+    other thresholds only by collapses, whose demand is at least the largest threshold.
 
     The count `censored` of a function and the points of its figure refer to runs, and contain only
     collapses and demands at or above the range as censored.
