@@ -166,11 +166,12 @@ class Profiles:
     def limits(self) -> SuiteLimits:
         """Comparison of the demands with the limits."""
         from tdint.ground_motion.origin import MotionOrigin, matched_clause
+        from tdint.output.spectrum_text import spectrum_text
         from tdint_cli.suite_limits import SuiteLimits
 
         origins = [MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values()]
         records = self.store.connection.execute("SELECT count(*) FROM records").fetchone()[0]
-        clauses = (matched_clause(origins, records), self._scaling_clause())
+        clauses = (matched_clause(origins, records, spectrum_text), self._scaling_clause())
         return SuiteLimits(self.profiles, self.request.limit, ", ".join(filter(None, clauses)))
 
     def _scaling_clause(self) -> str:

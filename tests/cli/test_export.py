@@ -1,6 +1,7 @@
 """`tdint info --export`: processed motions as files. Reading these files gives the same motions."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,6 +103,46 @@ def test_records_with_equal_codes_become_stations(folder, tdint) -> None:
         ("b.txt", ".R02.SI.HN1"),
     ]
     assert library.read_record("out.mseed", component="R02").pga == pytest.approx(0.2 * 9.80665)
+
+
+MODEL = """\
+name: one
+stories: [{mass: 100, height: 3, stiffness: 4.0e3}]
+damping: 5%
+analysis: {method: newmark-average}
+"""
+CAMPAIGN = """\
+name: study
+buildings: {models: [one.yaml]}
+records: {files: [moved/out.mseed, moved/one.csv]}
+analysis: {method: newmark-average}
+"""
+
+
+def test_runs_and_campaigns_read_the_origin_next_to_an_exported_motion(folder, tdint) -> None:
+    """MiniSEED and CSV have no place for the origin: it is in the JSON file of the same name, which
+    may be moved together with the motion. A motion alone has no origin."""
+    Path("one.yaml").write_text(MODEL)
+    call = ("info", "motion.mseed", *UNITS, *DONE, "--component", "HNE", "--export")
+    Path("moved").mkdir()
+    for name in ("out.mseed", "one.csv"):
+        tdint(*call, name, code=0)
+        for file in (Path(name), Path(name).with_suffix(".json")):
+            file.rename(Path("moved") / file)
+        result = tdint("run", "one.yaml", f"moved/{name}", "-o", name[:3], code=0)
+        summary = json.loads(Path(name[:3], "summary.json").read_text())
+        origin = summary["record"]["origin"]
+        assert (origin["seed"], origin["seed_component"]) == ("motion.mseed", "HNE")
+        assert origin["processing"] == list(motion("HNE").processing)
+        assert all(step in result.stderr for step in origin["processing"])
+        assert f"moved/{Path(name).stem}.json" in {item["file"] for item in summary["inputs"]}
+    Path("study.yaml").write_text(CAMPAIGN)
+    tdint("campaign", "study.yaml", "-o", "study", code=0)
+    stored = json.loads(Path("study/summary.json").read_text())["records"]
+    assert [entry["origin"] for entry in stored] == [origin, origin]
+    for name in ("out.mseed", "one.csv"):
+        (Path("moved") / name).with_suffix(".json").unlink()
+        assert library.read_record(f"moved/{name}").origin is None
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ import pytest
 import tdint as tdint_api
 from cli.test_report import page
 from csv_rows import rows
+from tdint.ground_motion.origin import MotionOrigin, matched_clause
+from tdint.output.spectrum_text import spectrum_text
 
 CALL = ("match", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "-o", "m")
 TARGET = ("--target", "ec8:type=1,soil=B,ag=0.2g")
@@ -77,10 +79,13 @@ def test_a_matched_motion_keeps_its_origin_in_every_result(tdint):
         assert origin["largest_misfit"] == pytest.approx(float(row["largest_misfit"]), rel=1e-9)
         assert "m/matched.json" in [item["file"] for item in content["inputs"]]
         factor = f"(seed factor {origin['factor']:.3g})"
-        verdict = f"1 ground motion, matched to {TARGET[1]} {factor}."
+        verdict = f"1 ground motion, matched to {spectrum_text(TARGET[1])} {factor}."
         assert verdict in result.stderr
         text = page("p.html").text
-        assert verdict in text and f"The ground motions are matched to {TARGET[1]}" in text
+        assert (
+            verdict in text
+            and f"The ground motions are matched to {spectrum_text(TARGET[1])}" in text
+        )
         assert "motion.mseed HNE" in text
         if out == "single":
             assert f"note: matched to {TARGET[1]}: seed motion.mseed HNE times" in result.stderr
@@ -130,9 +135,23 @@ def test_a_file_without_its_json_file_declares_its_origin(suffix, tdint):
     assert content["record"]["origin"] == entry["origin"]
     assert not any(item["file"].endswith("matched.json") for item in content["inputs"])
     factor = f"(seed factor {entry['origin']['factor']:.3g})"
-    assert f"1 ground motion, matched to {TARGET[1]} {factor}." in result.stderr
+    assert f"1 ground motion, matched to {spectrum_text(TARGET[1])} {factor}." in result.stderr
     assert f"note: matched to {TARGET[1]}: seed motion.mseed HNE times" in result.stderr
     tdint("rerun", "out", code=0)
+
+
+def test_suites_state_the_share_of_matched_components():
+    """A suite of which one component is matched, one processed and one recorded; two targets."""
+    processed, matched, other = (
+        MotionOrigin("a.txt"),
+        MotionOrigin("a.txt", target="t.csv", factor=2.0),
+        MotionOrigin("b.txt", target="u.csv", factor=3.0),
+    )
+    assert matched_clause([None, processed], 2) == ""
+    assert matched_clause([matched], 1, str.upper) == "matched to T.CSV (seed factor 2)"
+    assert matched_clause([matched, other], 2) == "matched to 2 targets (seed factors 2 to 3)"
+    text = "partly matched to t.csv (1 of 3 components, seed factor 2)"
+    assert matched_clause([matched, processed, None], 3) == text
 
 
 @pytest.mark.usefixtures("folder", "short_matching")

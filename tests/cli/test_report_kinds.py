@@ -272,8 +272,10 @@ def check_limits(found: Page) -> None:
         matching = [
             row
             for row in stated
-            if (row["quantity"], row["demand/limit"], row["result"])
+            if (row["quantity"], row["demand/limit"], row["result"].partition(": ")[0])
             == (quantity.replace("_", " "), ratio, result)
+            # Only a result that does not follow from the ratio has a reason.
+            and (": " in row["result"]) == (limit["limit_ratio"] <= 1.0 and not limit["met"])
             and row.get("level", "-") in (limit.get("level", "-"), "-")
         ]
         assert matching, limit

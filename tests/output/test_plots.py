@@ -153,7 +153,7 @@ def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     drifts = profile_picture([stood, fell]).axes[0]
     assert (drifts.get_xlabel(), drifts.get_title("left")) == (
         "drift (% of height)",
-        "5 of 8 collapsed or failed: not drawn",
+        "1 of 4 (stood), 4 of 4 (fell) collapsed or failed: not drawn",
     )
     assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
     assert (

@@ -297,9 +297,10 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
     (`limit`), or with all limits of the model if it is None."""
     if limit is None and not response.model.limits:
         return []
+    from tdint.output.spectrum_text import spectrum_text
     from tdint.output.verdicts import run_verdicts
 
-    matched = matched_text([response.record] if response.record else [])
+    matched = matched_text([response.record] if response.record else [], spectrum_text)
     return run_verdicts(response.limit_checks(limit), response.status, units, matched)
 
 

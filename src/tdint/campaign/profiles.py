@@ -333,11 +333,16 @@ def profiles(store: Store) -> Iterator[Profile]:
     rules, has_errors = SuiteRules.of(store), store.checked
     names = motion_names([name for name, _, _ in records.values()])
     name_of_record = dict(zip(records, names, strict=True))
+    file_of_record = {number: name for number, (name, _, _) in records.items()}
     for number, (name, _) in store.buildings().items():
         values_by_run = _story_values(store, number, has_errors)
         for level in rules.levels_of(store, number):
-            # `runs` are the runs of a motion; a pair has the name of its first component.
-            motions = tuple(name_of_record[runs[0].motion] for runs in level.completed)
+            # `runs` are the runs of a motion. A pair in two files has the common part of their
+            # names, a single component the name of its file.
+            motions = tuple(
+                (name_of_record if len(runs) > 1 else file_of_record)[runs[0].motion]
+                for runs in level.completed
+            )
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
             yield Profile(
                 **vars(level),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -261,29 +261,32 @@ class HasOrigin(Protocol):
         """Origin of the component."""
 
 
-def matched_text(records: Iterable[HasOrigin]) -> str:
+def matched_text(records: Iterable[HasOrigin], name: Callable[[str], str] = str) -> str:
     """Return a clause on the matched motions among the components of a suite; empty without them.
 
-    For example `matched to ec8:... (seed factors 0.42 to 4.7)`.
+    For example `matched to ec8:... (seed factors 0.42 to 4.7)`. `name` is a function that returns
+    the printed name of a target; by default, the target is stated as on the command line.
     """
     components = list(records)
-    return matched_clause([record.origin for record in components], len(components))
+    return matched_clause([record.origin for record in components], len(components), name)
 
 
-def matched_clause(origins_of_records: Iterable[MotionOrigin | None], count: int) -> str:
+def matched_clause(
+    origins_of_records: Iterable[MotionOrigin | None], count: int, name: Callable[[str], str] = str
+) -> str:
     """Return the clause of `matched_text` from the origins of `count` components."""
     origins = [origin for origin in origins_of_records if origin and origin.target]
     if not origins:
         return ""
     targets = list(dict.fromkeys(origin.target for origin in origins))
-    target = targets[0] if len(targets) == 1 else pluralize(len(targets), "target")
+    target = name(targets[0]) if len(targets) == 1 else pluralize(len(targets), "target")
     factors = sorted(origin.factor for origin in origins)
     low, high = (number_text(factor, 3) for factor in (factors[0], factors[-1]))
     factor_text = f"seed factor {low}" if low == high else f"seed factors {low} to {high}"
-    share = ""
     if len(origins) < count:
-        share = f"{len(origins)} of {pluralize(count, 'component')} "
-    return f"{share}matched to {target} ({factor_text})"
+        share = f"{len(origins)} of {pluralize(count, 'component')}"
+        return f"partly matched to {target} ({share}, {factor_text})"
+    return f"matched to {target} ({factor_text})"
 
 
 def match_warnings(records: Iterable[HasOrigin]) -> list[str]:

@@ -39,7 +39,7 @@ p { margin: 0 0 2.5mm } table { border-collapse: collapse; font-size: 8.5pt; mar
 th, td { border-bottom: 1px solid #ddd; padding: 0.5mm 1.2mm; text-align: right; vertical-align: top }
 td { white-space: nowrap } td.t { white-space: normal } p.h { margin: 0 0 3mm }
 td.d { font: 6.5pt monospace; text-align: left } th.d { text-align: left }
-th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left; overflow-wrap: anywhere }
+th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left } td.l { overflow-wrap: anywhere }
 thead { display: table-header-group } tr, figure, p.w, p.v { break-inside: avoid } h2, p.k { break-after: avoid }
 figure { margin: 2mm 0 3mm } img { max-width: 100%; display: block; margin: 0 auto }
 figcaption { font-size: 8.5pt; color: #444 } p.w { border-left: 3px solid #b03a2e; padding-left: 3mm }
@@ -64,6 +64,8 @@ _MAX_BLANK = 52.0  # maximum height left blank before a figure; less than a quar
 _MIN_SCALE = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
 _MIN_LAST_PAGE, _MAX_BLANK_FRACTION = 0.33, 0.2
 """Fractions of a page: minimum content of the last page, maximum blank area on other pages."""
+_MIN_ROWS = 3
+"""Minimum number of rows of a table that continues on a new page."""
 _KNOWN_DISTANCE = 2.0 * _PAGE
 """Distance from a fixed page break, mm, up to which estimated positions are reliable."""
 _MAX_FIRST_FIGURE, _MAX_FIGURE = 195.0, 110.0
@@ -166,6 +168,8 @@ class _Flow:
         Estimated distance from the last page break with a known position, mm.
     blank : float
         Height of the largest blank area at the end of a page, mm.
+    separated_rows : int
+        Number of tables of which only the last one or two rows are on a new page.
     postponed : list of (str, str, float)
         Figures that did not fit: attributes of the image, caption, height divided by width.
     """
@@ -179,6 +183,7 @@ class _Flow:
         self.scale = scale
         self.last_chapters = last_chapters
         self.blank = 0.0
+        self.separated_rows = 0
         self.body: list[str] = []
         self.position = 0.0
         self.distance = 0.0
@@ -189,8 +194,11 @@ class _Flow:
         """Measure of blank areas and of reduced figures; 0 for a page without either."""
         missing_content = max(_MIN_LAST_PAGE - self.position / _PAGE, 0.0)
         excess_blank = max(self.blank / _PAGE - _MAX_BLANK_FRACTION, 0.0)
-        # Blank areas have the weight 10, because they are worse than reduced figures.
-        return 10.0 * (missing_content + excess_blank) + 1.0 - self.scale
+        # Blank areas have the weight 10, because they are worse than reduced figures. Rows without
+        # their table are worse than figures that are reduced by two steps of `_SCALES`.
+        return (
+            10.0 * (missing_content + excess_blank) + 0.1 * self.separated_rows + 1.0 - self.scale
+        )
 
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
         """Add a paragraph.
@@ -488,6 +496,13 @@ _TEXT_CLASS = ' class="t"'
 """Attribute of the cells of a text column."""
 
 
+_LONG_TEXT_CLASS = ' class="t l"'
+"""Attribute of the cells of a text column with a word that may be divided."""
+
+_MAX_WORD = 24
+"""Number of characters of a word, such as a path, above which it may be divided: 40 mm."""
+
+
 class _Column(NamedTuple):
     """Column of a table on a page.
 
@@ -601,11 +616,15 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
     page_class = flow.break_class(heading_height + 3.0 * (_TABLE_LINE + _ROW))
     flow.advance(heading_height + _TABLE)
     rows = []
+    rows_on_page = 0
     for cells in zip(*(column.cells for column in columns), strict=True):
         row = ""
         line_count = 1
         for column, cell in zip(columns, cells, strict=True):
-            row += f"<td{column.css_class}>{escape(_keep_units(cell))}</td>"
+            # Only long words may be divided: otherwise browsers divide the words of headings, too.
+            is_long = column.is_text and max(map(len, cell.split()), default=0) > _MAX_WORD
+            css_class = _LONG_TEXT_CLASS if is_long else column.css_class
+            row += f"<td{css_class}>{escape(_keep_units(cell))}</td>"
             if column.is_text:
                 column_width = max(width_fraction * column.longest_cell, 1.0)
                 line_count = max(line_count, math.ceil(len(cell) / column_width))
@@ -614,8 +633,12 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
         # The heading is repeated on each page.
         if flow.position + row_height <= _PAGE:
             flow.advance(row_height)
+            rows_on_page += 1
         else:
             flow.advance(_PAGE - flow.position + heading_height + row_height)
+            rows_on_page = 1
+    if rows_on_page < min(_MIN_ROWS, len(rows)):
+        flow.separated_rows += 1
     heading = "".join(f"<th{column.css_class}>{column.heading}</th>" for column in columns)
     body = "\n".join(rows)
     flow.body.append(

@@ -69,6 +69,10 @@ _LOGNORMAL = (
     "A fragility function is the probability of exceedance over the intensity: the lognormal "
     "distribution function with the median theta and the standard deviation beta of the logarithm."
 )
+_RANK_AND_FIT = (
+    "Theta follows from all capacities (their geometric mean, if none is censored), so that it "
+    "differs from the median by rank."
+)
 _INTERVALS = (
     "Intervals contain 95 %: theta times exp(-1.96 e) to exp(1.96 e) with the standard error e of "
     "ln theta, and beta plus or minus 1.96 standard errors. Standard errors are computed by "
@@ -103,7 +107,11 @@ def ida_page(
     motions = _motion_count(study)
     fits: list[Part] = []
     if functions:
-        fits = [_LOGNORMAL, fit_table_of(functions, damaged=len(states) > 1), *failures]
+        fits = [
+            f"{_LOGNORMAL} {_RANK_AND_FIT}",
+            fit_table_of(functions, damaged=len(states) > 1),
+            *failures,
+        ]
     capacities, remark = _capacities(study)
     chapters = [
         Chapter(

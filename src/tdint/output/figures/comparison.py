@@ -97,8 +97,8 @@ def comparison_picture(
     if has_overview:
         rows = sorted(rows, key=lambda row: row.floor.correlation)[:_WORST_ROWS]
     # A row of panels is 1.55 inches high. If the figure has the width of a column of a page, the
-    # labels are wrapped to more lines, which need more height.
-    row_height = 2.7 if is_narrow() else 1.55
+    # panels of a floor are on two lines, and the labels are wrapped to more lines.
+    row_height = 4.4 if is_narrow() else 1.55
     height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
     figure = Figure(figsize=(7.5, height), layout="constrained")
     upper: Any = figure
@@ -106,14 +106,14 @@ def comparison_picture(
         subfigures: Any = figure.subfigures(2, 1, height_ratios=(row_height * len(rows), 2.6))
         upper, lower = subfigures
         _draw_overview(lower.subplots(2, 1, sharex=True), comparisons)
-    panels = upper.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
+    panels = _floor_panels(upper, len(rows))
     for row, row_panels in zip(rows, panels, strict=True):
         _draw_floor(row_panels, row, units, period, name_event=len(comparisons) > 1)
     for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
         axes.set_xlabel(label)
-    panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
+    panels[0][2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
     # The legend also states the first period, which the spectra mark.
-    lines = [*panels[0, 0].get_lines()[:2], *panels[0, 2].get_lines()[2:]]
+    lines = [*panels[0][0].get_lines()[:2], *panels[0][2].get_lines()[2:]]
     names = ["recorded", "computed", *(str(line.get_label()) for line in lines[2:])]
     figure.legend(lines, names, loc="outside lower center", ncols=len(lines), handlelength=3.0)
     # The agreement depends on the method and on the processing of the recordings, so the second
@@ -131,6 +131,20 @@ def comparison_picture(
         figure,
         f"{response.model.name} and {record_name(recording.source)}\n{', '.join(facts)}",
     )
+
+
+def _floor_panels(figure: Any, count: int) -> list[list[Any]]:
+    """Return the panels of `count` floors: history, close-up and spectra of each floor. In one
+    column of a page, the history is above the two other panels."""
+    if not is_narrow():
+        rows = figure.subplots(count, 3, squeeze=False, width_ratios=(2.0, 1.3, 1.5))
+        return [list(row) for row in rows]
+    grid = figure.add_gridspec(2 * count, 2)
+    return [
+        [figure.add_subplot(grid[2 * i, :])]
+        + [figure.add_subplot(grid[2 * i + 1, column]) for column in range(2)]
+        for i in range(count)
+    ]
 
 
 class _FloorRow(NamedTuple):
@@ -159,7 +173,8 @@ def _draw_floor(
     )
     _draw_histories(close_up, floor, units)
     close_up.set_xlim(*_strongest_cycles(comparison))
-    close_up.tick_params(labelleft=False)
+    # Next to the history, the close-up has its axis.
+    close_up.tick_params(labelleft=is_narrow())
     for values, color, width in (
         (spectra.recorded, _RECORDED, 1.5),
         (spectra.computed, _COMPUTED, 0.9),
@@ -374,7 +389,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     """
     pushed = results[0].pushed
     narrow = is_narrow()
-    figure = Figure(figsize=(11.0, 14.0 if narrow else 4.6), layout="constrained")
+    figure = Figure(figsize=(9.0, 11.5 if narrow else 4.4), layout="constrained")
     curve, adrs, profile = (
         figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
     )
@@ -480,7 +495,11 @@ def _draw_profile(
         scale = 100.0 / np.array(heights, float)
     else:
         scale = np.full(len(heights), 1.0 / units.unit("m")[1])
-    lines = [(drift, DASHES[0], COLORS[number], label) for drift, number, label in drifts or ()]
+    # Different dashes, because two methods often result in the same drifts.
+    lines = [
+        (drift, DASHES[number % len(DASHES)], COLORS[number], label)
+        for drift, number, label in drifts or ()
+    ]
     if not lines:
         lines = [
             (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum base shear"),

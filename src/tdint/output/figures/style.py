@@ -850,6 +850,13 @@ def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
         return _plain(value, position) if every or first_digit in "25" else ""
 
     axis.set_minor_formatter(FuncFormatter(label))
+    # Labels of the shorter minor ticks have the distance from the axis of the other labels.
+    side = f"{axis.axis_name}tick"
+    major, minor = (
+        sum(mpl.rcParams[f"{side}.{kind}.{name}"] for name in ("size", "pad"))
+        for kind in ("major", "minor")
+    )
+    axis.set_tick_params(which="minor", pad=mpl.rcParams[f"{side}.minor.pad"] + major - minor)
 
 
 def plain_logarithmic(axes: Any) -> None:

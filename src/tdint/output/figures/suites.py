@@ -19,7 +19,7 @@ from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.arrays import Array
 from tdint.campaign.pairs import MEAN
 from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.collapse import GRAY
 from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
@@ -39,6 +39,7 @@ from tdint.units import SI, OutputUnits
 
 _MAX_PANELS = 6  # maximum number of panels of floor spectra
 
+_MAX_LOST_BUILDINGS = 2  # maximum number of buildings in the note on collapsed and failed runs
 _MAX_ROWS = 4
 """Maximum number of levels, which have one row of panels each."""
 
@@ -251,12 +252,17 @@ def _finish_row(
     shears.autoscale_view()
     shears.set_xlabel(f"story shear ({unit})")
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
-    lost = sum(profile.collapsed + profile.failed for profile in profiles)
+    # Each building has its number, because a sum over buildings is not a number of motions.
+    lost = {
+        profile.building: f"{profile.collapsed + profile.failed} of {profile.runs}"
+        for profile in profiles
+        if profile.collapsed + profile.failed
+    }
     if lost:
-        runs = sum(profile.runs for profile in profiles)
-        drifts.set_title(
-            f"{lost} of {runs} collapsed or failed: not drawn", loc="left", fontsize=8.0
-        )
+        names = len({profile.building for profile in profiles}) > 1
+        counts = [f"{count} ({name})" if names else count for name, count in lost.items()]
+        text = f"{abbreviate(counts, _MAX_LOST_BUILDINGS)} collapsed or failed: not drawn"
+        drifts.set_title(text, loc="left", fontsize=8.0, parse_math=False)
     max_stories = max(profile.height.size for profile in profiles)
     for panel in axes:
         panel.set_ylim(0.5, max_stories + 0.5)
