@@ -44,7 +44,8 @@ def write_report(name: str, tdint: Command) -> str:
 )
 @pytest.mark.parametrize("name", KINDS)
 def test_pages_are_full(working_directory: Path, tdint: Command, drawn: None, name: str) -> None:
-    """On A4, each page except the last is full to 70 %, and the last page to 20 %."""
+    """On A4, each page except the last is full to 70 %, at most one of them to less than 80 %, and
+    the last page to 20 %."""
     write_report(name, tdint)
     check_fullness("page.html")
 

@@ -194,7 +194,7 @@ def _draw_low(draw: Callable[[], Figure]) -> Figure:
     the figure.
     """
     figure = draw()
-    figure.set_size_inches(8.0, 3.2)
+    figure.set_size_inches(7.0, 2.6)
     for axes in figure.axes:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return figure

@@ -532,7 +532,7 @@ def _runs_chapter(store: Store) -> Chapter:
         "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
     )
     rows = store.connection.execute(query).fetchall()
-    numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "ductility")
+    numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
     columns = ("building", "record", "component", *numbers, "status")
     meanings = {name: {"meaning": "", "unit": "1"} for name in numbers}
     meanings["peak_drift_m"] = {"unit": "m"}

@@ -441,7 +441,7 @@ def fragility_page(
             ),
         ),
         Chapter("Fitted parameters", (_LOGNORMAL, fitted)),
-        Chapter("Numbers of exceedances and fitted function", _count_table(functions)),
+        Chapter("Fractions of exceedances and fitted function", _count_table(functions)),
         Chapter("Observations", (*_observations(functions), *_study_parts(source, study))),
         Chapter(
             "Methods and assumptions",
@@ -505,7 +505,7 @@ def _dispersion(functions: Sequence[Fragility]) -> list[str]:
 
 
 def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
-    """Return a tuple with a table that compares each fragility function with the runs in bins of
+    """Return a sentence and a table that compares each fragility function with the runs in bins of
     the intensity.
 
     For each bin, the column `counted` is the fraction of the runs that exceed the limit, and the
@@ -521,7 +521,13 @@ def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     unit = functions[0].unit or "1"
     meanings = {name: {"meaning": "", "unit": "1"} for name in columns[2:]}
     meanings |= {"intensity": {"meaning": "", "unit": unit}, "function": {"unit": TEXT}}
-    return (Table(columns, rows[:_MOST_CAPACITIES], meanings),) if rows else ()
+    if not rows:
+        return ()
+    text = (
+        "Fractions of the runs in ranges of the intensity that exceed the limit, and the values of "
+        "the function at the geometric mean of the intensities of these runs:"
+    )
+    return text, Table(columns, rows[:_MOST_CAPACITIES], meanings)
 
 
 _MOST_RECORDS = 60

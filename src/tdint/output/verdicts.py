@@ -279,7 +279,7 @@ def limit_table(
                 row += [level or "-"] if has_levels else []
                 row += [
                     quantity.text,
-                    f"{quantity.location} {check.story}",
+                    f"{quantity.location}\u00a0{check.story}",  # not divided in a narrow column
                     _demand(check, units),
                     _limit(check, units),
                     f"{number_text(check.ratio, unlike=1.0)}",

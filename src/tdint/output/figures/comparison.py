@@ -389,7 +389,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     """
     pushed = results[0].pushed
     narrow = is_narrow()
-    figure = Figure(figsize=(9.0, 11.5 if narrow else 4.4), layout="constrained")
+    figure = Figure(figsize=(8.6, 11.0 if narrow else 3.2), layout="constrained")
     curve, adrs, profile = (
         figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
     )
