@@ -468,7 +468,7 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
         color=COLORS[1],
         label="target displacement",
     )
-    axes.legend(loc="best")
+    axes.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     # The axis ends before the long periods of the demand, which are far to the right of the target
     # displacement.
     axis_end = 1.6 * max(target_displacement, elastic)
