@@ -795,10 +795,7 @@ def motion_chapter(
             parts.append(f"Level {number} of {len(levels)}{scaling}:")
         parts.append(motion_table(records, component_names(records)).in_units(units))
         if matched := matched_text(records, spectrum_text):
-            parts.append(
-                f"The ground motions are {matched}; the change is the rms of the added wavelets "
-                "in percent of the rms of the scaled seed:"
-            )
+            parts.append(f"The ground motions are {matched}; change: rms, relative to the seed:")
             parts.append(match_origin_table(records, component_names(records)))
             if warnings := match_warnings(records):
                 parts += ["Warnings of the match:", once(warnings)]
