@@ -219,14 +219,28 @@ ACCELERATION_JUMP = 11  # jump of the acceleration between two steps by the line
 # Sum of the deviations of the tables from their lines at the end of the step, divided by the mass
 # of the floor, m/s^2
 ACCELERATION_DEVIATION = 12
-DEVIATION_BOUND = 13  # sum of the maximum absolute deviations in the step / mass, m/s^2
+# Upper bounds of the absolute deviations from the response under the lines in the step: of the
+# acceleration of the floor (m/s^2), of its velocity (m/s), and of the total shear of the story (N)
+DEVIATION_BOUND = 13
+VELOCITY_BOUND = 14
+SHEAR_BOUND = 15
 # Half of the increase of the rate of the power of all dampers except modal damping (W/s) per unit
 # increase of the acceleration of the floor (m/s^2)
-VISCOUS_FACTOR = 14
+VISCOUS_FACTOR = 16
 # Half of the increase of the rate of the power of the dashpot of the story (W/s) per unit increase
 # of the drift acceleration (m/s^2)
-DASHPOT_FACTOR = 15
-OBSERVER_ROWS = 16
+DASHPOT_FACTOR = 17
+# Deviations from the response under the lines at the start and, in the next row, at the end of a
+# part of the step: sum of the forces of the tables on the floor (N), velocity of the floor (m/s),
+# and modal damping force (N)
+LOAD_DEVIATION = 18
+VELOCITY_DEVIATION = 20
+MODAL_DEVIATION = 22
+# Deviation of the velocity from the straight line between its endpoint values at the middle of the
+# step, times 4 (m/s), and its modal damping force (N)
+VELOCITY_BULGE = 24
+MODAL_BULGE = 25
+OBSERVER_ROWS = 26
 
 # forces: forces on floors; one row for each force, with the following columns. A row is a harmonic
 # force COSINE cos(OMEGA t) + SINE sin(OMEGA t) if POINTS is 0. Otherwise it is a table, linear

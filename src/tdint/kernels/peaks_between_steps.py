@@ -91,7 +91,13 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, force_value, power_damper
+from tdint.kernels.linear_terms import (
+    DASHPOTS,
+    FORCES,
+    TANGENT_DAMPING,
+    force_value,
+    power_damper,
+)
 from tdint.kernels.stepping import Ends
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
@@ -193,8 +199,15 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     a_max = max(abs(floor.a0), abs(floor.a1))
     max_displacement = max(abs(floor.u0), abs(floor.u1)) + h * (0.5 * v_max + 0.05 * h * a_max)
     exceeds = max_displacement > peaks[rows.PEAK_DISPLACEMENT, i]
-    middle_velocity = abs(_middle_velocity_bezier_point(h, by_h, floor))
-    return exceeds | (max(v_max + 0.25 * h * a_max, middle_velocity) > peaks[rows.PEAK_VELOCITY, i])
+    return exceeds | (velocity_reach(h, by_h, floor) > peaks[rows.PEAK_VELOCITY, i])
+
+
+@inline
+def velocity_reach(h, by_h, ends):
+    """Return an upper bound of the absolute velocity or drift rate within a step, m/s."""
+    v_max = max(abs(ends.v0), abs(ends.v1))
+    a_max = max(abs(ends.a0), abs(ends.a1))
+    return max(v_max + 0.25 * h * a_max, abs(_middle_velocity_bezier_point(h, by_h, ends)))
 
 
 @inline
@@ -330,11 +343,15 @@ def find_interstep_peaks(
     that drift may cause a new peak drift or peak shear, and to the drift at the end of the step
     otherwise. The caller evaluates the laws at these drifts.
 
+    In a kinked step, `raise_peaks_in_part` searches velocities, drift rates and absolute
+    accelerations, and total shears, except near the rest of a dashpot.
+
     The length of the step must not be zero.
     """
     linear_terms = scene.linear_terms
     by_h = 1.0 / span.h
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
+    searched_in_parts = span.kinked and not span.cornered
     reversal_count = 0
     n = linear_terms.shape[1] - 1
     # Sums over the floors from the roof down to floor i: mass times motion, mass, forces on floors
@@ -376,14 +393,17 @@ def find_interstep_peaks(
             row = first_peak + rows.PEAK_DISPLACEMENT
             _raise_displacement_peak(span, floor, margin, peaks, row, i)
         velocity_peak = peaks[first_peak + rows.PEAK_VELOCITY, i]
-        if floor.a0 * floor.a1 < 0.0 and may_exceed_velocity_peak(
-            span.h, by_h, floor, velocity_peak
+        if (
+            not searched_in_parts
+            and floor.a0 * floor.a1 < 0.0
+            and may_exceed_velocity_peak(span.h, by_h, floor, velocity_peak)
         ):
             _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
         rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
         if (
             DASHPOTS
             and has_dashpots
+            and not searched_in_parts
             and story.a0 * story.a1 < 0.0
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
@@ -410,10 +430,11 @@ def find_interstep_peaks(
                 floor_forces, next_row = _add_floor_forces(
                     span, scene.forces, link, i, floor_forces, next_row
                 )
-            row = first_peak + rows.PEAK_TOTAL_SHEAR
-            dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
-            quantity = inertia, mass_sum, floor_forces
-            _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
+            if not span.kinked or near_rest.factor != 0.0:
+                row = first_peak + rows.PEAK_TOTAL_SHEAR
+                dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
+                quantity = inertia, mass_sum, floor_forces
+                _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
             near_rest_above = near_rest
         floor = floor_below
     return reversal_count
@@ -785,69 +806,193 @@ def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
 
 
 @outlined
-def raise_velocity_peaks(span, scene, passage, point, peaks, i):
-    """Raise the peaks of the velocity of floor `i` and of the drift rates of the stories below and
-    above it at a time inside a kinked step; return the change of the damping force on the floor, N.
+def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
+    """Raise the peaks of velocities, drift rates, absolute accelerations and total shears in a part
+    of a kinked step.
 
-    `point` contains the time as a fraction of the step, and the deviation of the velocity from the
-    velocity under the lines of the forces, m/s. The change of the damping force does not include
-    tangent damping and dampers with braces.
+    `part` contains the endpoints of the part as fractions of the step. Between them, the tables of
+    forces are linear. The rows LOAD_DEVIATION, VELOCITY_DEVIATION and MODAL_DEVIATION of the memory
+    of the observer, and the rows after them, contain the deviations from the response under the
+    lines of the tables at both endpoints. The deviations of the forces of the dampers follow from
+    those of the velocities. They do not include dampers with braces, whose forces do not depend on
+    the drift rate itself. The rows VELOCITY_BULGE and MODAL_BULGE are the same for all parts.
+
+    If the kernel of the method has computed peaks (`span.cornered`), the extrema of velocities and
+    total shears inside the part are not searched.
     """
-    s, deviation = point
-    linear_terms, modal, _, _, flags = scene
-    below, above = max(i - 1, 0), min(i + 1, linear_terms.shape[1] - 2)
-    ends = _floor_ends(span.fast, passage, i)
-    v = _velocity_at(span, passage, i, s)
-    rate = v - linear_terms[rows.LINK, i] * _velocity_at(span, passage, below, s)
-    rate_above = _velocity_at(span, passage, above, s) - v
-    link_above = linear_terms[rows.LINK, i + 1] if above > i else 0.0
-    row = 0 if _is_resolved(span, ends) else rows.PEAK_ROWS
-    raise_peak(peaks, row + rows.PEAK_VELOCITY, i, v + deviation)
-    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
-        raise_peak(peaks, row + rows.PEAK_DRIFT_RATE, i, rate + deviation)
-        if link_above != 0.0:
-            raise_peak(peaks, row + rows.PEAK_DRIFT_RATE, above, rate_above - deviation)
-    coefficient = linear_terms[rows.FLOOR_DAMPER, i] + linear_terms[rows.STORY_DAMPER, i]
-    coefficient += link_above * linear_terms[rows.STORY_DAMPER, above]
-    if MODAL:
-        for j in range(modal.shape[0]):
-            coefficient += modal[j, i] * modal[j, i]
-    change = coefficient * deviation
-    change += power_damper(linear_terms, i, rate + deviation)[0]
-    change -= power_damper(linear_terms, i, rate)[0]
-    if link_above != 0.0:
-        change += power_damper(linear_terms, above, rate_above)[0]
-        change -= power_damper(linear_terms, above, rate_above - deviation)[0]
-    return change
+    linear_terms, _, _, forces, flags = scene
+    observer_state, peaks = seen.observer_state, seen.peaks
+    n = linear_terms.shape[1] - 1
+    has_dashpots = flags[rows.HAS_DASHPOTS] != 0.0
+    inertia, mass_sum = _ZERO_ENDS, 0.0
+    floor_forces = _ZERO_FORCES
+    next_row = forces.shape[0]
+    # Deviations at both endpoints and bulge (`_damping_change`), N: of the damping force of the
+    # story above, and of the sum of the damping forces on the floors that the story supports
+    above, floors = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    floor = _floor_ends(span.fast, passage, n - 1)
+    for i in range(n - 1, -1, -1):
+        floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
+        link, link_above = linear_terms[rows.LINK, i], linear_terms[rows.LINK, i + 1]
+        story = _story_ends(floor, floor_below, link, law_state[rows.DRIFT, i])
+        inverse_mass = linear_terms[rows.INVERSE_MASS, i]
+        floor_rates = _floor_deviation(linear_terms, observer_state, i)
+        below = _floor_deviation(linear_terms, observer_state, max(i - 1, 0))
+        story_rates = (
+            floor_rates[0] - link * below[0],
+            floor_rates[1] - link * below[1],
+            floor_rates[2] - link * below[2],
+            floor_rates[3] - link * below[3],
+        )
+        row = rows.PEAK_VELOCITY
+        _raise_velocity_in_part(span, floor, part, floor_rates, peaks, row, i)
+        if DASHPOTS and has_dashpots:
+            row = rows.PEAK_DRIFT_RATE
+            _raise_velocity_in_part(span, story, part, story_rates, peaks, row, i)
+        changes = _damping_change(span.h, scene, law_state, story, part, story_rates, i)
+        damper = linear_terms[rows.FLOOR_DAMPER, i]
+        own = (
+            damper * floor_rates[0] + observer_state[rows.MODAL_DEVIATION, i],
+            damper * floor_rates[1] + observer_state[rows.MODAL_DEVIATION + 1, i],
+            damper * observer_state[rows.VELOCITY_BULGE, i] + observer_state[rows.MODAL_BULGE, i],
+        )
+        deviations = (
+            floor_rates[2] - inverse_mass * (own[0] + changes[0] - link_above * above[0]),
+            floor_rates[3] - inverse_mass * (own[1] + changes[1] - link_above * above[1]),
+            -inverse_mass * (own[2] + changes[2] - link_above * above[2]),
+        )
+        quantity = floor, 1.0, _ZERO_FORCES
+        row = rows.PEAK_ACCELERATION
+        _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i)
+        # The searched sum is minus the total shear (`find_interstep_peaks`).
+        floors = (
+            link_above * floors[0] + own[0],
+            link_above * floors[1] + own[1],
+            link_above * floors[2] + own[2],
+        )
+        inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
+        floor_forces, next_row = _add_floor_forces(
+            span, forces, link_above, i, floor_forces, next_row
+        )
+        is_at_rest = DASHPOTS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1)
+        if not (span.cornered or is_at_rest):
+            deviations = (
+                -floors[0] - changes[0],
+                -floors[1] - changes[1],
+                -floors[2] - changes[2],
+            )
+            quantity = inertia, mass_sum, floor_forces
+            row = rows.PEAK_TOTAL_SHEAR
+            _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i)
+        above = changes
+        floor = floor_below
 
 
 @inline
-def _velocity_at(span, passage, i, s):
-    """Return the velocity of floor `i` at `s` under the lines of the forces, m/s."""
-    ends = _floor_ends(span.fast, passage, i)
-    return _rate(span.h, ends.v0, ends.a0, ends.v1, ends.a1, s)
+def _floor_deviation(linear_terms, observer_state, i):
+    """Return the deviations of the velocity of floor `i` (m/s) at both endpoints of a part, and of
+    the forces of tables divided by the mass (m/s^2).
+    """
+    inverse_mass = linear_terms[rows.INVERSE_MASS, i]
+    return (
+        observer_state[rows.VELOCITY_DEVIATION, i],
+        observer_state[rows.VELOCITY_DEVIATION + 1, i],
+        inverse_mass * observer_state[rows.LOAD_DEVIATION, i],
+        inverse_mass * observer_state[rows.LOAD_DEVIATION + 1, i],
+    )
+
+
+@inline
+def _damping_change(h, scene, law_state, story, part, deviations, i):
+    """Return the changes of the damping force of story `i` by the deviations of its drift rate
+    (m/s) at both endpoints of a part of the step, and the bulge of the force in the step, N.
+
+    The bulge is 4 times the deviation of the force, at the middle of the step, from the straight
+    line between its endpoint values. Tangent damping has the stiffness at the end of the step.
+    """
+    linear_terms = scene.linear_terms
+    coefficient = linear_terms[rows.STORY_DAMPER, i]
+    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        # A curved branch can have the slope inf.
+        stiffness = min(law_state[rows.SLOPE, i], scene.law_parameters[rows.STIFFNESS, i])
+        coefficient += linear_terms[rows.TANGENT_DAMPING, i] * stiffness
+    change_0 = coefficient * deviations[0]
+    change_1 = coefficient * deviations[1]
+    bulge = 0.5 * h * coefficient * (story.a0 - story.a1)
+    if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        v0, a0, v1, a1 = story.v0, story.a0, story.v1, story.a1
+        rate = _rate(h, v0, a0, v1, a1, part[0])
+        change_0 += power_damper(linear_terms, i, rate + deviations[0])[0]
+        change_0 -= power_damper(linear_terms, i, rate)[0]
+        rate = _rate(h, v0, a0, v1, a1, part[1])
+        change_1 += power_damper(linear_terms, i, rate + deviations[1])[0]
+        change_1 -= power_damper(linear_terms, i, rate)[0]
+        ends = power_damper(linear_terms, i, v0)[0] + power_damper(linear_terms, i, v1)[0]
+        middle = power_damper(linear_terms, i, _rate(h, v0, a0, v1, a1, 0.5))[0]
+        bulge += 4.0 * middle - 2.0 * ends
+    return change_0, change_1, bulge
 
 
 @outlined
-def raise_acceleration_in_part(span, passage, part, peaks, i):
-    """Raise the peak of the absolute acceleration of floor `i` in a part of a kinked step.
+def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
+    """Raise the peak of a velocity or drift rate in a part of a kinked step.
 
-    The acceleration is the cubic of `_raise_acceleration_peak`, plus a deviation that is linear in
-    the part. `part` contains the endpoints of the part as fractions of the step, and the deviations
-    at both endpoints, m/s^2. If the step does not resolve the motion, the straight line between the
-    endpoint values of the step replaces the cubic, whose extremum is a possible peak.
+    The velocity is the derivative of the quintic, plus a deviation with the values `deviation[0]`
+    and `deviation[1]` (m/s) and the derivatives `deviation[2]` and `deviation[3]` (m/s^2) at the
+    endpoints of the part. The derivative of the deviation is linear in the part.
     """
-    s_0, s_1, deviation_0, deviation_1 = part
-    ends = _floor_ends(span.fast, passage, i)
-    absolute_0 = ends.a0 + span.ground_0
-    absolute_1 = ends.a1 + span.ground_1
+    h = span.h
+    s, length = part[0], part[1] - part[0]
+    _, v0, a0, _, _, a1, _, _ = ends
+    c3, c4, c5 = _quintic_coefficients(h, ends)
+    # Coefficients of the velocity in powers of s, then of x, from 0 to 1 in the part, including the
+    # deviation
+    c1, c2, c3, c4 = h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h
+    p0 = v0 + s * (c1 + s * (c2 + s * (c3 + s * c4))) + deviation[0]
+    p1 = length * (c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * 4.0 * c4)) + h * deviation[2])
+    p2 = length * length * (c2 + s * (3.0 * c3 + s * 6.0 * c4))
+    p2 += 0.5 * h * length * (deviation[3] - deviation[2])
+    p3 = length * length * length * (c3 + s * 4.0 * c4)
+    p4 = length * length * length * length * c4
+    bulge, tilt = _bulge_and_tilt(h, ends)
+    is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
+    row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
+    # The caller records the end of the step.
+    if part[1] < 1.0:
+        raise_peak(peaks, row, i, p0 + p1 + p2 + p3 + p4)
+    slope = p1 + 2.0 * p2 + 3.0 * p3 + 4.0 * p4
+    if p1 * slope < 0.0 and not span.cornered:
+        velocity = (p0, p1, p2, p3, p4, 0.0)
+        raise_peak(peaks, row, i, _quintic_extremum(p1 / (p1 - slope), velocity))
+
+
+@outlined
+def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i):
+    """Raise the peak of an absolute acceleration or of a total shear in a part of a kinked step.
+
+    The quantity is the cubic of `_raise_acceleration_peak`, plus a deviation that is linear in the
+    part, with the values `deviation_0` and `deviation_1` at its endpoints. If the tilt is not
+    reliable, neither is the bulge of a second-order method. The third element of `deviations`, the
+    bulge by the forces of the dampers, replaces it, because after a jump inside the step it is
+    proportional to the length of the step, unlike the remaining bulge, which is smaller.
+
+    If the step does not resolve the motion, the straight line between the endpoint values of the
+    step replaces the cubic, whose extremum is a possible peak. `quantity` contains the arguments
+    `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
+    """
+    s_0, s_1 = part
+    deviation_0, deviation_1, damping_bulge = deviations
+    ends, mass, forces = quantity
+    absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
+    absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    if abs(tilt) >= _MAX_TILT_RATIO * abs(bulge):
-        bulge = tilt = 0.0
-    else:
+    bulge -= forces[2]
+    tilt -= forces[3]
+    weight = 0.0
+    if abs(tilt) < _MAX_TILT_RATIO * abs(bulge):
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
-        bulge *= weight
-        tilt *= weight
+    bulge = weight * bulge + (1.0 - weight) * damping_bulge
+    tilt *= weight
     # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
     # deviation
     length = s_1 - s_0
@@ -858,7 +1003,6 @@ def raise_acceleration_in_part(span, passage, part, peaks, i):
     p2 = length * length * (c2 + 3.0 * s_0 * c3)
     p3 = length * length * length * c3
     scale = abs(absolute_0) + abs(absolute_1) + abs(deviation_0) + abs(deviation_1)
-    row = rows.PEAK_ACCELERATION
     if not (_is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)):
         rise = absolute_1 - absolute_0
         raise_peak(peaks, row, i, absolute_0 + rise * s_0 + deviation_0)

@@ -16,12 +16,15 @@ from __future__ import annotations
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.linear_terms import force_value
-from tdint.kernels.peaks_between_steps import (
-    raise_acceleration_in_part,
-    raise_peak,
-    raise_velocity_peaks,
+from tdint.kernels.linear_terms import (
+    DASHPOTS,
+    MODAL,
+    TANGENT_DAMPING,
+    add_modal_force,
+    force_value,
+    power_damper,
 )
+from tdint.kernels.peaks_between_steps import raise_peak, raise_peaks_in_part
 from tdint.kernels.stepping import Passage
 
 # Points nearer to an endpoint of the step than these fractions of the step and of the time are at
@@ -292,6 +295,8 @@ def start_step(scene, points, h, load, shifts, memory, seen):
         observer_state[rows.ACCELERATION_JUMP, i] = 0.0
         observer_state[rows.ACCELERATION_DEVIATION, i] = 0.0
         observer_state[rows.DEVIATION_BOUND, i] = 0.0
+        observer_state[rows.VELOCITY_BOUND, i] = 0.0
+        observer_state[rows.SHEAR_BOUND, i] = 0.0
     is_kinked = has_jumps = False
     power = rate = 0.0
     # Position of the end of the step in the tables with the same times
@@ -320,9 +325,61 @@ def start_step(scene, points, h, load, shifts, memory, seen):
             observer_state[rows.DEVIATION_BOUND, i] += inverse_mass * forces[j, rows.DEVIATION]
     totals[rows.POWER_INPUT] += power
     totals[rows.RATE_INPUT] += rate
+    if is_kinked:
+        _bound_deviations(scene, h, state, observer_state)
     if has_jumps:
         _shift_accelerations(scene, load, shifts, memory, seen, is_kinked)
     return is_kinked
+
+
+@outlined
+def _bound_deviations(scene, h, state, observer_state):
+    """Store upper bounds of the deviations of velocities and total shears from the response under
+    the lines of a step of length `h` (s), and add the effect of the dampers to those of the
+    accelerations (row DEVIATION_BOUND).
+
+    The deviation of a table has neither mean nor first moment over the step. If it is at most B,
+    its integral is at most B times the distance, in the mean over the step, of a step function from
+    the nearest straight line, which is less than h / 3. The bound of a power-law dashpot uses the
+    drift rate at the start of the step.
+    """
+    linear_terms, modal, law_parameters, _, _ = scene
+    n = linear_terms.shape[1] - 1
+    for i in range(n):
+        bound = h / 3.0 * observer_state[rows.DEVIATION_BOUND, i]
+        observer_state[rows.VELOCITY_BOUND, i] = bound
+        observer_state[rows.MODAL_DEVIATION, i] = 0.0
+    if MODAL:
+        for j in range(modal.shape[0]):
+            amplitude = 0.0
+            for i in range(n):
+                amplitude += abs(modal[j, i]) * observer_state[rows.VELOCITY_BOUND, i]
+            for i in range(n):
+                observer_state[rows.MODAL_DEVIATION, i] += abs(modal[j, i]) * amplitude
+    story_above = floors = 0.0  # bounds of the sums in `raise_peaks_in_part`, N
+    for i in range(n - 1, -1, -1):
+        link, link_above = linear_terms[rows.LINK, i], linear_terms[rows.LINK, i + 1]
+        below = max(i - 1, 0)
+        velocity = observer_state[rows.VELOCITY_BOUND, i]
+        rate = velocity + link * observer_state[rows.VELOCITY_BOUND, below]
+        coefficient = linear_terms[rows.STORY_DAMPER, i]
+        if TANGENT_DAMPING:
+            coefficient += linear_terms[rows.TANGENT_DAMPING, i] * law_parameters[rows.STIFFNESS, i]
+        story = coefficient * rate
+        if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+            # A change of the rate by d changes the force by at most twice the force at d if the
+            # exponent is at most 1, otherwise by d times the larger derivative.
+            start = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
+            story += 2.0 * power_damper(linear_terms, i, rate)[0]
+            story += rate * power_damper(linear_terms, i, abs(start) + rate)[1]
+        floor = linear_terms[rows.FLOOR_DAMPER, i] * velocity
+        floor += observer_state[rows.MODAL_DEVIATION, i]
+        observer_state[rows.DEVIATION_BOUND, i] += linear_terms[rows.INVERSE_MASS, i] * (
+            floor + story + link_above * story_above
+        )
+        floors = link_above * floors + floor
+        observer_state[rows.SHEAR_BOUND, i] = story + floors
+        story_above = story
 
 
 @inline
@@ -399,67 +456,94 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
 
 @outlined
 def raise_peaks_in_parts(scene, points, span, memory, seen):
-    """Raise the peaks of the absolute accelerations, velocities and drift rates in a step in which
-    a table is not linear.
+    """Raise the peaks of velocities, drift rates, absolute accelerations and total shears in a step
+    in which a table is not linear.
 
-    The step is searched in parts between the points of the tables on the floor. In a part, the
-    acceleration is the cubic of `peaks_between_steps`, which is valid for the line, plus the
-    deviation of the tables from their lines, divided by the mass. The integral of this deviation is
-    a deviation of the velocity, which is zero at both endpoints of the step. It changes the forces
-    of the dampers and therefore, again, the acceleration: after a jump of a table inside the step,
-    by a part that is proportional to the length of the step.
+    The step is searched in parts between the points of the tables. In a part, the response is that
+    of `peaks_between_steps`, which is valid for the lines, plus deviations. The deviation of a
+    table from its line, divided by the mass, is a deviation of the acceleration, and its integral a
+    deviation of the velocity, which is zero at both endpoints of the step. The deviations of the
+    velocities change the forces of the dampers and therefore, again, the accelerations: after a
+    jump of a table inside the step, by a part that is proportional to the length of the step. The
+    deviations of the displacements are proportional to its square, and omitted.
     """
-    linear_terms, forces = scene.linear_terms, scene.forces
+    observer_state = seen.observer_state
+    n = scene.linear_terms.shape[1] - 1
     passage = Passage(
-        seen.observer_state,
-        rows.U_PREVIOUS,
-        memory.state,
-        seen.observer_state,
-        rows.OBSERVED_ACCELERATION,
+        observer_state, rows.U_PREVIOUS, memory.state, observer_state, rows.OBSERVED_ACCELERATION
     )
     start, last = span.t - span.h, span.t - _tolerance(span.t, span.h)
-    # The tables are in the order of their floors. Rows `first` to `after` - 1 are on floor `i`.
-    first = after = 0
-    for i in range(linear_terms.shape[1] - 1):
-        while first < forces.shape[0] and (
-            forces[first, rows.POINTS] == 0.0 or forces[first, rows.FLOOR] < i
-        ):
-            first += 1
-        after = first
-        while after < forces.shape[0] and forces[after, rows.FLOOR] == i:
-            after += 1
-        inverse_mass = linear_terms[rows.INVERSE_MASS, i]
-        velocity = damping = 0.0  # deviations of the velocity and of the damping force at `begin`
-        begin = start
-        while begin < last:
-            # The part ends at the next point of a table on the floor, or at the end of the step.
-            end = span.t
-            for j in range(first, after):
-                k = _next_point(forces, points, j, begin, span)
-                if k < int(forces[j, rows.POINTS]):
-                    time = _time(forces, points, j, k)
-                    end = min(end, time) if time < last else end
-            deviation_0 = deviation_1 = 0.0
-            for j in range(first, after):
-                k = _next_point(forces, points, j, begin, span)
-                deviation_0 += _before(forces, points, j, k, begin)
-                deviation_0 -= force_value(forces, j, begin)
-                deviation_1 += _before(forces, points, j, k, end)
-                deviation_1 -= force_value(forces, j, end)
-            deviation_0 -= damping
-            velocity += 0.5 * (end - begin) * inverse_mass * (deviation_0 + damping + deviation_1)
-            s = (end - start) / span.h
-            damping = 0.0
-            if end < span.t:
-                damping = raise_velocity_peaks(span, scene, passage, (s, velocity), seen.peaks, i)
-            part = (
-                (begin - start) / span.h,
-                s,
-                inverse_mass * deviation_0,
-                inverse_mass * (deviation_1 - damping),
-            )
-            raise_acceleration_in_part(span, passage, part, seen.peaks, i)
-            begin = end
+    for i in range(n):
+        observer_state[rows.VELOCITY_DEVIATION + 1, i] = 0.0
+        observer_state[rows.MODAL_DEVIATION + 1, i] = 0.0
+        change = observer_state[rows.A_PREVIOUS, i] - observer_state[rows.OBSERVED_ACCELERATION, i]
+        observer_state[rows.VELOCITY_BULGE, i] = 0.5 * span.h * change
+        observer_state[rows.MODAL_BULGE, i] = 0.0
+    row, target = rows.VELOCITY_BULGE, rows.MODAL_BULGE
+    add_modal_force(scene.modal, observer_state, row, 1.0, observer_state, target, n)
+    begin = start
+    while begin < last:
+        end = _end_of_part(scene.forces, points, begin, last, span)
+        _store_deviations(scene, points, span, begin, end, observer_state)
+        part = ((begin - start) / span.h, 1.0 if end == span.t else (end - start) / span.h)
+        raise_peaks_in_part(span, scene, passage, memory.law_state, part, seen)
+        begin = end
+
+
+@inline
+def _end_of_part(forces, points, begin, last, span):
+    """Return the time of the first point of a table after `begin` and before `last`, or the end of
+    the step, s.
+    """
+    end = span.t
+    for j in range(forces.shape[0]):
+        if forces[j, rows.POINTS] > 0.0 and forces[j, rows.NEW_TIMES] != 0.0:
+            k = _next_point(forces, points, j, begin, span)
+            if k < int(forces[j, rows.POINTS]):
+                time = _time(forces, points, j, k)
+                end = min(end, time) if time < last else end
+    return end
+
+
+@inline
+def _store_deviations(scene, points, span, begin, end, observer_state):
+    """Store the deviations from the response under the lines at both endpoints of a part of a step,
+    from `begin` to `end` (s): of the forces of the tables, of the velocities and of the forces of
+    modal damping.
+
+    The deviations of the velocities at the start are those at the end of the previous part.
+    """
+    linear_terms, modal, _, forces, _ = scene
+    n = linear_terms.shape[1] - 1
+    for i in range(n):
+        observer_state[rows.LOAD_DEVIATION, i] = 0.0
+        observer_state[rows.LOAD_DEVIATION + 1, i] = 0.0
+    k, share_0, share_1 = 0, 0.0, 0.0
+    for j in range(forces.shape[0]):
+        if forces[j, rows.POINTS] == 0.0:
+            continue
+        if forces[j, rows.NEW_TIMES] != 0.0:
+            k = _next_point(forces, points, j, begin, span)
+            share_0 = _share(forces, points, j, k, begin)
+            share_1 = _share(forces, points, j, k, end)
+        i = int(forces[j, rows.FLOOR])
+        deviation = _between(forces, points, j, k, share_0) - force_value(forces, j, begin)
+        observer_state[rows.LOAD_DEVIATION, i] += deviation
+        deviation = _between(forces, points, j, k, share_1) - force_value(forces, j, end)
+        observer_state[rows.LOAD_DEVIATION + 1, i] += deviation
+    for i in range(n):
+        velocity = observer_state[rows.VELOCITY_DEVIATION + 1, i]
+        observer_state[rows.VELOCITY_DEVIATION, i] = velocity
+        mean = 0.5 * (
+            observer_state[rows.LOAD_DEVIATION, i] + observer_state[rows.LOAD_DEVIATION + 1, i]
+        )
+        velocity += (end - begin) * linear_terms[rows.INVERSE_MASS, i] * mean
+        observer_state[rows.VELOCITY_DEVIATION + 1, i] = velocity if end < span.t else 0.0
+        modal_force = observer_state[rows.MODAL_DEVIATION + 1, i]
+        observer_state[rows.MODAL_DEVIATION, i] = modal_force
+        observer_state[rows.MODAL_DEVIATION + 1, i] = 0.0
+    row, target = rows.VELOCITY_DEVIATION + 1, rows.MODAL_DEVIATION + 1
+    add_modal_force(modal, observer_state, row, 1.0, observer_state, target, n)
 
 
 @inline

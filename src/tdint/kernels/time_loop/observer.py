@@ -43,6 +43,7 @@ from tdint.kernels.peaks_between_steps import (
     may_exceed_velocity_peak,
     raise_peak,
     story_reach,
+    velocity_reach,
 )
 from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import (
@@ -231,15 +232,20 @@ def observe(scene, span, slope, memory, seen):
         bulge = acceleration_bulge(by_h, floor_ends)
         inertia_above += mass * (a_0 + span.ground_0)
         acceleration_peak = peaks[rows.PEAK_ACCELERATION, i]
+        shear_peak = peaks[rows.PEAK_TOTAL_SHEAR, i]
         if has_forces:
             inertia_above -= observer_state[rows.START_FORCE, i]
             acceleration_peak -= observer_state[rows.DEVIATION_BOUND, i]
+            shear_peak -= observer_state[rows.SHEAR_BOUND, i]
+            reach = velocity_reach(span.h, by_h, floor_ends)
+            reach += observer_state[rows.VELOCITY_BOUND, i]
+            may_exceed |= reach > peaks[rows.PEAK_VELOCITY, i]
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, acceleration_peak
         )
         bulge_above += mass * bulge
         may_exceed |= may_exceed_acceleration_peak(
-            inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
+            inertia_above, -total_shear, bulge_above, shear_peak
         )
         momentum += mass * v
         total_inertia += mass * a
@@ -400,6 +406,10 @@ def _observe_dashpots(span, linear_terms, state, seen):
             0.0,
         )
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
+        bound = observer_state[rows.VELOCITY_BOUND, i]
+        bound += link * observer_state[rows.VELOCITY_BOUND, max(i - 1, 0)]
+        reach = velocity_reach(h, by_h, ends) + bound
+        may_exceed |= (bound > 0.0) & (reach > peaks[rows.PEAK_DRIFT_RATE, i])
         # The accelerations have peaks before the rest of a dashpot with an exponent below 1.
         may_exceed |= is_near_rest(linear_terms, i, ends.v0, rate)
         raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
