@@ -232,15 +232,16 @@ VISCOUS_FACTOR = 16
 DASHPOT_FACTOR = 17
 # Deviations from the response under the lines at the start and, in the next row, at the end of a
 # part of the step: sum of the forces of the tables on the floor (N), velocity of the floor (m/s),
-# and modal damping force (N)
+# and modal damping force (N). The third row of the last two is the bulge in the part: 4 times the
+# difference, at its middle, from the straight line between the endpoint values.
 LOAD_DEVIATION = 18
 VELOCITY_DEVIATION = 20
-MODAL_DEVIATION = 22
-# Deviation of the velocity from the straight line between its endpoint values at the middle of the
-# step, times 4 (m/s), and its modal damping force (N)
-VELOCITY_BULGE = 24
-MODAL_BULGE = 25
-OBSERVER_ROWS = 26
+MODAL_DEVIATION = 23
+# Bulge, in the same sense, of the velocity under the lines in the step (m/s), and its modal damping
+# force (N)
+VELOCITY_BULGE = 26
+MODAL_BULGE = 27
+OBSERVER_ROWS = 28
 
 # forces: forces on floors; one row for each force, with the following columns. A row is a harmonic
 # force COSINE cos(OMEGA t) + SINE sin(OMEGA t) if POINTS is 0. Otherwise it is a table, linear

@@ -827,9 +827,9 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     next_row = forces.shape[0]
-    # Deviations at both endpoints and bulge (`_damping_change`), N: of the damping force of the
-    # story above, and of the sum of the damping forces on the floors that the story supports
-    above, floors = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # Results of `_damping_change`, N: for the story above, and for the sum of the damping forces on
+    # the floors that the story supports
+    above, floors = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
     floor = _floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
@@ -843,6 +843,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
             floor_rates[1] - link * below[1],
             floor_rates[2] - link * below[2],
             floor_rates[3] - link * below[3],
+            floor_rates[4] - link * below[4],
         )
         row = rows.PEAK_VELOCITY
         _raise_velocity_in_part(span, floor, part, floor_rates, peaks, row, i)
@@ -854,12 +855,14 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
         own = (
             damper * floor_rates[0] + observer_state[rows.MODAL_DEVIATION, i],
             damper * floor_rates[1] + observer_state[rows.MODAL_DEVIATION + 1, i],
+            damper * floor_rates[4] + observer_state[rows.MODAL_DEVIATION + 2, i],
             damper * observer_state[rows.VELOCITY_BULGE, i] + observer_state[rows.MODAL_BULGE, i],
         )
         deviations = (
             floor_rates[2] - inverse_mass * (own[0] + changes[0] - link_above * above[0]),
             floor_rates[3] - inverse_mass * (own[1] + changes[1] - link_above * above[1]),
             -inverse_mass * (own[2] + changes[2] - link_above * above[2]),
+            -inverse_mass * (own[3] + changes[3] - link_above * above[3]),
         )
         quantity = floor, 1.0, _ZERO_FORCES
         row = rows.PEAK_ACCELERATION
@@ -869,6 +872,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
             link_above * floors[0] + own[0],
             link_above * floors[1] + own[1],
             link_above * floors[2] + own[2],
+            link_above * floors[3] + own[3],
         )
         inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
         floor_forces, next_row = _add_floor_forces(
@@ -880,6 +884,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
                 -floors[0] - changes[0],
                 -floors[1] - changes[1],
                 -floors[2] - changes[2],
+                -floors[3] - changes[3],
             )
             quantity = inertia, mass_sum, floor_forces
             row = rows.PEAK_TOTAL_SHEAR
@@ -890,8 +895,8 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
 
 @inline
 def _floor_deviation(linear_terms, observer_state, i):
-    """Return the deviations of the velocity of floor `i` (m/s) at both endpoints of a part, and of
-    the forces of tables divided by the mass (m/s^2).
+    """Return the deviations of the velocity of floor `i` (m/s) at both endpoints of a part, those
+    of the forces of tables divided by the mass (m/s^2), and the bulge of the first (m/s).
     """
     inverse_mass = linear_terms[rows.INVERSE_MASS, i]
     return (
@@ -899,16 +904,19 @@ def _floor_deviation(linear_terms, observer_state, i):
         observer_state[rows.VELOCITY_DEVIATION + 1, i],
         inverse_mass * observer_state[rows.LOAD_DEVIATION, i],
         inverse_mass * observer_state[rows.LOAD_DEVIATION + 1, i],
+        observer_state[rows.VELOCITY_DEVIATION + 2, i],
     )
 
 
 @inline
 def _damping_change(h, scene, law_state, story, part, deviations, i):
     """Return the changes of the damping force of story `i` by the deviations of its drift rate
-    (m/s) at both endpoints of a part of the step, and the bulge of the force in the step, N.
+    (m/s) at both endpoints of a part of the step, the bulge of this change in the part, and the
+    bulge of the force under the lines in the step, N.
 
-    The bulge is 4 times the deviation of the force, at the middle of the step, from the straight
-    line between its endpoint values. Tangent damping has the stiffness at the end of the step.
+    A bulge is 4 times the difference, at the middle, from the straight line between the values at
+    the endpoints; in a part, power-law dashpots have none. Tangent damping has the stiffness at the
+    end of the step.
     """
     linear_terms = scene.linear_terms
     coefficient = linear_terms[rows.STORY_DAMPER, i]
@@ -930,31 +938,35 @@ def _damping_change(h, scene, law_state, story, part, deviations, i):
         ends = power_damper(linear_terms, i, v0)[0] + power_damper(linear_terms, i, v1)[0]
         middle = power_damper(linear_terms, i, _rate(h, v0, a0, v1, a1, 0.5))[0]
         bulge += 4.0 * middle - 2.0 * ends
-    return change_0, change_1, bulge
+    return change_0, change_1, coefficient * deviations[4], bulge
 
 
 @outlined
 def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
     """Raise the peak of a velocity or drift rate in a part of a kinked step.
 
-    The velocity is the derivative of the quintic, plus a deviation with the values `deviation[0]`
-    and `deviation[1]` (m/s) and the derivatives `deviation[2]` and `deviation[3]` (m/s^2) at the
-    endpoints of the part. The derivative of the deviation is linear in the part.
+    The velocity is the derivative of the quintic with the weight w of the tilt D, plus a deviation
+    with the values `deviation[0]` and `deviation[1]` (m/s) and the derivatives `deviation[2]` and
+    `deviation[3]` (m/s^2) at the endpoints of the part. The derivative of the deviation is linear
+    in the part. The derivative of the quintic is the cubic Hermite interpolant of the velocity plus
+    h D s^2 (1 - s)^2 / 2.
     """
     h = span.h
     s, length = part[0], part[1] - part[0]
-    _, v0, a0, _, _, a1, _, _ = ends
-    c3, c4, c5 = _quintic_coefficients(h, ends)
+    _, v0, a0, _, v1, a1, _, _ = ends
+    bulge, tilt = _bulge_and_tilt(h, ends)
     # Coefficients of the velocity in powers of s, then of x, from 0 to 1 in the part, including the
     # deviation
-    c1, c2, c3, c4 = h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h
+    c4 = 0.5 * h * _tilt_weight(bulge, tilt) * tilt
+    c1, c2 = h * a0, 3.0 * (v1 - v0) - h * (2.0 * a0 + a1) + c4
+    c3 = h * (a0 + a1) - 2.0 * (v1 - v0) - 2.0 * c4
     p0 = v0 + s * (c1 + s * (c2 + s * (c3 + s * c4))) + deviation[0]
     p1 = length * (c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * 4.0 * c4)) + h * deviation[2])
     p2 = length * length * (c2 + s * (3.0 * c3 + s * 6.0 * c4))
     p2 += 0.5 * h * length * (deviation[3] - deviation[2])
     p3 = length * length * length * (c3 + s * 4.0 * c4)
     p4 = length * length * length * length * c4
-    bulge, tilt = _bulge_and_tilt(h, ends)
+    tilt *= _tilt_weight(bulge, tilt)
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     # The caller records the end of the step.
@@ -970,27 +982,25 @@ def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
 def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i):
     """Raise the peak of an absolute acceleration or of a total shear in a part of a kinked step.
 
-    The quantity is the cubic of `_raise_acceleration_peak`, plus a deviation that is linear in the
-    part, with the values `deviation_0` and `deviation_1` at its endpoints. If the tilt is not
-    reliable, neither is the bulge of a second-order method. The third element of `deviations`, the
-    bulge by the forces of the dampers, replaces it, because after a jump inside the step it is
-    proportional to the length of the step, unlike the remaining bulge, which is smaller.
+    The quantity is the cubic of `_raise_acceleration_peak`, plus a deviation, a parabola in the
+    part: `deviations` contains its values at the endpoints and its bulge. If the tilt of the step
+    is not reliable, neither is the bulge of a second-order method. The last element of
+    `deviations`, the bulge of the forces of the dampers, replaces it: after a jump inside the step,
+    it is proportional to the length of the step, the remaining bulge to its square.
 
     If the step does not resolve the motion, the straight line between the endpoint values of the
     step replaces the cubic, whose extremum is a possible peak. `quantity` contains the arguments
     `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
     """
     s_0, s_1 = part
-    deviation_0, deviation_1, damping_bulge = deviations
+    deviation_0, deviation_1, part_bulge, damping_bulge = deviations
     ends, mass, forces = quantity
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
     bulge -= forces[2]
     tilt -= forces[3]
-    weight = 0.0
-    if abs(tilt) < _MAX_TILT_RATIO * abs(bulge):
-        weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
+    weight = _tilt_weight(bulge, tilt)
     bulge = weight * bulge + (1.0 - weight) * damping_bulge
     tilt *= weight
     # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
@@ -1000,7 +1010,8 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
     c2, c3 = -bulge - 3.0 * tilt, 2.0 * tilt
     p0 = absolute_0 + s_0 * (c1 + s_0 * (c2 + s_0 * c3)) + deviation_0
     p1 = length * (c1 + s_0 * (2.0 * c2 + 3.0 * s_0 * c3)) + deviation_1 - deviation_0
-    p2 = length * length * (c2 + 3.0 * s_0 * c3)
+    p1 += part_bulge
+    p2 = length * length * (c2 + 3.0 * s_0 * c3) - part_bulge
     p3 = length * length * length * c3
     scale = abs(absolute_0) + abs(absolute_1) + abs(deviation_0) + abs(deviation_1)
     if not (_is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)):
@@ -1069,6 +1080,14 @@ def _bulge_and_tilt(h, ends):
     by_h = 1.0 / h
     tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
     return acceleration_bulge(by_h, ends), tilt
+
+
+@inline
+def _tilt_weight(bulge, tilt):
+    """Return the weight w of bulge and tilt, from 0 to 1."""
+    if abs(tilt) >= _MAX_TILT_RATIO * abs(bulge):
+        return 0.0
+    return min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
 
 
 @inline

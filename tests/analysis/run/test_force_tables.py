@@ -359,6 +359,86 @@ def test_peaks_at_a_jump_inside_a_step_of_a_damped_story(method, time):
     assert stories.peak_velocity[0] == pytest.approx(velocity, rel=1e-4)
 
 
+def order_at_jumps(peak_error, step):
+    """Return the order of the root mean square error of a peak over several positions of a jump in
+    a step, and this error with the shorter of two steps."""
+    sizes = []
+    for h in (step, 0.5 * step):
+        errors = [peak_error(0.1 + share * h, h) for share in (0.0, 0.13, 0.37, 0.58, 0.81)]
+        sizes.append(np.sqrt(np.mean(np.square(errors))))
+    return math.log2(sizes[0] / max(sizes[1], 1e-15)), sizes[1]
+
+
+DAMPINGS = {
+    "rayleigh": ({"rayleigh": {"ratio": "5%", "modes": [1, 2]}}, {}),
+    "modal": ({"modal": "8%"}, {}),
+    "dashpots": ("none", {"dashpot": 120.0}),
+    "power law": ("none", {"dashpot": {"coefficient": 300.0, "exponent": 1.5}}),
+}
+"""Section `damping` and keys of each story."""
+
+OF_LOWER_ORDER = ("impulse4:rho_inf=0", "moment4:rho_inf=0.5", "park")
+"""Methods whose velocities in a step with a jump have errors that reduce the order of the peaks."""
+
+WITHOUT_POWER_LAW = ("impulse", "noh-bathe", "chang")
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("method", ORDERS)
+def test_peak_acceleration_at_a_jump_of_the_forces_on_all_floors(method, damping):
+    """The peak acceleration of a floor from rest is force / mass, immediately after the jump. The
+    lines of a step with a jump inside move all floors before the jump. Without these velocities,
+    the error is of order 1. The force of a dashpot with the exponent 1.5 has the order 1.5 at
+    rest."""
+    if damping == "power law" and method in WITHOUT_POWER_LAW:
+        return
+    section, keys = DAMPINGS[damping]
+    stories = [{**story, **keys} for story in TWO_STORIES["stories"]]
+
+    def peak_error(time, h):
+        loads = {1: [(time, 300.0), (time + 0.4, 0.0)], 2: [(time, 100.0), (time + 0.4, 0.0)]}
+        changed = {"stories": stories, "damping": section, "excitation": excitation(loads)}
+        model = {**TWO_STORIES, **changed}
+        result = tdint.run(model, method=method, dt=h, duration=time + 2.5 * h, check=False)
+        return result.stories.peak_absolute_acceleration[0] / (300.0 / MASS[0]) - 1.0
+
+    order, error = order_at_jumps(peak_error, 0.002)
+    assert error < 5e-4
+    if method not in OF_LOWER_ORDER:
+        assert order > (1.4 if damping == "power law" else 1.9)
+
+
+@pytest.mark.parametrize("method", ORDERS)
+def test_peaks_of_a_damped_story_at_a_jump_inside_a_step(method):
+    """If a force p from rest changes its sign, the velocity, the drift rate and the total shear of
+    a story with much damping have their peaks at this time. With w = omega sqrt(1 - zeta^2),
+
+        v = p / (m w) exp(-zeta omega t) sin(w t)
+        V = p - m dv/dt
+    """
+    force, zeta = 10.0, 0.6
+    dashpot, damped = 2.0 * zeta * OMEGA, OMEGA * math.sqrt(1.0 - zeta**2)
+
+    def peak_errors(time, h):
+        points = [(0.0, force), (time, force), (time, -force), (0.3, -force)]
+        model, duration = one_story(points, dashpot=dashpot), time + 1.5 * h
+        stories = tdint.run(model, method=method, dt=h, duration=duration, check=False).stories
+        decay = math.exp(-zeta * OMEGA * time)
+        velocity = force / damped * decay * math.sin(damped * time)
+        acceleration = force * decay * math.cos(damped * time) - zeta * OMEGA * velocity
+        return (
+            stories.peak_velocity[0] / velocity - 1.0,
+            stories.peak_damper_force[0] / (dashpot * velocity) - 1.0,
+            stories.peak_total_shear[0] / (force - acceleration) - 1.0,
+        )
+
+    for quantity in range(3):
+        order, error = order_at_jumps(lambda t, h, k=quantity: peak_errors(t, h)[k], 0.01)
+        assert error < (1e-2 if method in OF_LOWER_ORDER else 1e-3)
+        if method not in OF_LOWER_ORDER:
+            assert order > 1.9
+
+
 @pytest.mark.parametrize("loads", [LATE_BLAST, RAMP, wind(0.03)], ids=["jump", "ramp", "wind"])
 def test_peaks_of_long_steps(loads):
     """Peaks with kinks inside the steps agree with those of short steps."""

@@ -539,11 +539,18 @@ def _store_deviations(scene, points, span, begin, end, observer_state):
         )
         velocity += (end - begin) * linear_terms[rows.INVERSE_MASS, i] * mean
         observer_state[rows.VELOCITY_DEVIATION + 1, i] = velocity if end < span.t else 0.0
+        # The deviation of the acceleration is linear in the part, that of the velocity a parabola.
+        change = observer_state[rows.LOAD_DEVIATION, i] - observer_state[rows.LOAD_DEVIATION + 1, i]
+        observer_state[rows.VELOCITY_DEVIATION + 2, i] = (
+            0.5 * (end - begin) * linear_terms[rows.INVERSE_MASS, i] * change
+        )
         modal_force = observer_state[rows.MODAL_DEVIATION + 1, i]
         observer_state[rows.MODAL_DEVIATION, i] = modal_force
         observer_state[rows.MODAL_DEVIATION + 1, i] = 0.0
-    row, target = rows.VELOCITY_DEVIATION + 1, rows.MODAL_DEVIATION + 1
-    add_modal_force(modal, observer_state, row, 1.0, observer_state, target, n)
+        observer_state[rows.MODAL_DEVIATION + 2, i] = 0.0
+    row, target = rows.VELOCITY_DEVIATION, rows.MODAL_DEVIATION
+    add_modal_force(modal, observer_state, row + 1, 1.0, observer_state, target + 1, n)
+    add_modal_force(modal, observer_state, row + 2, 1.0, observer_state, target + 2, n)
 
 
 @inline
