@@ -8,6 +8,7 @@ from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 import tdint
+from el_centro import el_centro
 from selection import every
 from tdint.methods.catalogue import catalogue
 
@@ -130,7 +131,7 @@ def exact_response(loads, end=2.0):
 
 
 @pytest.mark.parametrize("method", LINEAR_METHODS)
-@pytest.mark.parametrize("duration", [0.1, 0.371, 1.0, 5.0])
+@pytest.mark.parametrize("duration", every(2, [0.1, 0.2, 0.371, 0.5, 1.0, 2.0, 5.0, 10.0]))
 def test_triangular_pulse(duration, method):
     """The peak is that of the closed form."""
     points = [(0.0, STIFFNESS), (duration, 0.0)]
@@ -143,7 +144,15 @@ def test_triangular_pulse(duration, method):
     assert result.stories.peak_drift[0] == pytest.approx(expected, rel=tolerance)
 
 
-@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+@pytest.mark.parametrize(
+    ("method", "dt", "tolerance"),
+    [
+        ("impulse4", 0.01, 1e-6),
+        ("moment4", 0.01, 1e-6),
+        pytest.param("gauss4", 0.0002, 1e-6, marks=pytest.mark.long),
+        pytest.param("newmark-average", 0.0002, 4e-6, marks=pytest.mark.long),
+    ],
+)
 @pytest.mark.parametrize(
     ("duration", "strength", "ductility"),
     [
@@ -157,13 +166,20 @@ def test_triangular_pulse(duration, method):
         (5.0, 1.2, 2.253947),
     ],
 )
-def test_elastoplastic_ductility_under_triangular_pulse(duration, strength, ductility, method):
-    """The ductility is that of the exact solution with bisected branch changes. The duration is in
-    periods, the strength in units of the peak force."""
+def test_elastoplastic_ductility_under_triangular_pulse(
+    duration, strength, ductility, method, dt, tolerance
+):
+    """The ductility is that of the exact solution with bisected branch changes, and the plastic
+    drift at the end is the ductility minus 1. The duration is in periods, the strength in units of
+    the peak force."""
     law = {"type": "bilinear", "yield_force": strength * STIFFNESS, "hardening": 0}
     model = one_story([(0.0, STIFFNESS), (duration, 0.0)], law=law)
-    result = tdint.run(model, method=method, dt=0.01, duration=duration + 4.0, check=False)
-    assert result.stories.ductility[0] == pytest.approx(ductility, rel=1e-6)
+    end = duration + 4.0
+    result = tdint.run(model, method=method, dt=dt, duration=end, check=False, history=True)
+    assert result.stories.ductility[0] == pytest.approx(ductility, rel=tolerance)
+    elastic = result.history.shear[-1, 0] / STIFFNESS
+    plastic = (result.stories.residual_drift[0] - elastic) / strength
+    assert plastic == pytest.approx(ductility - 1.0, rel=5.0 * tolerance)
 
 
 @pytest.mark.parametrize("method", every(2, LINEAR_METHODS))
@@ -187,6 +203,21 @@ def test_two_stories(loads, expected, method):
     assert simulate(loads, method, dt).stories.peak_drift == pytest.approx(peaks, rel=tolerance)
 
 
+@pytest.mark.parametrize("method", every(2, LINEAR_METHODS))
+@pytest.mark.parametrize(
+    ("interval", "expected"), [(0.25, (0.0180007, 0.0119028)), (0.03, (0.0179354, 0.0119454))]
+)
+def test_two_stories_with_a_ground_motion(interval, expected, method):
+    """The sampling intervals of the wind and of the ground motion differ. The reference ends after
+    2 s."""
+    model = {**TWO_STORIES, "excitation": excitation(wind(interval))}
+    dt, tolerance = (0.00125, 5e-6) if method in EXACT else (0.0003125, 5e-5)
+    result = tdint.run(
+        model, el_centro(duration=2.0), method=method, dt=dt, duration=2.0, check=False
+    )
+    assert result.stories.peak_drift == pytest.approx(expected, rel=tolerance)
+
+
 @pytest.mark.long
 def test_half_sine_pulse_on_one_floor():
     """Two stories under a half-sine pulse on floor 1 (Newmark example of structdyn)."""
@@ -197,8 +228,9 @@ def test_half_sine_pulse_on_one_floor():
         "damping": "none",
         "excitation": {"forces": [{"floor": 1, "points": points}]},
     }
-    for method in EXACT:
-        result = tdint.run(model, method=method, dt=0.002, duration=1.0, check=False, history=True)
+    for method in LINEAR_METHODS:
+        dt = 0.002 if method in EXACT else 0.0002
+        result = tdint.run(model, method=method, dt=dt, duration=1.0, check=False, history=True)
         peaks = 1e3 * np.asarray(result.stories.peak_displacement)
         assert peaks == pytest.approx([18.09306, 29.69550], rel=1e-6)
         assert result.history.acceleration[-1, 1] == pytest.approx(-0.0534746, abs=2e-6)
@@ -218,9 +250,12 @@ def test_wind_on_six_floors():
         "damping": {"modal": "2%"},
         "excitation": {"forces": forces},
     }
-    result = tdint.run(model, dt=0.02, duration=60.0, check=False)
-    assert 1e3 * result.stories.peak_displacement[5] == pytest.approx(68.325, abs=5e-4)
-    assert 1e3 * result.stories.peak_drift[0] == pytest.approx(16.915, abs=5e-4)
+    model = tdint.load_model(model)  # reads the points only once
+    for method in LINEAR_METHODS:
+        dt = 0.02 if method in EXACT else 0.0025
+        stories = tdint.run(model, method=method, dt=dt, duration=60.0, check=False).stories
+        assert 1e3 * stories.peak_displacement[5] == pytest.approx(68.325, abs=5e-4)
+        assert 1e3 * stories.peak_drift[0] == pytest.approx(16.915, abs=5e-4)
 
 
 # ---- Orders and exactness
