@@ -401,3 +401,45 @@ def finite(state, n):
             < 1e300
         )
     return is_finite
+
+
+@inline
+def hermite_rate(h, v0, a0, v1, a1, s):
+    """Return the velocity at `s`, m/s, by the cubic Hermite interpolant of the velocity."""
+    change = v1 - v0
+    c2 = 3.0 * change - h * (2.0 * a0 + a1)
+    c3 = h * (a0 + a1) - 2.0 * change
+    return v0 + s * (h * a0 + s * (c2 + s * c3))
+
+
+@inline
+def damping_change(h, scene, law_state, story, part, deviations, i):
+    """Return the changes of the damping force of story `i` by the deviations of its drift rate
+    (m/s) at both endpoints of a part of the step, the bulge of this change in the part, and the
+    bulge of the force under the lines in the step, N.
+
+    A bulge is 4 times the difference, at the middle, from the straight line between the values at
+    the endpoints; in a part, power-law dashpots have none. Tangent damping has the stiffness at the
+    end of the step.
+    """
+    linear_terms = scene.linear_terms
+    coefficient = linear_terms[rows.STORY_DAMPER, i]
+    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
+        # A curved branch can have the slope inf.
+        stiffness = min(law_state[rows.SLOPE, i], scene.law_parameters[rows.STIFFNESS, i])
+        coefficient += linear_terms[rows.TANGENT_DAMPING, i] * stiffness
+    change_0 = coefficient * deviations[0]
+    change_1 = coefficient * deviations[1]
+    bulge = 0.5 * h * coefficient * (story.a0 - story.a1)
+    if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        v0, a0, v1, a1 = story.v0, story.a0, story.v1, story.a1
+        rate = hermite_rate(h, v0, a0, v1, a1, part[0])
+        change_0 += power_damper(linear_terms, i, rate + deviations[0])[0]
+        change_0 -= power_damper(linear_terms, i, rate)[0]
+        rate = hermite_rate(h, v0, a0, v1, a1, part[1])
+        change_1 += power_damper(linear_terms, i, rate + deviations[1])[0]
+        change_1 -= power_damper(linear_terms, i, rate)[0]
+        ends = power_damper(linear_terms, i, v0)[0] + power_damper(linear_terms, i, v1)[0]
+        middle = power_damper(linear_terms, i, hermite_rate(h, v0, a0, v1, a1, 0.5))[0]
+        bulge += 4.0 * middle - 2.0 * ends
+    return change_0, change_1, coefficient * deviations[4], bulge

@@ -94,8 +94,9 @@ from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import (
     DASHPOTS,
     FORCES,
-    TANGENT_DAMPING,
+    damping_change,
     force_value,
+    hermite_rate,
     power_damper,
 )
 from tdint.kernels.stepping import Ends
@@ -711,7 +712,7 @@ def _zero_of_rate(h, story):
     lower, upper = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (lower + upper)
-        if _rate(h, story.v0, story.a0, story.v1, story.a1, middle) * story.v0 > 0.0:
+        if hermite_rate(h, story.v0, story.a0, story.v1, story.a1, middle) * story.v0 > 0.0:
             lower = middle
         else:
             upper = middle
@@ -719,19 +720,10 @@ def _zero_of_rate(h, story):
 
 
 @inline
-def _rate(h, v0, a0, v1, a1, s):
-    """Return the velocity at `s`, m/s, by the cubic Hermite interpolant of the velocity."""
-    change = v1 - v0
-    c2 = 3.0 * change - h * (2.0 * a0 + a1)
-    c3 = h * (a0 + a1) - 2.0 * change
-    return v0 + s * (h * a0 + s * (c2 + s * c3))
-
-
-@inline
 def _force_near_rest(h, linear_terms, dashpot, s):
     """Return the force of a dashpot at `s` times its factor, N."""
     _, story, _, _, v0, a0, v1, a1 = dashpot
-    return dashpot.factor * power_damper(linear_terms, story, _rate(h, v0, a0, v1, a1, s))[0]
+    return dashpot.factor * power_damper(linear_terms, story, hermite_rate(h, v0, a0, v1, a1, s))[0]
 
 
 @inline
@@ -827,7 +819,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     next_row = forces.shape[0]
-    # Results of `_damping_change`, N: for the story above, and for the sum of the damping forces on
+    # Results of `damping_change`, N: for the story above, and for the sum of the damping forces on
     # the floors that the story supports
     above, floors = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
     floor = _floor_ends(span.fast, passage, n - 1)
@@ -850,7 +842,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
         if DASHPOTS and has_dashpots:
             row = rows.PEAK_DRIFT_RATE
             _raise_velocity_in_part(span, story, part, story_rates, peaks, row, i)
-        changes = _damping_change(span.h, scene, law_state, story, part, story_rates, i)
+        changes = damping_change(span.h, scene, law_state, story, part, story_rates, i)
         damper = linear_terms[rows.FLOOR_DAMPER, i]
         own = (
             damper * floor_rates[0] + observer_state[rows.MODAL_DEVIATION, i],
@@ -906,39 +898,6 @@ def _floor_deviation(linear_terms, observer_state, i):
         inverse_mass * observer_state[rows.LOAD_DEVIATION + 1, i],
         observer_state[rows.VELOCITY_DEVIATION + 2, i],
     )
-
-
-@inline
-def _damping_change(h, scene, law_state, story, part, deviations, i):
-    """Return the changes of the damping force of story `i` by the deviations of its drift rate
-    (m/s) at both endpoints of a part of the step, the bulge of this change in the part, and the
-    bulge of the force under the lines in the step, N.
-
-    A bulge is 4 times the difference, at the middle, from the straight line between the values at
-    the endpoints; in a part, power-law dashpots have none. Tangent damping has the stiffness at the
-    end of the step.
-    """
-    linear_terms = scene.linear_terms
-    coefficient = linear_terms[rows.STORY_DAMPER, i]
-    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
-        # A curved branch can have the slope inf.
-        stiffness = min(law_state[rows.SLOPE, i], scene.law_parameters[rows.STIFFNESS, i])
-        coefficient += linear_terms[rows.TANGENT_DAMPING, i] * stiffness
-    change_0 = coefficient * deviations[0]
-    change_1 = coefficient * deviations[1]
-    bulge = 0.5 * h * coefficient * (story.a0 - story.a1)
-    if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
-        v0, a0, v1, a1 = story.v0, story.a0, story.v1, story.a1
-        rate = _rate(h, v0, a0, v1, a1, part[0])
-        change_0 += power_damper(linear_terms, i, rate + deviations[0])[0]
-        change_0 -= power_damper(linear_terms, i, rate)[0]
-        rate = _rate(h, v0, a0, v1, a1, part[1])
-        change_1 += power_damper(linear_terms, i, rate + deviations[1])[0]
-        change_1 -= power_damper(linear_terms, i, rate)[0]
-        ends = power_damper(linear_terms, i, v0)[0] + power_damper(linear_terms, i, v1)[0]
-        middle = power_damper(linear_terms, i, _rate(h, v0, a0, v1, a1, 0.5))[0]
-        bulge += 4.0 * middle - 2.0 * ends
-    return change_0, change_1, coefficient * deviations[4], bulge
 
 
 @outlined
