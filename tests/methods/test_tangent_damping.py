@@ -262,6 +262,28 @@ def test_elements_share_the_damping_of_their_story():
         assert drifts[0].stories.peak_drift == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("name", METHODS)
+def test_tangent_at_the_start_is_that_of_the_motion(name):
+    """A story that has yielded in positive direction: m a + f(d) + b k_t v = 0 at the start. The
+    tangent stiffness k_t is zero if the story continues, and the stiffness k if it moves back."""
+    mass, k, strength, b, drift = 1e5, 4e7, 1e5, 0.005, 0.004
+    tanh = Law("tanh", (strength,))
+    sliding = Law("bilinear", (strength, 0.0, strength))
+    at_tanh = math.tanh(k * drift / strength)
+    for law, rate, force, tangent in (
+        (sliding, 0.3, strength, 0.0),
+        (sliding, -0.3, strength, k),
+        (tanh, 0.3, strength * at_tanh, k * (1.0 - at_tanh**2)),
+        (tanh, -0.3, strength * at_tanh, k * (1.0 - at_tanh**2)),
+    ):
+        building = tangent_damped(
+            [story(mass, k, law)], 0.0, b, displacement=[drift], velocity=[rate]
+        )
+        run_once = run(building, method=name, dt=0.001, duration=0.01, check=False, history=True)
+        expected = -(force + b * tangent * rate) / mass
+        assert run_once.history.acceleration[0, 0] == pytest.approx(expected, rel=1e-5)
+
+
 def test_damping_dissipates_in_every_step():
     stiffness, law, _, coefficient, _ = UNDER_EL_CENTRO[0]
     building = tangent_damped([bilinear(1e5, stiffness, law)], 0.0, coefficient)

@@ -55,6 +55,9 @@ from tdint.kernels.stories.law_state import (
     strain_energy,
 )
 
+# Change of drift that determines the tangent after the start, divided by the initial drift
+_DRIFT_OF_TANGENT = 1e-7
+
 
 class _PowerValues(NamedTuple):
     """Power of the load and of the dampers at a time, their rates, and the total momentum.
@@ -899,9 +902,18 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
         )
         displacement_below = state[rows.DISPLACEMENT, i]
         if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
-            # A curved branch has the slope inf; its initial stiffness is used.
-            stiffness = min(law_state[rows.SLOPE, i], law_parameters[rows.STIFFNESS, i])
             rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
+            # The tangent in the direction of the motion, which can be opposite to the direction of
+            # the path to the initial drift. A curved branch has no slope in its state.
+            drift = law_state[rows.DRIFT, i]
+            stiffness = restoring_force_outlined(
+                law_parameters,
+                law_state,
+                i,
+                0,
+                rows.FIRST_TRIAL,
+                drift + math.copysign(_DRIFT_OF_TANGENT * abs(drift), rate),
+            )
             state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * stiffness * rate
             state[rows.DAMPING_STATE, i] = state[rows.DAMPING_FORCE, i]
     return 0
