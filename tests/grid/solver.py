@@ -333,22 +333,30 @@ def _first_event(chain, dense, t0, t1, states):
         if spring.is_reversible:
             continue
         s, end = spring.side, spring.end
+
+        def excess(t, kind, i=i, s=s, end=end):
+            row, y = (i + n if kind == "turn" else i), dense(t)
+            value = y[row] - (y[row - 1] if i else 0.0)
+            return -s * value if kind == "turn" else s * value - end
+
+        turn = None  # interval of the nodes that contains the reversal, and its time
         for kind, values in (("turn", -s * rates[i]), ("end", s * drifts[i] - end)):
             beyond = np.flatnonzero(values[1:] > 0.0)
-            if not beyond.size:
+            if beyond.size:
+                j = beyond[0] + 1
+                low, high = times[j - 1], times[j]
+            elif kind == "end" and turn and excess(turn[1], "end") > 0.0:
+                # The drift exceeds the end of the branch between two nodes only.
+                j = turn[0]
+                low, high = times[j - 1], turn[1]
+            else:
                 continue
-            j = beyond[0] + 1
             if values[j - 1] >= 0.0:
                 when = times[j - 1]
             else:
-                row = i + n if kind == "turn" else i
-
-                def excess(t, row=row, s=s, end=end, kind=kind, i=i):
-                    y = dense(t)
-                    value = y[row] - (y[row - 1] if i else 0.0)
-                    return -s * value if kind == "turn" else s * value - end
-
-                when = brentq(excess, times[j - 1], times[j], xtol=1e-15, rtol=1e-15)
+                when = brentq(excess, low, high, args=(kind,), xtol=1e-15, rtol=1e-15)
+            if kind == "turn":
+                turn = j, when
             if first is None or when < first[0]:
                 first = when, spring, kind
     return first

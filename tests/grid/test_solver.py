@@ -44,6 +44,17 @@ def test_energy_of_a_yielding_story():
 
 
 @pytest.mark.long
+def test_drift_slightly_beyond_the_yield_drift():
+    """The story yields for a short time about the extreme drift, between two points at which the
+    solver tests its drift."""
+    law = {"type": "bilinear", "yield_force": 1e5, "hardening": 0.0}
+    for excess in np.geomspace(1e-7, 1e-3, 9):
+        velocity = OMEGA * 1e5 / STIFFNESS * (1.0 + excess)
+        peaks = solve(started(oscillator(law=law), 0.0, velocity), AT_REST, 0.01, 0.4)
+        assert peaks["peak_shear"] == pytest.approx([1e5], rel=1e-12)
+
+
+@pytest.mark.long
 def test_sudden_force():
     """A constant force that starts within a sampling interval doubles the static displacement."""
     force = {"floor": 1, "points": [[0.0, 0.0], [0.0, 1e5], [9.0, 1e5]], "start": 0.1237}
