@@ -41,6 +41,8 @@ _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Buil
 _MAX_LISTED_STORIES = 5  # maximum number of stories named in a message
 _BEYOND_YIELD = 1.1  # drift, in yield drifts, at which an undeclared stiffness is measured
 _SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
+_PEAK_ROUNDING = 1e-12  # of a sum of forces, divided by the sum
+_OTHER_DAMPER_ROWS = (rows.POWER_DAMPER, rows.BRACE, rows.TANGENT_DAMPING)  # not linear
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,10 @@ class Building:
         Indices of the isolator stories, counted from 0.
     element_labels : tuple of str
         Story and name of each element of the stories with several elements.
+    loaded : bool
+        True if forces act on floors.
+    stiffens : bool
+        True if a story can become stiffer than initially.
     """
 
     linear_terms: Array
@@ -74,6 +80,8 @@ class Building:
     vibration: FreeVibration
     isolators: tuple[int, ...] = ()
     element_labels: tuple[str, ...] = ()
+    loaded: bool = False
+    stiffens: bool = False
 
     @property
     def height_contributions(self) -> Array:
@@ -184,6 +192,47 @@ class Building:
         if not self.braced:
             filled[..., rows.PEAK_BRACE_FORCE, :] = np.nan
         return filled
+
+    def limited(self, peaks: Array) -> Array:
+        """Return the peaks of a run, shape (..., 2 PEAK_ROWS, n), with total shears and absolute
+        accelerations that equilibrium allows.
+
+        The cubic of a step with a branch change can exceed the forces of the laws and dampers. The
+        total shear T of a story is at most the sum of its peak shear, of P-delta at its peak drift,
+        and of the forces of linear dampers at the peak velocities. Without forces on floors, the
+        acceleration of a floor of mass m is at most (T + T_above) / m. The peaks are not changed if
+        the building has other dampers, or if the peak shears are not reliable: if a story can
+        stiffen, or if a possible drift between time steps is larger than the peak drift.
+        """
+        terms = self.linear_terms[..., :-1]
+        possible = peaks[..., rows.PEAK_ROWS :, :]
+        is_unlimited = (
+            (possible[..., rows.PEAK_DRIFT, :] > peaks[..., rows.PEAK_DRIFT, :]).any(axis=-1)
+            | (terms[_OTHER_DAMPER_ROWS, ...] != 0.0).any(axis=(0, -1))
+            | (terms[rows.LINK, ..., 1:] == 0.0).any(axis=-1)
+            | bool(self.modal.any())
+            | self.stiffens
+        )
+        if is_unlimited.all():
+            return peaks
+        limited = np.array(peaks)
+        velocity = np.maximum(
+            peaks[..., rows.PEAK_VELOCITY, :], possible[..., rows.PEAK_VELOCITY, :]
+        )
+        floor_damping = terms[rows.FLOOR_DAMPER] * velocity
+        limit = peaks[..., rows.PEAK_SHEAR, :] + np.cumsum(floor_damping[..., ::-1], -1)[..., ::-1]
+        limit = limit - terms[rows.GEOMETRIC] * peaks[..., rows.PEAK_DRIFT, :]
+        limit += terms[rows.STORY_DAMPER] * velocity
+        limit[..., 1:] += terms[rows.STORY_DAMPER, ..., 1:] * velocity[..., :-1]
+        limit[is_unlimited] = np.inf
+        _reduce(limited[..., rows.PEAK_TOTAL_SHEAR, :], limit)
+        if not self.loaded:
+            limit = limited[..., rows.PEAK_TOTAL_SHEAR, :].copy()
+            limit[..., :-1] += limit[..., 1:]
+            limit *= terms[rows.INVERSE_MASS]
+            limit[is_unlimited] = np.inf
+            _reduce(limited[..., rows.PEAK_ACCELERATION, :], limit)
+        return limited
 
     def device_force(self, rate: Array) -> Array:
         """Return the forces (N) of dashpots without a brace at drift rates (m/s), shape (..., n),
@@ -402,6 +451,11 @@ class Building:
         return result
 
 
+def _reduce(peaks: Array, limit: Array) -> None:
+    """Reduce the peaks that exceed a limit by more than rounding to this limit."""
+    np.copyto(peaks, limit, where=peaks > limit * (1.0 + _PEAK_ROUNDING))
+
+
 def highest_frequency_bound(
     stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
 ) -> Array:
@@ -513,7 +567,16 @@ def assemble(model: Model) -> Building:
         for element in story.elements
     )
     return Building(
-        linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators, labels
+        linear_terms,
+        law_parameters,
+        modal,
+        heights,
+        yield_drift,
+        vibration,
+        isolators,
+        labels,
+        loaded=bool(model.excitation.forces or model.excitation.tables),
+        stiffens=any(map(_stiffens, stories)),
     )
 
 
@@ -582,6 +645,11 @@ def yield_strength(story: Story) -> float:
     return sum(known) if known else math.nan
 
 
+def _stiffens(story: Story) -> bool:
+    """Return True if a story can become stiffer than initially."""
+    return any(LAWS[spring.law.name].stiffens(spring.law.parameters) for spring in story.springs)
+
+
 def _can_stiffen(story: Story) -> bool:
     """Return True if the peak shear of a story can occur at a smaller drift than its peak drift.
 
@@ -589,12 +657,11 @@ def _can_stiffen(story: Story) -> bool:
     to an element with another law that is not elastic.
     """
     springs = [(LAWS[spring.law.name], spring.law.parameters) for spring in story.springs]
-    stiffens = any(law.stiffens(parameters) for law, parameters in springs)
     symmetric = all(
         law.symmetric(parameters) or (CODES[law.name] == LINEAR and len(springs) > 1)
         for law, parameters in springs
     )
-    return stiffens and not symmetric
+    return _stiffens(story) and not symmetric
 
 
 def weight_over_height(model: Model) -> Array:
