@@ -144,15 +144,6 @@ class Case:
         return tuple(text for text in unusual if text not in reported)
 
     @cached_property
-    def _has_stiffening_law(self) -> bool:
-        """True if the stiffness of a story or element can exceed its initial stiffness."""
-        return any(
-            LAWS[spring.law.name].stiffens(spring.law.parameters)
-            for story in self.model.stories
-            for spring in story.springs
-        )
-
-    @cached_property
     def _baseline_notes(self) -> tuple[str, ...]:
         """Notes on the start and the baseline of the ground motion."""
         return baseline_notes(self.record) if self.record else ()
@@ -598,7 +589,7 @@ class Case:
                 f"({pluralize(response.substeps, 'time')} in total)"
             )
         notes += _interstep_notes(response)
-        if self._has_stiffening_law:
+        if self.building.stiffens:
             # Imported here, because few models have such laws.
             from tdint.analysis.run.stiff_peaks import stiff_peak_notes
 
