@@ -154,9 +154,10 @@ class StoryPeaks(Tabular, StoryValues):
     each substep between two located branch changes (`tdint.kernels.peaks_between_steps`). A shear
     is the force of the law at the extreme drift, or at the end of the step. Accelerations and total
     shears use the deviation of the quintic from the straight line between their endpoint values
-    with a weight that falls to zero where it is unreliable. Some methods compute peaks from their
-    own paths (`tdint.kernels.equations.corners`). Two extrema of a quantity in one step, and motion
-    that the step does not resolve, are not included.
+    with a weight that falls to zero where it is unreliable. They do not exceed the forces of the
+    laws and of linear dampers (`Building.limited`). Some methods compute peaks from their own paths
+    (`tdint.kernels.equations.corners`). Two extrema of a quantity in one step, and motion that the
+    step does not resolve, are not included.
 
     Attributes
     ----------
