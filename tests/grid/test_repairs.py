@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from grid.solver import solve
 from tdint import load_model, make_record, run
 
 PEAKS = Path(__file__).with_name("later_peaks.csv")
@@ -110,3 +111,88 @@ def test_step_that_does_not_resolve_a_stiffened_story():
         response = run(building, method="moment4", dt=dt, duration=20 * dt, check=False)
         assert response.stories.peak_drift[0] == pytest.approx(drift, rel=1e-9)
         assert any("is 16 times as stiff" in note for note in response.notes) == is_noted
+
+
+BOUC_WEN = {"type": "bouc-wen", "yield_force": 4e5, "hardening": 0.05, "exponent": 1.0, "beta": 0.5}
+TANH = {"type": "tanh", "strength": 3e5}
+DASHPOT = {"coefficient": 3e5, "exponent": 0.35, "linear_below": 1e-3}
+
+
+def started(velocities, **story):
+    """Return a building of equal stories that start with velocities of the floors, m/s."""
+    stories = [{"mass": MASS, "stiffness": 4e7, "height": 3.0} | story for _ in velocities]
+    return {"stories": stories, "initial": {"velocity": list(velocities)}}
+
+
+def errors_of(model, method, dt, duration, quantities):
+    """Return the largest errors of peaks in a free vibration, divided by the largest peak."""
+    true = solve(model, np.zeros(0), 0.01, duration)
+    stories = run(load_model(model), method=method, dt=dt, duration=duration, check=False).stories
+    return [
+        np.max(np.abs(getattr(stories, name) - true[name])) / np.max(true[name])
+        for name in quantities
+    ]
+
+
+@pytest.mark.parametrize("method", ["impulse4", "gauss4"])
+def test_force_of_a_curved_law_at_a_reversal(method):
+    """The law reloads on another curve than it unloads: the force at the reversal follows from the
+    state before it."""
+    model = started([0.4], law=BOUC_WEN)
+    model["stories"][0] |= {"mass": 1.5e5, "stiffness": 4.8e7}
+    assert errors_of(model, method, 0.02, 0.4, ["peak_shear"])[0] < 1e-4
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "gauss4"])
+def test_accelerations_at_the_rest_of_a_dashpot(method):
+    """The force of the dashpot falls steeply before its rest; the mean of this force follows from
+    the rule of the method."""
+    quantities = ["peak_total_shear", "peak_absolute_acceleration"]
+    model = started([0.2, 0.3], dashpot=DASHPOT)
+    assert max(errors_of(model, method, 0.01, 0.3, quantities)) < 1e-4
+
+
+@pytest.mark.parametrize("after", [3.0, -1.0])
+def test_peaks_at_a_change_of_the_force_inside_a_step(after):
+    """A force p on a floor at rest changes to 3 p or -p at a time inside a step. The acceleration
+    after the change is (3 p - k u) / m, its maximum; with -p, the velocity has its peak there."""
+    force, when = 1e5, 0.0337
+    points = [[0.0, force], [when, force], [when, after * force], [9.0, after * force]]
+    model = {
+        "stories": [flat(MASS, STIFFNESS, 1e9)],
+        "excitation": {"forces": [{"floor": 1, "points": points}]},
+    }
+    stories = run(load_model(model), dt=0.01, duration=0.05, check=False).stories
+    omega = math.sqrt(STIFFNESS / MASS)
+    if after > 0.0:
+        expected = force / MASS * (after - 1.0 + math.cos(omega * when))
+        assert stories.peak_absolute_acceleration[0] == pytest.approx(expected, rel=1e-4)
+    else:
+        expected = force / (MASS * omega) * math.sin(omega * when)
+        assert stories.peak_velocity[0] == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "gauss4", "newmark"])
+def test_total_shear_without_damping_is_the_strength(method):
+    """A cubic between the ends of the step in which the story yields exceeds the strength."""
+    strength = 3e4
+    building = load_model({"stories": [flat(MASS, MASS * 30.0**2, strength)]})
+    times = 0.01 * np.arange(301)
+    ground = 4.0 * np.sin(17.0 * times) + 3.0 * np.sin(31.0 * times)
+    record = make_record(ground, dt=0.01, units="m/s^2")
+    stories = run(building, record, method=method, dt=0.02, check=False).stories
+    assert stories.peak_total_shear[0] == pytest.approx(strength, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
+def test_tangent_damping_of_a_story_that_moves_back_at_the_start(method):
+    """The tangent stiffness is that of the unloading: m a = -F + b k v, not -F."""
+    strength, b, velocity = 3e4, 0.02, 0.3
+    model = {
+        "stories": [flat(MASS, STIFFNESS, strength)],
+        "damping": {"rayleigh": {"mass": 0.0, "stiffness": b, "tangent": True}},
+        "initial": {"displacement": [0.01], "velocity": [-velocity]},
+    }
+    response = run(load_model(model), method=method, dt=1e-3, duration=0.01, history=True)
+    expected = (b * STIFFNESS * velocity - strength) / MASS
+    assert response.history.acceleration[0, 0] == pytest.approx(expected, rel=1e-9)
