@@ -81,6 +81,7 @@ def test_estimates_with_power_law_dashpots(name, samples):
     assert np.max(errors[is_beyond], initial=0.0) < 2e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "moment4"])
 def test_step_that_does_not_resolve_a_stiffening_story(method):
     """At two sampling intervals, accelerations are up to 30 % wrong, and a note announces this. At
