@@ -199,14 +199,22 @@ def test_total_shear_without_damping_is_the_strength(method):
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
-def test_tangent_damping_of_a_story_that_moves_back_at_the_start(method):
-    """The tangent stiffness is that of the unloading: m a = -F + b k v, not -F."""
-    strength, b, velocity = 3e4, 0.02, 0.3
-    model = {
-        "stories": [flat(MASS, STIFFNESS, strength)],
-        "damping": {"rayleigh": {"mass": 0.0, "stiffness": b, "tangent": True}},
-        "initial": {"displacement": [0.01], "velocity": [-velocity]},
-    }
-    response = run(load_model(model), method=method, dt=1e-3, duration=0.01, history=True)
-    expected = (b * STIFFNESS * velocity - strength) / MASS
-    assert response.history.acceleration[0, 0] == pytest.approx(expected, rel=1e-9)
+@pytest.mark.parametrize("is_split", [False, True])
+def test_tangent_damping_at_the_start(method, is_split):
+    """A story has yielded at its initial drift. The tangent stiffness is zero if it continues: m a
+    = -F, and k if it moves back: m a = -F + b k v. Two elements are the same story."""
+    strength, b = 3e4, 0.02
+    law = {"type": "bilinear", "yield_force": 0.5 * strength, "hardening": 0.0}
+    element = law | {"stiffness": 0.5 * STIFFNESS}
+    story = flat(MASS, STIFFNESS, strength)
+    if is_split:
+        story = {"mass": MASS, "height": 3.0, "elements": [element, element]}
+    for velocity, tangent in ((0.3, 0.0), (-0.3, STIFFNESS)):
+        model = {
+            "stories": [story],
+            "damping": {"rayleigh": {"mass": 0.0, "stiffness": b, "tangent": True}},
+            "initial": {"displacement": [0.01], "velocity": [velocity]},
+        }
+        response = run(load_model(model), method=method, dt=1e-3, duration=0.01, history=True)
+        expected = -(strength + b * tangent * velocity) / MASS
+        assert response.history.acceleration[0, 0] == pytest.approx(expected, rel=1e-9)
