@@ -204,34 +204,27 @@ class Building:
         the building has other dampers, or if the peak shears are not reliable: if a story can
         stiffen, or if a possible drift between time steps is larger than the peak drift.
         """
-        terms = self.linear_terms[..., :-1]
-        possible = peaks[..., rows.PEAK_ROWS :, :]
+        terms, drift = self.linear_terms[..., :-1], peaks[..., rows.PEAK_DRIFT, :]
         is_unlimited = (
-            (possible[..., rows.PEAK_DRIFT, :] > peaks[..., rows.PEAK_DRIFT, :]).any(axis=-1)
+            (peaks[..., rows.PEAK_ROWS + rows.PEAK_DRIFT, :] > drift).any(axis=-1)
             | (terms[_OTHER_DAMPER_ROWS, ...] != 0.0).any(axis=(0, -1))
-            | (terms[rows.LINK, ..., 1:] == 0.0).any(axis=-1)
-            | bool(self.modal.any())
+            | self.modal.any()
             | self.stiffens
         )
         if is_unlimited.all():
             return peaks
-        limited = np.array(peaks)
-        velocity = np.maximum(
-            peaks[..., rows.PEAK_VELOCITY, :], possible[..., rows.PEAK_VELOCITY, :]
-        )
-        floor_damping = terms[rows.FLOOR_DAMPER] * velocity
-        limit = peaks[..., rows.PEAK_SHEAR, :] + np.cumsum(floor_damping[..., ::-1], -1)[..., ::-1]
-        limit = limit - terms[rows.GEOMETRIC] * peaks[..., rows.PEAK_DRIFT, :]
-        limit += terms[rows.STORY_DAMPER] * velocity
+        # The larger of the peak velocity and the possible velocity between time steps
+        velocity = peaks[..., rows.PEAK_VELOCITY :: rows.PEAK_ROWS, :].max(axis=-2)
+        floor_damping = (terms[rows.FLOOR_DAMPER] * velocity)[..., ::-1]
+        limit = peaks[..., rows.PEAK_SHEAR, :] + np.cumsum(floor_damping, axis=-1)[..., ::-1]
+        limit += terms[rows.STORY_DAMPER] * velocity - terms[rows.GEOMETRIC] * drift
         limit[..., 1:] += terms[rows.STORY_DAMPER, ..., 1:] * velocity[..., :-1]
         limit[is_unlimited] = np.inf
+        limited = np.array(peaks)
         _reduce(limited[..., rows.PEAK_TOTAL_SHEAR, :], limit)
         if not self.loaded:
-            limit = limited[..., rows.PEAK_TOTAL_SHEAR, :].copy()
             limit[..., :-1] += limit[..., 1:]
-            limit *= terms[rows.INVERSE_MASS]
-            limit[is_unlimited] = np.inf
-            _reduce(limited[..., rows.PEAK_ACCELERATION, :], limit)
+            _reduce(limited[..., rows.PEAK_ACCELERATION, :], limit * terms[rows.INVERSE_MASS])
         return limited
 
     def device_force(self, rate: Array) -> Array:
@@ -567,14 +560,7 @@ def assemble(model: Model) -> Building:
         for element in story.elements
     )
     return Building(
-        linear_terms,
-        law_parameters,
-        modal,
-        heights,
-        yield_drift,
-        vibration,
-        isolators,
-        labels,
+        *(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators, labels),
         loaded=bool(model.excitation.forces or model.excitation.tables),
         stiffens=any(map(_stiffens, stories)),
     )
