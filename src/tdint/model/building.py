@@ -211,8 +211,6 @@ class Building:
             | self.modal.any()
             | self.stiffens
         )
-        if is_unlimited.all():
-            return peaks
         # The larger of the peak velocity and the possible velocity between time steps
         velocity = peaks[..., rows.PEAK_VELOCITY :: rows.PEAK_ROWS, :].max(axis=-2)
         floor_damping = (terms[rows.FLOOR_DAMPER] * velocity)[..., ::-1]

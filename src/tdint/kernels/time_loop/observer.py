@@ -906,13 +906,9 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
             # The tangent in the direction of the motion, which can be opposite to the direction of
             # the path to the initial drift. A curved branch has no slope in its state.
             drift = law_state[rows.DRIFT, i]
+            drift += math.copysign(_DRIFT_OF_TANGENT * drift, rate)
             stiffness = restoring_force_outlined(
-                law_parameters,
-                law_state,
-                i,
-                0,
-                rows.FIRST_TRIAL,
-                drift + math.copysign(_DRIFT_OF_TANGENT * abs(drift), rate),
+                law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift
             )
             state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * stiffness * rate
             state[rows.DAMPING_STATE, i] = state[rows.DAMPING_FORCE, i]
