@@ -894,18 +894,13 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     displacement_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
-        start(
-            law_parameters,
-            law_state,
-            i,
-            state[rows.DISPLACEMENT, i] - link * displacement_below,
-        )
+        drift = state[rows.DISPLACEMENT, i] - link * displacement_below
+        start(law_parameters, law_state, i, drift)
         displacement_below = state[rows.DISPLACEMENT, i]
         if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
             # The tangent in the direction of the motion, which can be opposite to the direction of
             # the path to the initial drift. A curved branch has no slope in its state.
-            drift = law_state[rows.DRIFT, i]
             drift += math.copysign(_DRIFT_OF_TANGENT * drift, rate)
             stiffness = restoring_force_outlined(
                 law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift
