@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +48,10 @@ from tdint.kernels.time_loop.loop import AT_REST, STEPS_COMPLETED
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.building_samples import DrawnBuildings
 from tdint.model.definition import Model
+
+if TYPE_CHECKING:
+    from tdint.model.building_samples import DrawnBuildings
 
 _parse_cached = lru_cache(maxsize=64)(parse)
 """`parse` with a cache, because thousands of buildings may have the same method."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -45,9 +45,11 @@ from tdint.methods.workspace import (
     workspace,
 )
 from tdint.model.building import Building, assemble, variant
-from tdint.model.building_samples import DrawnBuildings
 from tdint.model.definition import Model
 from tdint.model.force_arrays import load_arrays
+
+if TYPE_CHECKING:
+    from tdint.model.building_samples import DrawnBuildings
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.
