@@ -8,6 +8,7 @@ import pytest
 import tdint
 from building_cases import noise, ten_bilinear
 from tdint.campaign import ida as ida_module
+from tdint.campaign import sensitivity as sensitivity_module
 from tdint.campaign.ida import IdaSettings, ida
 from tdint.campaign.intensity import pga
 from tdint.ground_motion.horizontals import Horizontals
@@ -89,9 +90,13 @@ def test_damping_and_pair_of_a_target_spectrum(damping, rule):
     assert min(abs(other / scaling.factors[0] - 1.0) for other in others) > 1e-3
 
 
-def test_step_method_threads_and_progress_of_a_sensitivity():
+def test_step_method_threads_and_progress_of_a_sensitivity(monkeypatch):
     """The effects are those of a model with the method and the time step."""
-    model, reports = ten_bilinear(), []
+    model, reports, jobs = ten_bilinear(), [], []
+    threads = sensitivity_module.threads
+    monkeypatch.setattr(
+        sensitivity_module, "threads", lambda count: jobs.append(count) or threads(count)
+    )
     ranges = {"stiffness_factor": (0.8, 1.2)}
     found = tdint.sensitivity(
         model,
@@ -99,9 +104,10 @@ def test_step_method_threads_and_progress_of_a_sensitivity():
         ranges,
         method="newmark-average",
         dt=0.005,
-        jobs=2,
+        jobs=97,  # not the number of processors
         progress=lambda *done: reports.append(done),
     )
+    assert jobs == [97]
     analysis = replace(model.analysis, method="newmark-average", dt=0.005)
     expected = tdint.sensitivity(replace(model, analysis=analysis), [named("a.csv")], ranges)
     other = tdint.sensitivity(model, [named("a.csv")], ranges)

@@ -141,3 +141,73 @@ def test_name_of_a_campaign(folder, tdint):
         tdint("campaign", "study.yaml", "-o", name.partition(" ")[0], code=0)
         summary = json.loads(Path(name.partition(" ")[0], "summary.json").read_text())
         assert summary["name"] == name
+
+
+def test_periods_and_damping_of_floor_spectra(folder, tdint):
+    options = "--floor-spectra roof --floor-period 0.3,0.7 --floor-damping 2%"
+    tdint(*f"run shaken.yaml {MOTION} --no-check -o out {options}".split(), code=0)
+    table = rows("out/floor-spectra.csv")
+    assert [(row["period_s"], row["damping"]) for row in table] == [
+        ("0.3", "0.02"),
+        ("0.7", "0.02"),
+    ]
+    for row in table:
+        frequency = 2.0 * np.pi / float(row["period_s"])
+        assert float(row["psa_m_s2"]) == pytest.approx(frequency**2 * float(row["sd_m"]), rel=1e-9)
+
+
+def test_units_of_a_recorded_base(folder, tdint):
+    """With a base in g, the floors of a linear building are in g."""
+    model = Path("forced.yaml").read_text()
+    Path("model.yaml").write_text(model[: model.index("excitation")])
+    found = []
+    for units in ("m/s^2", "g"):
+        sensor = "{{file: motion.mseed, component: {}, units: {}{}}}"
+        base = sensor.format("HNE", units, "")
+        floor = sensor.format("HNN", units, ", quantity: acceleration")
+        Path("recorded.yaml").write_text(f"base: {base}\nfloors: {{1: {floor}}}\n")
+        (row,) = rows(
+            tdint(*["compare", "model.yaml", "--recorded", "recorded.yaml"], code=0).stdout
+        )
+        found.append(row)
+    for name in ("correlation", "rms_difference", "peak_ratio"):
+        assert float(found[0][name]) == pytest.approx(float(found[1][name]), rel=1e-6)
+
+
+@pytest.fixture
+def pool(working_directory):
+    """Write ten ground motions with different frequencies."""
+    Path("pool").mkdir()
+    t = 0.01 * np.arange(400)
+    for number in range(10):
+        wave = np.sin((4.0 + 3.0 * number) * t) + 0.3 * np.sin((31.0 - 2.0 * number) * t)
+        lines = "\n".join(f"{a:.6f}" for a in wave * np.exp(-t))
+        Path(f"pool/r{number}.txt").write_text(f"# dt = 0.01 s, units = m/s^2\n{lines}\n")
+
+
+SELECT = (
+    "scale pool --target ec8:type=1,soil=B,ag=0.25g --range 0.2:1 --select 4 -o s.csv --overwrite"
+)
+
+
+def test_range_of_the_factors_of_a_selection(pool, tdint):
+    factors = {}
+    for limits in ("0.001:1000", "1.5:2.5"):
+        tdint(*SELECT.split(), "--factor-range", limits, code=0)
+        factors[limits] = [float(row["factor"]) for row in rows("s.csv")]
+    assert all(1.5 <= factor <= 2.5 for factor in factors["1.5:2.5"])
+    assert not all(1.5 <= factor <= 2.5 for factor in factors["0.001:1000"])
+
+
+def test_standard_deviation_of_a_selection(pool, tdint):
+    """The standard deviation of ln Sa of the selected motions, from separate spectra."""
+    found = []
+    for target in (0.2, 1.2):
+        tdint(*SELECT.split(), "--factor-range", "0.001:1000", "--target-std", target, code=0)
+        logs = []
+        for row in rows("s.csv"):
+            line = f"spectrum {row['record']} --periods 0.2:1:20 --scale {row['factor']}"
+            spectrum = rows(tdint(*line.split(), code=0).stdout)
+            logs.append([np.log(float(each["psa_m_s2"])) for each in spectrum])
+        found.append(np.mean(np.std(logs, axis=0, ddof=1)))
+    assert found[1] > 1.3 * found[0]
