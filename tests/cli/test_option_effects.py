@@ -97,9 +97,9 @@ def test_residual_drifts_of_capacities_are_taken_at_rest(folder, tdint):
 
 
 def test_all_methods_of_a_figure(working_directory, tdint):
-    for options, has_houbolt in (("", False), ("--all", True)):
-        tdint(*f"overshoot --steps 5 -o o.csv --plot o.svg --overwrite {options}".split(), code=0)
-        assert ("houbolt" in Path("o.svg").read_text()) == has_houbolt
+    for name, options in (("few", ""), ("all", "--all")):
+        tdint(*f"overshoot --steps 5 -o {name}.csv --plot {name}.svg {options}".split(), code=0)
+        assert ("houbolt" in Path(f"{name}.svg").read_text()) == (name == "all")
 
 
 def test_samples_per_step_of_a_record(tdint):
