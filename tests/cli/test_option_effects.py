@@ -96,12 +96,6 @@ def test_residual_drifts_of_capacities_are_taken_at_rest(folder, tdint):
     assert len(set(ratios.values())) == 2
 
 
-def test_all_methods_of_a_figure(working_directory, tdint):
-    for name, options in (("few", ""), ("all", "--all")):
-        tdint(*f"overshoot --steps 5 -o {name}.csv --plot {name}.svg {options}".split(), code=0)
-        assert ("houbolt" in Path(f"{name}.svg").read_text()) == (name == "all")
-
-
 def test_samples_per_step_of_a_record(tdint):
     """The order is kept with several samples per step, and the error is that of another record
     (noise with a smaller sampling interval)."""
