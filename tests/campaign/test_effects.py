@@ -9,8 +9,10 @@ import tdint
 from building_cases import noise, ten_bilinear
 from tdint.campaign import ida as ida_module
 from tdint.campaign import sensitivity as sensitivity_module
+from tdint.campaign.definition import Distribution, ParameterSweep
 from tdint.campaign.ida import IdaSettings, ida
 from tdint.campaign.intensity import pga
+from tdint.campaign.reader import load_campaign
 from tdint.ground_motion.horizontals import Horizontals
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,2,1987,C1,900\n"
@@ -133,3 +135,40 @@ def test_units_scatter_and_seed_of_an_inventory(tmp_path):
     assert ratios[0] == ratios[1] != ratios[2]
     assert building(stiffness=0.3).damping == plain.damping != building(damping=0.3).damping
     assert building(damping=0.3).stories[0].stiffness == plain.stories[0].stiffness
+
+
+CLOUD = "im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n1,0.09,g\n"
+
+
+def test_range_and_dispersion_of_a_fragility_function(tmp_path):
+    """Rows below the range of demands are ignored; dispersions are added by their squares."""
+    (tmp_path / "all.csv").write_text(CLOUD)
+    (tmp_path / "part.csv").write_text(CLOUD.replace("0.1,0.004,g\n", ""))
+
+    def fitted(name, **arguments):
+        (function,) = tdint.fragility(tmp_path / name, 0.01, fit="cloud", **arguments).functions
+        return function.theta, function.beta_total
+
+    assert fitted("all.csv", edp_range=(0.006, np.inf)) == pytest.approx(fitted("part.csv"))
+    assert fitted("all.csv") != pytest.approx(fitted("part.csv"), rel=1e-3)
+    theta, beta = fitted("part.csv", modeling_dispersion=0.3)
+    assert theta == pytest.approx(fitted("part.csv")[0], rel=1e-12)
+    assert beta == pytest.approx(np.hypot(fitted("part.csv")[1], 0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{lognormal: {median: 1.2, beta: 0.3}}", Distribution("lognormal", 1.2, 0.3)),
+        ("{normal: {mean: 1.1, sd: 0.2}}", Distribution("normal", 1.1, 0.2)),
+    ],
+)
+def test_distribution_of_a_campaign_file(tmp_path, text, expected):
+    """The factors are those of a sweep with this distribution."""
+    file = tmp_path / "study.yaml"
+    file.write_text(
+        "buildings: {models: [m.yaml]}\nrecords: {files: [a.csv]}\n"
+        f"vary: {{strength_factor: {text}, samples: 8, seed: 3}}\n"
+    )
+    sweep = ParameterSweep(random={"strength_factor": expected}, samples=8, seed=3)
+    assert load_campaign(file).sweep.changes() == sweep.changes()

@@ -205,3 +205,52 @@ def test_standard_deviation_of_a_selection(pool, tdint):
             logs.append([np.log(float(each["psa_m_s2"])) for each in spectrum])
         found.append(np.mean(np.std(logs, axis=0, ddof=1)))
     assert found[1] > 1.3 * found[0]
+
+
+def test_floor_spectra_of_a_campaign(folder, tdint):
+    Path("study.yaml").write_text(STUDY)
+    options = "--floor-spectra roof --floor-period 0.3,0.7 --floor-damping 2% -o out"
+    tdint(*f"campaign study.yaml {options}".split(), code=0)
+    table = rows("out/floor-spectra-mean.csv")
+    assert {row["period_s"] for row in table} == {"0.3", "0.7"}
+    assert {row["damping"] for row in table} == {"0.02"}
+
+
+def test_damping_of_the_intensity_of_a_study(folder, tdint):
+    """The factor of a level is the level divided by Sa with the damping ratio of the option."""
+    tdint(*f"ida shaken.yaml {MOTION} --im sa --damping 10% --max-im 0.02g -o out".split(), code=0)
+    level = rows("out/ida.csv")[0]
+    period = rows(tdint("modes", "shaken.yaml", code=0).stdout)[0]["period_s"]
+    call = f"spectrum {MOTION} --period {period} --damping 10%"
+    (row,) = rows(tdint(*call.split(), code=0).stdout)
+    expected = float(level["im"]) / float(row["psa_m_s2"])
+    assert float(level["scale"]) == pytest.approx(expected, rel=1e-6)
+
+
+def test_step_units_and_figure_of_a_sensitivity(folder, tdint):
+    """The key `analysis.dt` has the effect of the option."""
+    call = f"sensitivity shaken.yaml {MOTION} --vary mass_factor=0.9:1.1"
+    plain = rows(tdint(*call.split(), code=0).stdout)
+    short = tdint(*call.split(), "--dt", "0.005", "--plot", "s.svg", code=0).stdout
+    inches = rows(tdint(*call.split(), "--output-units", "in", code=0).stdout)
+    assert Path("s.svg").stat().st_size > 0
+    model = Path("shaken.yaml").read_text()
+    Path("shaken.yaml").write_text(model.replace("{method:", "{dt: 0.005, method:"))
+    assert rows(short) == rows(tdint(*call.split(), code=0).stdout) != plain
+    values = {row["quantity"]: float(row["at_high"]) for row in plain if row["unit"] == "m/s^2"}
+    for row in inches:
+        if row["quantity"] in values:
+            expected = values[row["quantity"]] / 0.0254
+            assert float(row["at_high"]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_periods_of_a_comparison(folder, tdint):
+    model = Path("forced.yaml").read_text()
+    Path("model.yaml").write_text(model[: model.index("excitation")])
+    sensor = "{{file: motion.mseed, component: {}, units: m/s^2{}}}"
+    floor = sensor.format("HNN", ", quantity: acceleration")
+    Path("recorded.yaml").write_text(f"base: {sensor.format('HNE', '')}\nfloors: {{1: {floor}}}\n")
+    call = "compare model.yaml --recorded recorded.yaml --period 0.3,0.7 -o out"
+    tdint(*call.split(), code=0)
+    table = rows("out/spectra.csv")
+    assert {row["period_s"] for row in table} == {"0.3", "0.7"}

@@ -289,3 +289,12 @@ def test_suggested_unit_has_the_size_of_the_unknown_unit(
     assert fault.endswith(f"; did you mean '{expected}'?") or (
         expected is None and "did you mean" not in fault and "; known: " in fault
     )
+
+
+@pytest.mark.parametrize("inclination", [{"angle": 60.0}, {"factor": 0.5}])
+def test_inclined_element_has_the_square_of_the_cosine(inclination):
+    """The drift along the element and its force are both multiplied by cos 60 degrees = 0.5."""
+    elements = [{"type": "linear", "stiffness": 400.0, **inclination}]
+    elements.append({"type": "linear", "stiffness": 10.0})
+    building = assemble(load_model({"stories": [{"mass": 1.0, "elements": elements}]}))
+    assert building.modes().omega[0] == pytest.approx(110.0**0.5, rel=1e-12)

@@ -3,6 +3,7 @@ rows."""
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -151,6 +152,24 @@ def test_model_with_building_equals_written_out_model():
     assert other.damping.ratios == (0.02,)
     assert other.stories[0].mass == pytest.approx(derived.mass[0] * LENGTH["ft"] ** 2, rel=1e-14)
     assert other.stories[0].height == pytest.approx(4.0 * LENGTH["ft"], rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("key", "fact"),
+    [
+        ("zone: Z1", {"zone": "Z1"}),
+        ("design_level: pre", {"design_level": "pre"}),
+        ("damping: mass-only", {"mass_only": True}),
+    ],
+)
+def test_keys_of_a_building(key, fact):
+    text = f"building: {{rules: mdof-lu, type: C1, stories: 4, year: 1985, area: 600, {key}}}\n"
+    facts = BuildingFacts("C1", 4, 1985, 600.0)
+    derived, plain = derive(replace(facts, **fact)), derive(facts)
+    found = load_model(io.StringIO(text))
+    assert found.stories == derived.stories
+    assert found.damping == derived.damping
+    assert (found.stories, found.damping) != (plain.stories, plain.damping)
 
 
 @pytest.mark.parametrize(

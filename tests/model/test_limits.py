@@ -49,6 +49,20 @@ def test_limits_apply_to_stories_of_file(text, values):
     np.testing.assert_allclose(limit.values, values, rtol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("key", "kind", "value"),
+    [
+        ("residual_drift_ratio: 0.5%", "residual_drift_ratio", 0.005),
+        ("floor_acceleration: 0.5 g", "floor_acceleration", 0.5 * STANDARD_GRAVITY),
+        ("isolator_displacement: 400", "isolator_displacement", 0.4),
+    ],
+)
+def test_quantities_of_a_level(key, kind, value):
+    (limit,) = limits_of(f"{{levels: {{safety: {{{key}}}}}}}")
+    assert (limit.level, limit.quantity) == ("safety", kind)
+    assert np.nanmax(limit.values) == pytest.approx(value, rel=1e-15)
+
+
 def test_levels_keep_names_and_order():
     limits = limits_of(
         "{drift_ratio: 3%, levels: {service: {drift_ratio: 1%}, safety: {drift_ratio: 2%}}}"
