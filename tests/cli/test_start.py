@@ -41,7 +41,7 @@ WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 CALLS = {
     "init": ("new.yaml", 3_850, ""),
     "check": ("office.yaml", 18_100, "obspy"),
-    "run": ("office.yaml", 23_600, "obspy"),
+    "run": ("office.yaml", 23_800, "obspy"),
     "modes": ("office.yaml", 10_150, ""),
     "law": ("office.yaml --drift 1%", 12_400, ""),
     "pushover": ("office.yaml --points 20", 12_600, ""),
@@ -55,7 +55,7 @@ CALLS = {
     "scale": ("motion.mseed --pga 0.4g", 36_450, "obspy"),
     "ida": ("office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%", 36_850, "obspy"),
     "sensitivity": ("office.yaml motion.mseed --vary damping=2%:5%", 38_700, "obspy"),
-    "fragility": ("stripes.csv", 35_550, ""),
+    "fragility": ("stripes.csv", 35_700, ""),
     "methods": ("", 14_100, ""),
     "stability": ("--method impulse4 --dt-over-t 0.1", 17_100, ""),
     "overshoot": ("--method impulse4 --steps 3", 17_100, ""),
@@ -63,7 +63,7 @@ CALLS = {
     "failures": ("--method impulse4 --problem large-step", 18_600, ""),
     "examples": ("1 --method newmark-average", 21_300, ""),
     "chart": ("office.yaml --method impulse4 --dt 0.01 --repeat 1 --duration 1", 26_300, "obspy"),
-    "compile": ("office.yaml --show", 16_450, ""),
+    "compile": ("office.yaml --show", 16_650, ""),
     "validate": ("", 25_150, "obspy"),
     "rerun": ("loop.json", 13_150, ""),
 }
