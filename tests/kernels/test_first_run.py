@@ -28,7 +28,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 INTERPRETED = """
 import json, sys
 import tdint
-from tdint.analysis.run.prepared import run_interpreted
+from tdint.analysis.run.analysis_kernels import run_interpreted
 for file, method in json.loads(sys.argv[1]):
     case = tdint.prepare(file, method=method, allow_unstable=True)
     assert run_interpreted(case.prepared, [case.method], 100)
