@@ -175,7 +175,7 @@ def test_method_and_law_pass_the_tests_of_the_catalogue(extended, without_law):
         count_passed(extended, "-k", expression, *files, "tests/documentation/test_generated.py")
         > 20
     )
-    assert count_passed(without_law, "-k", "newmark-step", *files) >= 15
+    assert count_passed(without_law, "-k", "newmark-step", *files) >= 12
 
 
 @pytest.mark.skipif(find_spec("ruff") is None, reason="no lint extra")
