@@ -106,6 +106,8 @@ class Domain:
     def __getattr__(self, name):
         """Return functions such as `nodeDisp(node, 1)` and `setNodeVel(node, 1, value,
         "-commit")`."""
+        if name.startswith("__"):  # import statements of Python 3.13 read `__spec__`
+            raise AttributeError(name)
         row = next(
             i for i, quantity in enumerate(("Disp", "Vel", "Accel")) if name.endswith(quantity)
         )
