@@ -113,6 +113,11 @@ _MAX_ACCELERATION_DEVIATION = 1.0
 # ratio of 1; the linear transition in between avoids jumps of peaks.
 _MAX_TILT_RATIO = 2.0
 
+# Dimensionless. Bound of the rounding errors of bulge and tilt, divided by the sum of the absolute
+# values of their terms (times 60 at most). The displacements of a sum or difference of floors have
+# rounding errors a thousand times as large as that of the sum.
+_TILT_ROUNDING = 60.0 * 1e3 * 2.2e-16
+
 # Number of points before and after the rest of a dashpot. The smallest distance from the rest is
 # 6e-4 of the part of the step.
 _POINTS_NEAR_REST = 12
@@ -659,12 +664,10 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     bulge, tilt = _bulge_and_tilt(span.h, ends)
     bulge -= forces[2]
     tilt -= forces[3]
-    is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
-    if is_candidate:
-        weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
-        bulge *= weight
-        tilt *= weight
-    if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
+    weight = _tilt_weight(bulge, tilt)
+    bulge *= weight
+    tilt *= weight
+    if weight > 0.0 and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
         is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
         row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
@@ -916,7 +919,8 @@ def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
     bulge, tilt = _bulge_and_tilt(h, ends)
     # Coefficients of the velocity in powers of s, then of x, from 0 to 1 in the part, including the
     # deviation
-    c4 = 0.5 * h * _tilt_weight(bulge, tilt) * tilt
+    tilt *= _tilt_weight(bulge, tilt)
+    c4 = 0.5 * h * tilt
     c1, c2 = h * a0, 3.0 * (v1 - v0) - h * (2.0 * a0 + a1) + c4
     c3 = h * (a0 + a1) - 2.0 * (v1 - v0) - 2.0 * c4
     p0 = v0 + s * (c1 + s * (c2 + s * (c3 + s * c4))) + deviation[0]
@@ -925,7 +929,6 @@ def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
     p2 += 0.5 * h * length * (deviation[3] - deviation[2])
     p3 = length * length * length * (c3 + s * 4.0 * c4)
     p4 = length * length * length * length * c4
-    tilt *= _tilt_weight(bulge, tilt)
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     # The caller records the end of the step.
@@ -960,6 +963,11 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
     bulge -= forces[2]
     tilt -= forces[3]
     weight = _tilt_weight(bulge, tilt)
+    # With linear accelerations of the method itself, both are rounding errors, and so is their
+    # ratio.
+    rounding, deviation = _rounding_of_tilt(span.h, ends), abs(bulge) + abs(tilt)
+    if deviation < 2.0 * rounding:
+        weight *= max(deviation / rounding - 1.0, 0.0)
     bulge = weight * bulge + (1.0 - weight) * damping_bulge
     tilt *= weight
     # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
@@ -1047,6 +1055,15 @@ def _tilt_weight(bulge, tilt):
     if abs(tilt) >= _MAX_TILT_RATIO * abs(bulge):
         return 0.0
     return min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
+
+
+@inline
+def _rounding_of_tilt(h, ends):
+    """Return an upper bound of the rounding errors of bulge and tilt together."""
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    by_h = 1.0 / h
+    terms = by_h * (by_h * (abs(u0) + abs(u1)) + abs(v0) + abs(v1)) + abs(a0) + abs(a1)
+    return _TILT_ROUNDING * terms
 
 
 @inline
