@@ -662,11 +662,9 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    bulge -= forces[2]
-    tilt -= forces[3]
+    bulge, tilt = bulge - forces[2], tilt - forces[3]
     weight = _tilt_weight(bulge, tilt)
-    bulge *= weight
-    tilt *= weight
+    bulge, tilt = weight * bulge, weight * tilt
     if weight > 0.0 and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
         is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
@@ -960,14 +958,15 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    bulge -= forces[2]
-    tilt -= forces[3]
+    bulge, tilt = bulge - forces[2], tilt - forces[3]
     weight = _tilt_weight(bulge, tilt)
     # With linear accelerations of the method itself, both are rounding errors, and so is their
     # ratio.
-    rounding, deviation = _rounding_of_tilt(span.h, ends), abs(bulge) + abs(tilt)
-    if deviation < 2.0 * rounding:
-        weight *= max(deviation / rounding - 1.0, 0.0)
+    u0, v0, a0, u1, v1, a1, _, _ = ends
+    terms = ((abs(u0) + abs(u1)) / span.h + abs(v0) + abs(v1)) / span.h + abs(a0) + abs(a1)
+    excess = abs(bulge) + abs(tilt) - _TILT_ROUNDING * terms
+    if excess < _TILT_ROUNDING * terms:
+        weight *= max(excess / (_TILT_ROUNDING * terms), 0.0)
     bulge = weight * bulge + (1.0 - weight) * damping_bulge
     tilt *= weight
     # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
@@ -1055,15 +1054,6 @@ def _tilt_weight(bulge, tilt):
     if abs(tilt) >= _MAX_TILT_RATIO * abs(bulge):
         return 0.0
     return min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
-
-
-@inline
-def _rounding_of_tilt(h, ends):
-    """Return an upper bound of the rounding errors of bulge and tilt together."""
-    u0, v0, a0, u1, v1, a1, _, _ = ends
-    by_h = 1.0 / h
-    terms = by_h * (by_h * (abs(u0) + abs(u1)) + abs(v0) + abs(v1)) + abs(a0) + abs(a1)
-    return _TILT_ROUNDING * terms
 
 
 @inline
