@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grid.solver import solve
+from grid.solver import solve, springs_of
 from tdint import load_model, make_record, run
 
 PEAKS = Path(__file__).with_name("later_peaks.csv")
@@ -218,3 +218,137 @@ def test_tangent_damping_at_the_start(method, is_split):
         response = run(load_model(model), method=method, dt=1e-3, duration=0.01, history=True)
         expected = -(strength + b * tangent * velocity) / MASS
         assert response.history.acceleration[0, 0] == pytest.approx(expected, rel=1e-9)
+
+
+# ---- Peaks of stories and elements within a step
+
+
+def bilinear(stiffness, strength, hardening=0.0):
+    """Return a bilinear element."""
+    law = {"type": "bilinear", "yield_force": strength, "hardening": hardening}
+    return law | {"stiffness": stiffness}
+
+
+def stop(gap, stiffness):
+    """Return an element without force up to the drift `gap`."""
+    return {"type": "gap", "gap": gap, "stop_stiffness": stiffness}
+
+
+def capped(stiffness, strength, drift):
+    """Return an element whose force falls after 1.1 times its strength, at the `drift` after its
+    yield drift."""
+    law = {"type": "imk", "stiffness": stiffness, "yield_force": strength, "capping_ratio": 1.1}
+    law |= {"plastic_drift": drift, "post_capping_drift": 2.0 * drift, "residual_ratio": 0.3}
+    return law | {"ultimate_drift": 50.0 * drift}
+
+
+def of_elements(*elements):
+    """Return a story of elements."""
+    return {"mass": MASS, "height": 3.0, "elements": list(elements)}
+
+
+def vibration(stories, velocity, method, h, duration):
+    """Return the response of stories to initial velocities of their floors."""
+    model = load_model({"stories": stories, "initial": {"velocity": velocity}})
+    return run(model, method=method, dt=h, duration=duration, check=False)
+
+
+@pytest.mark.parametrize(
+    ("method", "stories", "velocity"),
+    [
+        ("impulse4", (("gap", 1.8e7, 2e5), ("flat", 2.3e7, 7e5)), [0.4, 0.5]),
+        ("moment4", (("gap", 1.5e7, 4e5), ("hard", 4.2e7, 9e4)), [-0.4, -0.1]),
+    ],
+)
+def test_force_at_a_limit_that_the_drift_hardly_reaches(method, stories, velocity):
+    """The lower story reaches the limit of its branch at the end of its movement. Its drift can be
+    before the limit by less than the tolerance of the location. The reported force is the force of
+    the law at the reported peak drift."""
+
+    def definition(limits):
+        laws = {
+            "gap": lambda k, force: {"type": "gap", "gap": force / k, "stop_stiffness": 5.0 * k},
+            "hard": lambda k, force: {"type": "bilinear", "yield_force": force, "hardening": 0.1},
+            "flat": lambda k, force: {"type": "bilinear", "yield_force": force, "hardening": 0.0},
+        }
+        return [
+            {"mass": MASS, "height": 3.0, "stiffness": k, "law": laws[name](k, force)}
+            for (name, k, _), force in zip(stories, limits, strict=True)
+        ]
+
+    limits = [force for _, _, force in stories]
+    for h in (0.02, 0.04):
+        limits[0] = 1e9
+        elastic = vibration(definition(limits), velocity, method, h, 0.3).stories
+        largest = stories[0][1] * elastic.peak_drift[0]
+        for distance in (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5):
+            limits[0] = largest * (1.0 - distance)
+            listed = definition(limits)
+            found = vibration(listed, velocity, method, h, 0.3).stories
+            for story, drift, shear in zip(listed, found.peak_drift, found.peak_shear, strict=True):
+                assert shear <= springs_of(story)[0].largest(float(drift)) * (1.0 + 2e-9)
+
+
+def test_forces_at_a_reversal_in_a_substep():
+    """The upper story yields and ends a substep in which the lower story reverses at its stop. The
+    forces of the lower story and of the stop belong to the peak drift."""
+    gap, stiffness, own = 0.01, 7.5e7, 1.6e7
+    lower = of_elements(stop(gap, stiffness), {"type": "linear", "stiffness": own})
+    found = vibration([lower, flat(MASS, 2.2e7, 2.8e5)], [-0.42, 0.2], "impulse4", 0.01, 0.2)
+    drift = found.stories.peak_drift[0]
+    assert drift > 1.2 * gap
+    force = stiffness * (drift - gap)
+    assert found.elements.peak_force[0] == pytest.approx(force, rel=1e-9)
+    assert found.stories.peak_shear[0] == pytest.approx(force + own * drift, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "gauss4", "newmark-average"])
+def test_force_of_a_stop_at_a_reversal(method):
+    """The largest force of the stop belongs to the peak drift, inside a step."""
+    gap, stiffness = 0.01, 4.8e7
+    story = of_elements(stop(gap, stiffness), bilinear(1e7, 1.1e5))
+    for velocity in (0.2, 0.23, 0.26):
+        found = vibration([story], [velocity], method, 0.02, 0.4)
+        force = stiffness * (found.stories.peak_drift[0] - gap)
+        assert force > 1e5
+        assert found.elements.peak_force[0] == pytest.approx(force, rel=1e-9)
+
+
+@pytest.mark.parametrize("h", [0.02, 0.04])
+def test_force_of_an_element_beside_a_curved_element(h):
+    """The story has no slope, because one element is curved. The excess beyond the limit of the
+    elastic-plastic element is removed with the slopes of the linear elements."""
+    strength = 6.5e4
+    curved = BOUC_WEN | {"yield_force": 2.6e4, "stiffness": 2.4e6}
+    story = of_elements(bilinear(6e6, strength), bilinear(4e6, 4e4, 0.1), curved)
+    for velocity in np.linspace(0.3, 0.6, 7):
+        found = vibration([story], [float(velocity)], "impulse4", h, 0.4)
+        assert found.elements.peak_force[0] == pytest.approx(strength, rel=1e-12)
+
+
+@pytest.mark.parametrize("h", [0.02, 0.04])
+def test_force_before_a_loss_of_strength_within_a_step(h):
+    """The largest force of the story and of its elements is inside a step, where a branch ends."""
+    stiffness, strength, drift = 3.9e7, 4.3e4, 2.2e-3
+    alone = flat(MASS, stiffness, 1.0)
+    law = capped(stiffness, strength, drift)
+    alone |= {"law": {key: law[key] for key in law if key != "stiffness"}}
+    found = vibration([alone], [-0.2], "moment4", h, 0.2)
+    assert found.stories.peak_shear[0] == pytest.approx(1.1 * strength, rel=1e-12)
+
+    rising = bilinear(9.6e6, 1.3e4, 0.1)
+    found = vibration([of_elements(law, rising)], [0.32], "moment4", h, 0.2)
+    assert found.elements.peak_force[0] == pytest.approx(1.1 * strength, rel=1e-12)
+
+
+def test_sum_of_forces_before_a_loss_of_strength_within_a_step():
+    """The sum of two elements has its maximum inside a step, where one of them loses strength; the
+    other element rises on."""
+    stiffness, strength, plastic = 1.3e7, 5.1e4, 7.8e-3
+    falling, rising = capped(stiffness, strength, plastic), bilinear(5e6, 2e4, 0.05)
+    cap = strength / stiffness + plastic
+    largest = 1.1 * strength + 2e4 + 0.05 * 5e6 * (cap - 2e4 / 5e6)
+    for h in (0.02, 0.04):
+        found = vibration([of_elements(falling, rising)], [0.56], "moment4", h, 0.2)
+        assert found.stories.peak_drift[0] > cap
+        assert found.stories.peak_shear[0] == pytest.approx(largest, rel=1e-9)
