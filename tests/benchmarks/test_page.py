@@ -12,7 +12,6 @@ import pytest
 
 from tdint.analysis.chart.profiles import (
     PARTS,
-    PEAKS,
     STANDARD,
     Measured,
     PeakErrors,
@@ -66,63 +65,6 @@ def made_up(name="linear", motion="near-fault", lines=("impulse4", "newmark-aver
     )
 
 
-def headings(page):
-    return re.findall(r"^#+ .*$", page, re.MULTILINE)
-
-
-@pytest.mark.long
-def test_the_page_has_the_sections_and_the_words_of_its_program():
-    entries = [run.Entry(made_up(), "2026-01-01", 0.5, 1.0)]
-    shown = [(f"{name}.png", name) for name in (*PEAKS, *(name for name, _ in run.CHARTS))]
-    page = run.page(entries, 36, shown, run.conditions_of(entries))
-    assert headings(page) == headings(PAGE)
-    assert "35 of 36 problems were not measured" in page
-    for text in (
-        run.INTRODUCTION,
-        run.PROFILES,
-        run.TABLES,
-        run.FAILURES,
-        run.MATRIX,
-        run.OWN,
-        run.ADAPTIVE,
-    ):
-        assert text.strip() in PAGE
-    assert "|`impulse4`|1/1.00/1.0/0|" in page  # as dear as the other one at each tolerance
-    assert "load 0.5 to 0.5" in page
-    assert (
-        "|peak total shear, 3 %|linear, near-fault|1.0|1|1 %|2.0|5.00|`impulse4`|1|1 %|2.0|5.00|"
-        in page
-    )
-
-
-def test_every_problem_and_method_stands_on_the_page():
-    missing = 0
-    for problem in read_problems(STANDARD):
-        assert f"- **{problem.name}**: {problem.reason}.\n" in PAGE
-        row = f"|{problem.name}|{problem.motion}|{problem.posed.building.stories}|"
-        missing += row not in PAGE
-    # The page states how many problems its measurement did not reach.
-    whole = len(read_problems(STANDARD))
-    assert missing == 0 or f"{missing} of {whole} problems were not measured" in PAGE
-    assert missing <= 2
-    # A method that joins the list is named on the page until the next complete run.
-    later = re.findall(r"^Added after this run, not measured here: (.*)\.$", PAGE, re.MULTILINE)
-    assert len(later) <= 1
-    for method in run.METHODS:
-        if f"`{method}`" in "".join(later):
-            continue
-        assert (
-            len(re.findall(rf"^\|`{method}`( \(\d+ of \d+\))?\|", PAGE, re.MULTILINE))
-            == len(PEAKS) + 1
-        ), method
-
-
-def test_every_picture_of_the_page_is_there_and_small():
-    named = set(re.findall(r"!\[[^]]+\]\(([a-z-]+\.png)\)", PAGE))
-    assert named == {file.name for file in [*HERE.glob("profile-*.png"), *HERE.glob("chart-*.png")]}
-    assert all((HERE / file).stat().st_size < 150_000 for file in named)
-
-
 @pytest.mark.parametrize("errors", [None, PeakErrors(math.nan, math.nan, math.nan)])
 def test_what_is_not_solved_is_counted(errors):
     failing = made_up()
@@ -169,20 +111,6 @@ def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points(stored):
     named = re.findall(r"`([\w-]+)`", second)
     leaders = [run.page_tables.cheapest(dampers, tolerance)[0] for tolerance in (0.1, 0.03, 0.01)]
     assert set(leaders) == set(named)
-
-
-def test_errors_of_spectra_in_the_review_are_those_of_the_tests_page():
-    """Each number of the answer is in the table of tests/MEASUREMENTS.md."""
-    tests_page = (HERE.parent / "MEASUREMENTS.md").read_text(encoding="utf-8")
-    table = tests_page.partition("## Spectra\n")[2].partition("\n## ")[0]
-    rows = {row[1]: row[3:] for row in (line.split("|") for line in table.splitlines()) if row[3:]}
-    rows = {name.strip(): [cell.strip() for cell in cells] for name, cells in rows.items()}
-    text = run.page_tables.SPECTRA
-    assert f"tdint at most {max(rows['tdint'][:4], key=float)}," in text
-    eqsig = rows["eqsig"]
-    assert f"eqsig {eqsig[3]} above 0.1 s and {eqsig[0]} below 0.02 s" in text
-    pyrotd = sorted(float(cell.removesuffix(" %")) for cell in rows["pyrotd"][:4])
-    assert f"pyrotd {pyrotd[0]:g} to {pyrotd[-1]:g} %" in text
 
 
 def test_ratios_of_errors_and_the_cheapest_method_of_made_up_points():
