@@ -118,6 +118,18 @@ def test_step_method_threads_and_progress_of_a_sensitivity(monkeypatch):
     assert reports[-1][0] == reports[-1][1] > 0
 
 
+def test_units_of_a_table_of_sensitivities():
+    """The numbers of a row are in the unit of the row."""
+    found = tdint.sensitivity(ten_bilinear(), [named("a.csv")], {"mass_factor": (0.9, 1.1)})
+    table, plain = tdint.to_dict(found, "mm,kN"), tdint.to_dict(found)
+    sizes = {"mm": 0.001, "mm/s^2": 0.001, "kN": 1000.0, "1": 1.0}
+    assert set(table["unit"]) == {*sizes}
+    for name in ("at_low", "as_it_is", "at_high"):
+        expected = [value / sizes[u] for value, u in zip(plain[name], table["unit"], strict=True)]
+        assert table[name] == pytest.approx(expected, rel=1e-12)
+    assert table["effect"] == pytest.approx(plain["effect"], rel=1e-9)
+
+
 def test_units_scatter_and_seed_of_an_inventory(tmp_path):
     """Areas are in the square of the unit; the same seed gives the same buildings."""
     (tmp_path / "b.csv").write_text(BUILDINGS)

@@ -238,6 +238,22 @@ def test_step_and_figure_of_a_sensitivity(folder, tdint):
     assert rows(short) == rows(tdint(*call.split(), code=0).stdout) != plain
 
 
+def test_units_of_a_sensitivity(folder, tdint):
+    """Each row has its own unit, and its peaks are those of `run` in this unit."""
+    call = f"sensitivity shaken.yaml {MOTION} --vary mass_factor=0.9:1.1"
+    plain = rows(tdint(*call.split(), code=0).stdout)
+    found = rows(tdint(*call.split(), "--output-units", "kip,in,g", code=0).stdout)
+    sizes = {"m": ("in", 0.0254), "m/s^2": ("g", 9.80665), "N": ("kip", 4448.2216152605)}
+    assert {row["unit"] for row in plain} == {*sizes, "1"}
+    for row, other in zip(found, plain, strict=True):
+        unit, size = sizes.get(other["unit"], ("1", 1.0))
+        assert row["unit"] == unit
+        for name in ("at_low", "as_it_is", "at_high"):
+            assert float(row[name]) == pytest.approx(float(other[name]) / size, rel=1e-9)
+        unchanged = ("quantity", "parameter", "low", "high", "effect")
+        assert [row[name] for name in unchanged] == [other[name] for name in unchanged]
+
+
 def test_periods_of_a_comparison(folder, tdint):
     model = Path("forced.yaml").read_text()
     Path("model.yaml").write_text(model[: model.index("excitation")])

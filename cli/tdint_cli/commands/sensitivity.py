@@ -132,8 +132,7 @@ def _one_at_a_time(request: Request) -> None:
     from tdint.campaign.sensitivity import parameter_effects, plan_of
     from tdint.campaign.store_opening import open_store
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables.studies import PARAMETER_EFFECTS
-    from tdint.output.tables.table import Table
+    from tdint.output.tables.studies import parameter_effect_table
     from tdint_cli.campaigns import advance_with_bar, report_outcomes, warn_of_plan
 
     model = load_model(request.building)
@@ -151,7 +150,7 @@ def _one_at_a_time(request: Request) -> None:
 
     outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(
-        Table.of_results(PARAMETER_EFFECTS, effects),
+        parameter_effect_table(effects, outputs.shown_units),
         lambda: figures.runs.sensitivity_picture(effects, outputs.shown_units),
     )
     # The table starts with the effects on the peak drift ratio, in descending order.

@@ -28,7 +28,7 @@ from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 from tdint.system import processors
 from tdint.tabular import Progress, ResultList, progress_reporter
-from tdint.units import Quantity
+from tdint.units import OutputUnits, Quantity
 
 _PEAK_NAMES = (
     "peak_drift_ratio",
@@ -71,7 +71,10 @@ class ParameterEffect:
         """Pickle the name of the quantity instead of the quantity, which contains functions that
         cannot be pickled."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return _parameter_effect, ({**values, "quantity": self.quantity.name},)
+        return _parameter_effect, (
+            {**values, "quantity": self.quantity.name},
+            self.quantity.unit,
+        )
 
     @property
     def effect(self) -> float:
@@ -79,12 +82,27 @@ class ParameterEffect:
         unchanged building; NaN if this peak is zero."""
         return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
 
+    def in_units(self, units: OutputUnits) -> ParameterEffect:
+        """Return the effect with its peaks in other units, which `quantity.unit` states.
 
-def _parameter_effect(values: dict[str, Any]) -> ParameterEffect:
+        Parameters
+        ----------
+        units : OutputUnits
+            Units of the result.
+        """
+        unit, factor = units.unit(self.quantity.unit)
+        if factor == 1.0:
+            return self
+        quantity = replace(self.quantity, unit=unit)
+        peaks = (peak / factor for peak in (self.at_low, self.as_it_is, self.at_high))
+        return ParameterEffect(self.building, self.parameter, quantity, self.low, self.high, *peaks)
+
+
+def _parameter_effect(values: dict[str, Any], unit: str) -> ParameterEffect:
     """Return an unpickled effect. `values` are the attributes by name, with the name of the
-    quantity instead of the quantity."""
+    quantity instead of the quantity; `unit` is the unit of the quantity."""
     (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
-    return ParameterEffect(**{**values, "quantity": quantity})
+    return ParameterEffect(**{**values, "quantity": replace(quantity, unit=unit)})
 
 
 @dataclass(frozen=True)

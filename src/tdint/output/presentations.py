@@ -36,7 +36,8 @@ class Presentation:
     table : callable | None
         Result -> its table, or its columns with their values; None if `rows` makes the table.
     rows : callable | None
-        Results -> table with one row for each result.
+        (results, units) -> table with one row for each result. Only numbers whose unit is in the
+        column `unit` of their row are in these units; the caller converts the other columns.
     picture : callable | None
         (results, units) -> figure.
     on_axes : callable | None
@@ -47,7 +48,7 @@ class Presentation:
     """
 
     table: Callable[[Any], Table | list[tuple[Column, Any]]] | None = None
-    rows: Callable[[Sequence[Any]], Table] | None = None
+    rows: Callable[[Sequence[Any], OutputUnits], Table] | None = None
     picture: Callable[[Any, OutputUnits], Figure] | None = None
     on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
     alone: bool = False
@@ -67,9 +68,9 @@ def _columns_of_floors(result: Any) -> list[tuple[Column, Any]]:
     return tables.values.column_values(columns, result)
 
 
-def _row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any]], Table]:
+def _row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any], OutputUnits], Table]:
     """Return the function `rows` of a class with fixed columns, which `find` returns."""
-    return lambda results: tables.table.Table.of_results(find(), results)
+    return lambda results, _: tables.table.Table.of_results(find(), results)
 
 
 def _record_columns(result: Any) -> list[tuple[Column, Any]]:
@@ -133,7 +134,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         ),
     ),
     "ElementPeaks": Presentation(_columns(lambda: tables.responses.ELEMENT_COLUMNS)),
-    "ExampleRun": Presentation(rows=lambda results: tables.methods.example_table(results)),
+    "ExampleRun": Presentation(rows=lambda results, _: tables.methods.example_table(results)),
     "FieldChart": Presentation(
         lambda result: tables.methods.profile_table(result),
         picture=lambda result, _: figures.comparison.profile_picture(result, target="peak-drift"),
@@ -149,7 +150,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         on_axes=lambda ax, results, units: figures.comparison.draw_fourier(ax, results, units),
     ),
     "Fragility": Presentation(
-        rows=lambda results: tables.studies.fragility_table(results),
+        rows=lambda results, _: tables.studies.fragility_table(results),
         picture=lambda results, _: figures.collapse.fragility_picture(results),
         on_axes=lambda ax, results, _: figures.collapse.draw_functions(ax, results),
     ),
@@ -177,7 +178,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         _record_columns,
         picture=lambda results, units: figures.spectrum_curves.inelastic_picture(results, units),
     ),
-    "Integrator": Presentation(rows=lambda results: tables.methods.method_table(results)),
+    "Integrator": Presentation(rows=lambda results, _: tables.methods.method_table(results)),
     "InventoryBuilding": Presentation(rows=_row(lambda: tables.buildings.INVENTORY)),
     "Match": Presentation(
         lambda result: tables.spectra.match_table([result]),
@@ -218,7 +219,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         _columns(lambda: tables.spectra.SAMPLES), picture=_info_picture, on_axes=_draw_record
     ),
     "RecordInfo": Presentation(
-        rows=lambda results: tables.spectra.info_table(results),
+        rows=lambda results, _: tables.spectra.info_table(results),
         picture=_info_picture,
         on_axes=_draw_record,
     ),
@@ -260,7 +261,7 @@ PRESENTATIONS: dict[str, Presentation] = {
     ),
     "StoryPeaks": Presentation(_columns(lambda: tables.responses.STORY_COLUMNS)),
     "ParameterEffect": Presentation(
-        rows=_row(lambda: tables.studies.PARAMETER_EFFECTS),
+        rows=lambda results, units: tables.studies.parameter_effect_table(results, units),
         picture=lambda results, units: figures.runs.sensitivity_picture(results, units),
     ),
     "TargetDisplacement": Presentation(
@@ -273,9 +274,11 @@ PRESENTATIONS: dict[str, Presentation] = {
         alone=True,
     ),
     "Trial": Presentation(
-        rows=lambda results: tables.methods.failure_table(results),
+        rows=lambda results, _: tables.methods.failure_table(results),
         picture=lambda results, _: figures.failure_matrix.failure_picture(results),
     ),
-    "ValidationResult": Presentation(rows=lambda results: tables.methods.validation_table(results)),
+    "ValidationResult": Presentation(
+        rows=lambda results, _: tables.methods.validation_table(results)
+    ),
 }
 """Presentations by the class name of the results. Messages list them in this order."""

@@ -21,7 +21,7 @@ from tdint.output.tables.table import (
     parquet,
 )
 from tdint.tabular import ResultList, import_optional
-from tdint.units import SI, parse_output_units, quantities
+from tdint.units import SI, OutputUnits, parse_output_units, quantities
 
 if TYPE_CHECKING:
     from tdint.analysis.run.many_results import Runs
@@ -61,7 +61,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     output_units = parse_output_units(units) if units else SI
     if units and type(result).__name__ == "Gradient":
         raise UsageError("derivatives are in SI units: units cannot be selected for a gradient")
-    values = _values(result)
+    values = _values(result, output_units)
     row_count = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     columns: dict[str, Any] = {}
     for column, value in values:
@@ -201,14 +201,14 @@ def _cell(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-def _values(result: Any) -> list[tuple[Column, Any]]:
+def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
     """Return the columns of the table of a result, each with its values: an array, a list with
     text, or a single value that applies to all rows. UsageError is raised if the result has no
-    table.
+    table. `units` are the units of `Presentation.rows`.
     """
     # `to_dict` passes several results only if their class has the function `rows`.
     if isinstance(result, list | tuple | ResultList):
-        return _in_rows(list(result))
+        return _in_rows(list(result), units)
     # The table of a base class applies to subclasses without a separate table.
     for result_class in type(result).__mro__:
         known = PRESENTATIONS.get(result_class.__name__)
@@ -216,12 +216,12 @@ def _values(result: Any) -> list[tuple[Column, Any]]:
             table = known.table(result)
             return table.by_column() if isinstance(table, Table) else table
         if known is not None and known.rows is not None:
-            return known.rows([result]).by_column()
+            return known.rows([result], units).by_column()
     raise UsageError(f"a result of the type {type(result).__name__} has no table")
 
 
-def _in_rows(results: Sequence[Any]) -> list[tuple[Column, Any]]:
+def _in_rows(results: Sequence[Any], units: OutputUnits) -> list[tuple[Column, Any]]:
     """Return the columns, with their cells, of the table with one row for each result."""
     rows = PRESENTATIONS[type(results[0]).__name__].rows
     assert rows is not None
-    return rows(results).by_column()
+    return rows(results, units).by_column()

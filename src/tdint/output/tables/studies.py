@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from tdint.output.tables.table import (
     error_columns,
     numbered,
 )
+from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.campaign.sensitivity import ParameterEffect
 
 _PEAK = (
     Column(
@@ -55,6 +59,12 @@ PARAMETER_EFFECTS: tuple[Column, ...] = (
     ),
 )
 """Columns of the effects of parameters (sensitivity)."""
+
+
+def parameter_effect_table(effects: Sequence[ParameterEffect], units: OutputUnits = SI) -> Table:
+    """Return the effects of parameters with the peak responses in the units of their rows."""
+    return Table.of_results(PARAMETER_EFFECTS, [effect.in_units(units) for effect in effects])
+
 
 CORRELATIONS = (
     Column("building", "text", "building", "name of the building"),
