@@ -7,8 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import tdint
-from building_cases import noise, ten_bilinear
+from building_cases import noise, ten_bilinear, ten_linear
 from tdint.analysis.chart import problem as references
+from tdint.analysis.chart import profiles
 from tdint.analysis.run import analysis_kernels
 from tdint.methods.catalogue import parse
 
@@ -75,7 +76,11 @@ def test_gradient_of_many_runs():
 
 
 def test_methods_and_problems_of_failures():
-    found = tdint.failures(["impulse4", "hht"], ["large-step"])
+    reports = []
+    found = tdint.failures(
+        ["impulse4", "hht"], ["large-step"], progress=lambda *done: reports.append(done)
+    )
+    assert reports == [(1, 2), (2, 2)]
     assert [(trial.method, trial.problem) for trial in found] == [
         ("impulse4", "large-step"),
         ("hht", "large-step"),
@@ -126,10 +131,20 @@ def test_title_of_a_figure():
 def test_points_times_and_stored_reference_of_a_chart(tmp_path, monkeypatch, cached):
     """A run is timed up to four times per repetition."""
     monkeypatch.setattr(references, "cache_folder", lambda: tmp_path)
-    methods, steps = ["impulse4", "newmark-average"], [0.04, 0.02]
+    methods, steps, reports = ["impulse4", "newmark-average"], [0.04, 0.02], []
     chart = tdint.chart(
-        ten_bilinear(), MOTION, method=methods, dt=steps, duration=0.8, repeats=1, cached=cached
+        ten_bilinear(),
+        MOTION,
+        method=methods,
+        dt=steps,
+        duration=0.8,
+        repeats=1,
+        cached=cached,
+        progress=lambda *done: reports.append(done),
     )
+    assert [total for _, total in reports] == [100] * len(reports)
+    assert reports == sorted(reports)
+    assert reports[-1][0] > 50
     assert [(point.method, point.dt, point.steps) for point in chart.points] == [
         (method, dt, round(0.8 / dt)) for method in methods for dt in steps
     ]
@@ -177,6 +192,32 @@ def test_loop_of_a_compiled_model(monkeypatch, method):
     tdint.compile_model(ten_bilinear(), method)
     assert compiled == list(analysis_kernels.kernels_of_model(ten_bilinear(), parse(method)))
     assert compiled != list(analysis_kernels.kernels_of_model(ten_bilinear(), parse("impulse4")))
+
+
+def test_arguments_of_performance_profiles(monkeypatch):
+    """Two motions with a method and tolerances: the points of the steps and of the tolerances."""
+    note = "asked for OpenSees"
+    monkeypatch.setattr(profiles, "_opensees_results", lambda *_: ([], np.nan, note))
+    motions, reports = [noise(samples=41), noise(samples=41, seed=8)], []
+    plain = tdint.performance_profiles(ten_linear(), motions, method=["hht"], repeats=1)
+    assert {point.line for each in plain.measured for point in each.points} == {"hht"}
+    assert [each.peer_note for each in plain.measured] == ["", ""]
+    chart = tdint.performance_profiles(
+        ten_linear(),
+        motions[0],
+        method="impulse4",
+        tolerances=(0.1, 0.01),
+        repeats=3,
+        peers=True,
+        progress=lambda *done: reports.append(done),
+    )
+    (found,) = chart.measured
+    assert found.peer_note == note
+    chosen = ["impulse4 within 0.1", "impulse4 within 0.01"]
+    assert [point.method for point in found.points][-2:] == chosen
+    times = [[len(point.times) for point in each.points] for each in (found, plain.measured[0])]
+    assert [max(counts) for counts in times] == [3, 1]
+    assert 0.9 < reports[-1][1] <= 1.0
 
 
 def test_stride_of_an_order():

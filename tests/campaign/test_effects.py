@@ -13,6 +13,7 @@ from tdint.campaign.definition import Distribution, ParameterSweep
 from tdint.campaign.ida import IdaSettings, ida
 from tdint.campaign.intensity import pga
 from tdint.campaign.reader import load_campaign
+from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,2,1987,C1,900\n"
@@ -184,3 +185,69 @@ def test_distribution_of_a_campaign_file(tmp_path, text, expected):
     )
     sweep = ParameterSweep(random={"strength_factor": expected}, samples=8, seed=3)
     assert load_campaign(file).sweep.changes() == sweep.changes()
+
+
+def test_fit_and_measure_of_a_fragility_function(tmp_path):
+    """With the columns of two fits, the function is that of the columns of the fit. The intensities
+    are those of the measure."""
+    columns = ("im,collapses,records", "capacity")
+    counts = ("0.2,1,9", "0.4,4,9", "0.8,8,9")
+    capacities = ("0.3", "0.5", "0.9")
+    files = {
+        "stripes": counts,
+        "ida": capacities,
+        "both": map(",".join, zip(counts, capacities, strict=True)),
+    }
+    for (name, lines), header in zip(files.items(), (*columns, ",".join(columns)), strict=True):
+        (tmp_path / f"{name}.csv").write_text("\n".join([header, *lines]) + "\n")
+    for fit in ("stripes", "ida"):
+        (found,) = tdint.fragility(tmp_path / "both.csv", fit=fit).functions
+        (expected,) = tdint.fragility(tmp_path / f"{fit}.csv").functions
+        assert (found.fit, found.theta, found.beta) == (fit, expected.theta, expected.beta)
+    lines = "".join(
+        f"a,r{i},done,{0.01 * x * (1.0 + 0.1 * (-1) ** i)},{x},{0.1 * x}\n"
+        for i, x in enumerate((0.5, 0.8, 1.1, 1.6, 2.2))
+    )
+    header = "building,record,status,peak_drift_ratio,sa_t1_m_s2,pgv_m_s\n"
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/runs.csv").write_text(header + lines)
+    by_sa, by_pgv = (
+        tdint.fragility(tmp_path / "study", 0.02, fit="cloud", measure=measure).functions[0]
+        for measure in (None, "pgv")
+    )
+    assert by_pgv.theta == pytest.approx(0.1 * by_sa.theta, rel=1e-9)
+    assert by_pgv.beta == pytest.approx(by_sa.beta, rel=1e-9)
+
+
+def test_mapping_of_an_exposure_model(tmp_path):
+    """The buildings are those of an inventory with the rows of their taxonomies."""
+    assets = "".join(
+        f'<asset id="{name}" taxonomy="{taxonomy}" number="1" area="900">'
+        '<location lon="10" lat="45"/></asset>\n'
+        for name, taxonomy in (("a", "X"), ("b", "Y"))
+    )
+    (tmp_path / "e.xml").write_text(
+        '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5"><exposureModel id="e">\n'
+        f"<assets>\n{assets}</assets></exposureModel></nrml>\n"
+    )
+    columns = "NumberOfStories,YearBuilt,StructureType,PlanArea"
+    lines = {"X": "2,1987,C1,900", "Y": "3,1960,C1,500"}
+    for name, key, keys in (("types", "taxonomy", "XY"), ("plain", "id", "ab")):
+        table = "".join(f"{k},{line}\n" for k, line in zip(keys, lines.values(), strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"{key},{columns}\n{table}")
+    found = tdint.inventory(tmp_path / "e.xml", mapping=tmp_path / "types.csv")
+    expected = tdint.inventory(tmp_path / "plain.csv")
+    assert [item.building.stories for item in found] == [item.building.stories for item in expected]
+    with pytest.raises(UsageError, match="unknown rules"):
+        tdint.inventory(tmp_path / "plain.csv", rules="other")
+
+
+def test_layout_of_a_pair(tmp_path):
+    """The components are the columns of the layout."""
+    text = "".join(f"{i} {2 * i % 7} {3 * i % 11}\n" for i in range(60))
+    (tmp_path / "pair.txt").write_text(text)
+    layout = tdint.TextLayout(step=0.02, column=("2", "3"))
+    pair = tdint.read_horizontals(tmp_path / "pair.txt", units="m/s^2", layout=layout)
+    assert pair.first.dt == 0.02
+    np.testing.assert_array_equal(pair.first.acceleration, [2 * i % 7 for i in range(60)])
+    np.testing.assert_array_equal(pair.second.acceleration, [3 * i % 11 for i in range(60)])

@@ -8,8 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cli.conftest import STUDY
+import tdint.analysis.assessment.stability as stability
+from cli.conftest import STUDY, write_record
 from csv_rows import rows
+from tdint.methods.catalogue import parse
+from tdint_cli.options import analysis as analysis_options
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ntower,2,1987,C1,900\n"
 MOTION = "other.mseed --units m/s^2"
@@ -264,3 +267,96 @@ def test_periods_of_a_comparison(folder, tdint):
     tdint(*call.split(), code=0)
     table = rows("out/spectra.csv")
     assert {row["period_s"] for row in table} == {"0.3", "0.7"}
+
+
+@pytest.mark.parametrize("flag", ["true", "false"])
+def test_p_delta_of_a_campaign(folder, tdint, flag):
+    """The key of the campaign file has the effect of the key of the model, and replaces it."""
+    Path("study.yaml").write_text(STUDY.replace("method:", f"p_delta: {flag}, method:"))
+    model = Path("shaken.yaml").read_text()
+    drifts = []
+    for mine in ("true", "false"):
+        Path("shaken.yaml").write_text(f"{model}p_delta: {mine}\n")
+        tdint(*["campaign", "study.yaml", "-o", "out", "--overwrite"], code=0)
+        drifts += [row["peak_drift_m"] for row in rows("out/runs.csv")[-1:]]
+    call = "run model.yaml other.mseed --units m/s^2 --no-check"
+    found = {}
+    for mine in ("true", "false"):
+        Path("model.yaml").write_text(f"{model}p_delta: {mine}\n")
+        table = rows(tdint(*call.split(), code=0).stdout)
+        found[mine] = max((row["peak_drift_m"] for row in table), key=float)
+    assert drifts == 2 * [found[flag]]
+    assert found["true"] != found["false"]
+
+
+def test_column_of_the_forces_of_a_campaign(folder, tdint):
+    """A column with twice the force doubles the response of a linear building."""
+    model = Path("forced.yaml").read_text()
+    Path("model.yaml").write_text(model[: model.index("excitation")] + "analysis: {duration: 1}\n")
+    Path("gust.csv").write_text("time_s,one_kN,two_kN\n0,0,0\n0.2,40,80\n0.7,-25,-50\n1,0,0\n")
+    drifts = []
+    for column in ("one_kN", "two_kN"):
+        Path("study.yaml").write_text(
+            "buildings: {models: [model.yaml]}\n"
+            f"forces: {{files: [gust.csv], floor: roof, column: {column}}}\n"
+        )
+        tdint(*["campaign", "study.yaml", "-o", "out", "--overwrite"], code=0)
+        drifts += [float(row["peak_drift_m"]) for row in rows("out/runs.csv")]
+    assert drifts[1] == pytest.approx(2.0 * drifts[0], rel=1e-9)
+
+
+def test_treatment_of_pairs_of_a_study_by_a_fragility_function(folder, tdint):
+    """The functions are those of a study with this treatment."""
+    for number in (1, 2, 3):
+        write_record(f"{number}.mseed", "HN1", "HN2", peak=1.0 + number, samples=40 + 20 * number)
+    Path("study.yaml").write_text(
+        "buildings: {models: [shaken.yaml]}\nintensity: {scales: [0.5, 1, 2, 3]}\n"
+        "records: {files: [1.mseed, 2.mseed, 3.mseed], units: m/s^2, pairs: true}\n"
+    )
+    found = {}
+    for demand in ("larger", "separate"):
+        study = f"campaign study.yaml --pair-demand {demand} -o {demand}"
+        tdint(*study.split(), code=0)
+        call = f"fragility {demand} --fit cloud --threshold 0.5%"
+        found[demand] = rows(tdint(*call.split(), code=0).stdout)
+    call = "fragility larger --fit cloud --threshold 0.5% --pair-demand separate"
+    assert rows(tdint(*call.split(), code=0).stdout) == found["separate"] != found["larger"]
+
+
+@pytest.mark.usefixtures("folder", "short_matching")
+def test_factors_of_a_matched_mean(tdint):
+    """The factors of the table have a common ratio to the factors in the result."""
+    Path("flat.csv").write_text("period_s,sa_g\n0.05,0.3\n4,0.3\n")
+    files = ("motion.mseed", "other.mseed")
+    call = "match --target flat.csv --range 0.2:0.6 --suite mean --units m/s^2 -o m --overwrite"
+    for factors in ((1.0, 1.0, 1.0), (1.0, 1.0, 4.0)):
+        lines = zip((files[0], files[0], files[1]), ("HNE", "HNN", "HNE"), factors, strict=True)
+        table = "".join(f"{file},{channel},{factor}\n" for file, channel, factor in lines)
+        Path("factors.csv").write_text(f"record,component,factor\n{table}")
+        tdint(*call.split(), "--factors", "factors.csv", "--plot", "m.svg", code=0)
+        found = np.array([float(row["factor"]) for row in rows("m/matched.csv")])
+        assert found / found[0] == pytest.approx(factors, rel=1e-9)
+        assert "scaled seed" in Path("m.svg").read_text("utf-8")
+
+
+def test_impulse_with_other_parameters(tdint, monkeypatch):
+    """The additional methods are unstable within a band of additional steps near the square root
+    of 12. The limits of the messages are not computed."""
+    monkeypatch.setattr(stability, "critical_step", lambda *_: np.inf)
+    table = rows(tdint(*["stability", "--beta-scan", "--dt-over-t", "0.01"], code=0).stdout)
+    steps = sorted({float(row["dt_over_t"]) for row in table})
+    assert 2.0 * np.pi * np.array(steps[1:]) == pytest.approx(np.linspace(3.1, 3.7, 301))
+    unstable = {row["method"] for row in table if float(row["spectral_radius"]) > 1.0 + 1e-9}
+    assert {row["method"] for row in table} - unstable == {"impulse:beta=1/144"}
+
+
+def test_all_methods_in_a_figure_of_overshoots(working_directory, tdint, monkeypatch):
+    """A figure contains houbolt only with --all. Two methods replace the catalogue, because the
+    time loops of all methods would be compiled."""
+    methods = [parse("newmark-average"), parse("houbolt")]
+    monkeypatch.setattr(analysis_options, "integrators", lambda _: methods)
+    for options, is_drawn in ((("--plot=few.svg",), False), (("--plot=all.svg", "--all"), True)):
+        assert "houbolt" in tdint("overshoot", *options, code=0).stdout
+        figure = Path(options[0].partition("=")[2]).read_text("utf-8")
+        assert ("houbolt" in figure) == is_drawn
+        assert "newmark-average" in figure

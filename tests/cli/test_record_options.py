@@ -24,14 +24,12 @@ LINES = {
     "scale": "scale motion.txt --sa 0.5g --at 0.5",
     "ida": "ida shaken.yaml motion.txt --im pga --threshold 0.1% --max-im 3g",
     "sensitivity": "sensitivity shaken.yaml motion.txt --vary stiffness_factor=0.9:1.1",
-    "chart": "chart shaken.yaml --record motion.txt --method newmark-average --dt 0.02",
+    "chart": "chart shaken.yaml --record motion.txt --method newmark-average --dt 0.02 "
+    "--duration 0.8 --repeat 1",
 }
 FILES = {"model file": "run model.yaml", "campaign file": "campaign study.yaml -o out --overwrite"}
 """Commands with a file that contains the options as keys of the record."""
 
-COMMANDS_WITH_RECORDS = [
-    pytest.param(command, marks=pytest.mark.slow if command == "chart" else ()) for command in LINES
-]
 LAYOUT = "--skip-lines 2 --column 2 --step 0.01 --units m/s^2"
 PROCESSING = (
     "--trim 0.2:2.2 --baseline linear --pad 0.5:1 --highpass 0.4 --lowpass 20 --filter-order 2 "
@@ -49,16 +47,16 @@ def test_every_command_with_these_options_is_tried():
     assert sorted(with_rows) == sorted(LINES)
 
 
-def write_files(folder, options):
+def write_files(folder, file, options):
     """Write the options as keys of the record of a model and of the records of a campaign."""
     words = re.findall(r"--([a-z-]+)(?: (?!--)(\S+))?", options)
     keys = ", ".join(f"{name.replace('-', '_')}: {value or 'true'}" for name, value in words)
     shaken = (folder / "shaken.yaml").read_text()
     (folder / "model.yaml").write_text(
-        shaken.replace("file: motion.mseed, component: HNE", f"file: motion.txt, {keys}")
+        shaken.replace("file: motion.mseed, component: HNE", f"file: {file}, {keys}")
     )
     (folder / "study.yaml").write_text(
-        f"buildings: {{models: [shaken.yaml]}}\nrecords: {{files: [motion.txt], {keys}}}\n"
+        f"buildings: {{models: [shaken.yaml]}}\nrecords: {{files: [{file}], {keys}}}\n"
         "analysis: {method: newmark-average}\n"
     )
 
@@ -81,7 +79,7 @@ def numbers(folder, tdint, short_matching):
         else:
             (folder / "motion.txt").write_text(text)
         if command in FILES:
-            write_files(folder, options)
+            write_files(folder, "motion.txt" if text else "motion.mseed", options)
             result = tdint(*FILES[command].split(), code=None)
         else:
             result = tdint(*line.split(), *options.split(), code=None)
@@ -112,7 +110,7 @@ def _plain(acceleration, dt):
     return "".join(f"{i * dt!r} {float(a)!r}\n" for i, a in enumerate(acceleration))
 
 
-@pytest.mark.parametrize("command", [*COMMANDS_WITH_RECORDS, *FILES])
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_layout_of_a_table(numbers, samples, command):
     """The second column below two lines, without times."""
     backwards = samples[::-1]
@@ -124,7 +122,7 @@ def test_layout_of_a_table(numbers, samples, command):
     np.testing.assert_allclose(numbers(command, table, LAYOUT), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("command", [*COMMANDS_WITH_RECORDS, *FILES])
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_samples_in_rows(numbers, samples, command):
     """Five samples of one ground motion in each line."""
     lines = samples.reshape(-1, 5)
@@ -134,7 +132,7 @@ def test_samples_in_rows(numbers, samples, command):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("command", [*COMMANDS_WITH_RECORDS, *FILES])
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_processing(numbers, samples, command):
     record = process(
         make_record(samples, dt=0.01, units="m/s^2"),
@@ -177,7 +175,7 @@ STATION_XML = """\
 """Response of an accelerometer: 500 counts per m/s^2 at all frequencies."""
 
 
-@pytest.mark.parametrize("command", COMMANDS_WITH_RECORDS)
+@pytest.mark.parametrize("command", [*LINES, *FILES])
 def test_inventory(folder, numbers, command):
     (folder / "station.xml").write_text(STATION_XML)
     write_record(folder / "motion.mseed", "HNE", integer=True)

@@ -10,7 +10,7 @@ from selection import every
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.instrument import read_instruments
-from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 
 with quiet_import():
     from obspy.core.inventory import Channel, Inventory, Network, Station
@@ -295,6 +295,16 @@ def test_response_of_pole_is_removed(tmp_path):
     # the corner frequency.
     np.testing.assert_allclose(record.acceleration, expected, atol=4e-3 * expected.max())
     assert record.pga > 1.003 * np.abs(data).max() / GAIN
+
+
+def test_response_of_a_pair(tmp_path):
+    """The response of each component is removed, as for single components."""
+    inventory = station_xml(tmp_path / "a.xml", "HNE", "HNN")
+    path = write(tmp_path / "a.mseed", trace(counts()), trace(2 * counts(), channel="HNN"))
+    east, north = read_records(path, inventory=inventory)
+    pair = read_horizontals(path, inventory=inventory)
+    for component, expected in ((pair.first, north), (pair.second, east)):
+        np.testing.assert_array_equal(component.acceleration, expected.acceleration)
 
 
 @pytest.mark.parametrize(
