@@ -7,13 +7,14 @@ import pytest
 from matplotlib.figure import Figure
 
 import tdint
-from building_cases import noise, ten_bilinear, ten_linear
+from building_cases import noise, ten_bilinear
 from tdint.analysis.chart import problem as references
 from tdint.analysis.chart import profiles
 from tdint.analysis.run import analysis_kernels
 from tdint.methods.catalogue import parse
 
 MOTION = noise(samples=201, peak=6.0)
+ONE_STORY = {"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 200.0}], "damping": 0.05}
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +134,7 @@ def test_points_times_and_stored_reference_of_a_chart(tmp_path, monkeypatch, cac
     monkeypatch.setattr(references, "cache_folder", lambda: tmp_path)
     methods, steps, reports = ["impulse4", "newmark-average"], [0.04, 0.02], []
     chart = tdint.chart(
-        ten_bilinear(),
+        ONE_STORY,
         MOTION,
         method=methods,
         dt=steps,
@@ -198,12 +199,12 @@ def test_arguments_of_performance_profiles(monkeypatch):
     """Two motions with a method and tolerances: the points of the steps and of the tolerances."""
     note = "asked for OpenSees"
     monkeypatch.setattr(profiles, "_opensees_results", lambda *_: ([], np.nan, note))
-    motions, reports = [noise(samples=41), noise(samples=41, seed=8)], []
-    plain = tdint.performance_profiles(ten_linear(), motions, method=["hht"], repeats=1)
+    motions, reports = [noise(samples=21), noise(samples=21, seed=8)], []
+    plain = tdint.performance_profiles(ONE_STORY, motions, method=["hht"], repeats=1)
     assert {point.line for each in plain.measured for point in each.points} == {"hht"}
     assert [each.peer_note for each in plain.measured] == ["", ""]
     chart = tdint.performance_profiles(
-        ten_linear(),
+        ONE_STORY,
         motions[0],
         method="impulse4",
         tolerances=(0.1, 0.01),
