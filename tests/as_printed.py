@@ -187,3 +187,11 @@ def evaluate(text, **values):
 def closed_form(text, w, xi, dt, beta=BETA):
     """Return an equation of a step dt of an oscillator, w = omega dt, from its text."""
     return evaluate(text, omega=w / dt, xi=xi, dt=dt, beta=beta)
+
+
+def amplification_matrix(w, xi, dt, beta=BETA, text=corrected):
+    """Return eqs. 57 to 65 for (u, v dt, a dt^2); `text` gives the text of an equation."""
+    entries = np.empty((3, 3))
+    for number, (i, j) in ENTRIES.items():
+        entries[i, j] = closed_form(text(number), w, xi, dt, beta) * dt ** (i - j)
+    return entries

@@ -7,7 +7,7 @@ import pytest
 from ground_motion import format_files as files
 from ground_motion import network_files as networks
 from tdint.ground_motion.events import event_of, is_same_event, parse_event
-from tdint.ground_motion.reading.read import read_records
+from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.ground_motion.record import Record
 
 
@@ -47,6 +47,7 @@ def with_other(text, old, new):
     return text.replace(old, new)
 
 
+CSMIP_ORIGIN = "SOME EARTHQUAKE   (ORIGIN(BRK): 05/02/83, 23:42:38.5 UTC)"
 FILES = {
     "at2": (files.at2(), "Somewhere 2003-01-02"),
     "at2, old": (
@@ -124,6 +125,19 @@ def test_formats_state_event(name, tmp_path):
     (tmp_path / "motion").write_text(text)
     events = [event_of(record) for record in read_records(tmp_path / "motion")]
     assert {(event.label, event.is_start) for event in events} == {(label, False)}
+
+
+def test_sac_header_states_event(tmp_path):
+    """The origin time of SAC is relative to the reference time, and `b` is the time of the first
+    sample."""
+    import obspy
+
+    start = obspy.UTCDateTime(2019, 7, 6, 3, 20)
+    trace = obspy.Trace(np.array([0.0, 1.0, -1.0], dtype=np.float32), {"starttime": start})
+    trace.stats.sac = {"o": -7.0, "b": 0.0, "kevnm": "Ridge"}
+    trace.write(str(tmp_path / "a.sac"), format="SAC")
+    record = read_record(tmp_path / "a.sac", units="m/s^2")
+    assert event_of(record).label == "Ridge 2019-07-06T03:19:53"
 
 
 def record(event="", start=""):

@@ -15,7 +15,7 @@ from tdint.ground_motion.formats import usgs
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.reading.contents import read_contents
-from tdint.ground_motion.reading.read import read_record
+from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.units import STANDARD_GRAVITY
 
 
@@ -66,6 +66,21 @@ class TestAt2:
         np.testing.assert_array_equal(only(text).data, motion())
         np.testing.assert_array_equal(only(text + "\r\n\x1a\x1a").data, motion())
 
+    def test_header_with_free_text_is_read(self):
+        trace = only(files.free_at2())
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.stats.delta, trace.stats.tdint_units, trace.id) == (0.02, "g", "...")
+
+    @pytest.mark.parametrize(
+        ("stated", "expected"),
+        [
+            ("IN UNITS OF CM/S/S", "cm/s^2"), ("IN UNITS OF G'S.", "g"), ("IN UNITS OF (CM/SEC2)", "cm/s^2"),  # noqa: E501
+            ("IN UNITS OF M/S^2", "m/s^2"), ("IN G", "g"),
+        ],
+    )  # fmt: skip
+    def test_units_in_header(self, stated, expected):
+        assert only(files.at2().replace("IN UNITS OF G", stated)).stats.tdint_units == expected
+
     def test_missing_units_must_be_specified(self, tmp_path):
         path = tmp_path / "a.at2"
         path.write_text(files.free_at2().replace("The units are (g)\n", ""))
@@ -73,6 +88,17 @@ class TestAt2:
         record = read_record(path, units="gal")
         assert record.pga == pytest.approx(0.015)
         assert (record.units, record.units_from) == ("gal", "given")
+
+    def test_units_of_other_quantity_are_refused(self):
+        for units in ("CM/S", "CM", "IN/SEC"):
+            refused(
+                files.at2(units=units),
+                f"must be a unit of acceleration, but the header states '{units}'",
+            )
+        refused(
+            files.at2().replace("ACCELERATION", "VELOCITY"),
+            "must be a unit of velocity, but the header states 'G'",
+        )
 
     def test_velocity_and_displacement_are_read(self, tmp_path):
         (tmp_path / "a.VT2").write_text(files.at2(units="CM/S").replace("ACCELERATION", "VELOCITY"))
@@ -112,6 +138,13 @@ class TestCosmos:
         trace = only(text)
         assert trace.id == "CE.J2236.1.340"
         assert trace.stats.starttime.timestamp == 0
+
+    @pytest.mark.parametrize(
+        ("units", "expected"),
+        [("g (2)", "g"), ("cm/s^2", "cm/s^2"), ("in/sec2(07)", "in/s^2"), ("?(02)", "g")],
+    )
+    def test_units_in_header(self, units, expected):
+        assert only(files.cosmos(units=units)).stats.tdint_units == expected
 
     @pytest.mark.parametrize("quantity_name", ["raw acceleration", "raw accel."])
     def test_counts_require_value_of_count(self, tmp_path, quantity_name):
@@ -217,6 +250,27 @@ class TestCsmip:
         assert changed.peaks == (None, None)
         assert measure(changed).pgv != measures.pgv
 
+    def test_wrong_peak_velocity_is_refused(self):
+        text = files.csmip_v2({" 90 DEG": 150.5})
+        line = "PEAK ACCELERATION =  150.500    CM/SEC/SEC  AT   10.940   SEC.\n"
+        more = "PEAK   VELOCITY   =   {}      CM/SEC    AT    5.080   SEC.\n"
+        assert contents(text.replace(line, line + more.format("-75.250"))).notes == ()
+        refused(
+            text.replace(line, line + more.format("-82.912")),
+            "peak velocity of 82.912 CM/SEC, but the data that were read have 75.25",
+        )
+
+    def test_channel_is_selected_by_component(self, tmp_path):
+        path = tmp_path / "a.v2"
+        path.write_text(files.csmip_v2({"  0 DEG": 10.0, " 90 DEG": 20.0, "90 DEG": 30.0}))
+        assert [record.pga for record in read_records(path)] == pytest.approx([0.1, 0.2, 0.3])
+        assert read_record(path, component="0").pga == pytest.approx(0.1)
+        refused(
+            path,
+            r"several components match '90', choose one: .36456.2.90, .36456.3.90",
+            component="90",
+        )
+
     @pytest.mark.parametrize("write", [files.csmip_pairs, files.usc])
     @pytest.mark.parametrize("first", [0.0, 99.0])
     def test_pairs_of_time_and_acceleration_are_read(self, write, first):
@@ -237,6 +291,19 @@ class TestCsmip:
         np.testing.assert_allclose(trace.data, between, atol=1e-12)
         (note,) = found.notes
         assert states(note, "the times in the file ... interpolated ... 0.001 s")
+
+    def test_invalid_files_are_refused(self):
+        times = np.arange(120) * 0.005
+        times[60:] += 0.02  # a piece missing on film
+        refused(files.usc(times=times), "not at equal steps")
+        text = files.csmip_v2()
+        refused(text[: text.index("120 POINTS OF DISPL")], "no block of DISPL found")
+        refused(files.csmip_pairs(units="VOLTS"), "must be a unit of acceleration")
+        refused(files.usc() + "   1.000  .1000\n", "follows the 120 values stated in the header")
+        refused(
+            files.csmip_v1().replace("at 200 pts", "at 0 pts"),
+            "sampling rate must be positive, but line 37 states 0",
+        )
 
     def test_wrong_peak_is_refused(self):
         sound = files.csmip_v2()
@@ -264,6 +331,10 @@ class TestCsmip:
 
 
 class TestUsc:
+    def test_text_may_follow_the_last_point(self):
+        trace = only(files.usc() + "VLEE $\n\x1a")
+        np.testing.assert_array_equal(trace.data, motion())
+
     @pytest.mark.parametrize("line_first", [False, True])
     @pytest.mark.parametrize("blocks", [("ACC",), ("ACC", "VEL", "DIS")])
     def test_volume_2_has_units_of_its_peak(self, line_first, blocks):
@@ -283,6 +354,17 @@ class TestUsc:
 
     def test_peak_may_have_more_decimals_than_samples(self):
         assert contents(files.usc_2(peak=150.5004)).notes == ()
+
+    @pytest.mark.parametrize("line_first", [False, True])
+    def test_invalid_volume_2_is_refused(self, line_first):
+        refused(files.usc_2(peak=15.05, line_first=line_first), "states a peak of 15.05 cm/s")
+        for count in (112, 121):
+            refused(files.usc_2(count=count, line_first=line_first), f"states {count} values, but")
+        lines = files.usc_2(line_first=line_first).splitlines()
+        for kept in (lines[:-20] + lines[-19:], [*lines, lines[-5]], lines[:40], lines[:28]):
+            refused("\n".join(kept), "values|cut off")
+        texts = files.usc_2(line_first=line_first).replace("POINTS OF ACC", "POINTS OF XYZ")
+        refused(texts, "no line above line|no values of ACC|unknown format")
 
 
 class TestSmc:
@@ -367,6 +449,19 @@ class TestEsm:
             "cm/s^2",
         )
         assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
+
+    def test_invalid_files_are_refused(self):
+        refused(files.esm(data_type="VELOCITY"), "must be a unit of velocity")
+        assert only(files.esm(data_type="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
+        refused(files.esm(data_type="SPECTRUM"), "must contain a ground motion, got 'spectrum'")
+        refused(
+            files.esm(units="cm/s"), "must be a unit of acceleration, but the header states 'cm/s'"
+        )
+        refused(files.esm(ndata=121), "states 121 values")
+        refused(files.esm(ndata=119), "line 138 follows the 119 values stated by NDATA")
+        refused(files.esm(ndata="many"), "must state NDATA and SAMPLING_INTERVAL_S")
+        for dt in ("0.0", "-1.0", "1000.0"):
+            refused(files.esm().replace("0.005000", dt), "sampling interval of")
 
 
 class TestGeonet:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ground_motion.files import trace, wave, write
 from ground_motion.samples import SAMPLES
 from selection import every
 from tdint.errors import RecordError
@@ -80,6 +81,23 @@ def test_missing_and_repeated_rows_are_refused(name, data):
         samples = read(name, changed) or {}
         for component, values in samples.items():
             np.testing.assert_array_equal(values, complete[component])
+
+
+@pytest.mark.parametrize("name", ["SLIST", "TSPAIR", "SH_ASC"])
+def test_missing_and_repeated_rows_of_obspy_formats_are_refused(name, tmp_path):
+    data = write(tmp_path / "file", trace(wave(100)), format=name).read_bytes()
+    assert read_contents(data, "file").traces[0].stats.npts == 100
+    for changed in with_lines_changed(data):
+        with pytest.raises(RecordError):
+            read_contents(changed, "file")
+
+
+def test_number_of_samples_of_sh_asc_is_required(tmp_path):
+    """ObsPy omits the last channel if no blank line follows."""
+    data = write(tmp_path / "file", *2 * [trace(wave(100))], format="SH_ASC").read_bytes()
+    for changed in (data.replace(b"LENGTH: 100\n", b"", 1), data.rstrip(b"\n") + b"\n"):
+        with pytest.raises(RecordError, match=r"DELTA and LENGTH|has 2 headers .* but 1 could"):
+            read_contents(changed, "file")
 
 
 OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)

@@ -27,6 +27,19 @@ class TestOneColumn:
         np.testing.assert_array_equal(trace.data, motion())
         assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, "g")
 
+    def test_names_and_start_in_header(self):
+        header = (
+            "# dt = 0.01 s, units = 0.1 g\n# network = XX, station = Far Hill, location = 00, "
+            "component = NS\n"
+            "# start = 2020-01-02T03:04:05+01:00"
+        )
+        trace = only(one_column(header=header))
+        assert (trace.id, str(trace.stats.starttime)) == (
+            "XX.Far-Hill.00.NS",
+            "2020-01-02T02:04:05.000000Z",
+        )
+        assert only(one_column(header="# dt = 1 s\n# start: noon")).stats.starttime.timestamp == 0
+
     def test_blank_and_comment_lines_are_ignored(self):
         assert contents(one_column()).notes == ()
         np.testing.assert_array_equal(
@@ -59,6 +72,36 @@ class TestOneColumn:
 
 class TestTwoColumns:
     @pytest.mark.parametrize(
+        ("header", "separator", "units"),
+        [
+            ("time_s,acceleration_m_s2", ",", "m/s^2"),
+            ("Time (s); Acceleration (cm/s^2)", "; ", "cm/s^2"),
+            ("# t [sec]\ta [gal]", "\t", "cm/s^2"),
+            ("Time (s)   Acc (g)", "   ", "g"),
+            ('"time","ground_acceleration_mm_s2"', ",", "mm/s^2"),
+            ("# units = g", " ", "g"),
+            (None, ",", ""),
+        ],
+    )
+    def test_names_and_separators(self, header, separator, units):
+        trace = only(two_columns(header=header, separator=separator))
+        np.testing.assert_array_equal(trace.data, motion())
+        assert (trace.stats.delta, trace.stats.tdint_units) == (0.01, units)
+
+    def test_milliseconds_and_decimal_commas(self):
+        rows = text(
+            "time_ms;acceleration_g",
+            [f"{5 * i};{value:.3f}".replace(".", ",") for i, value in enumerate(motion())],
+        )
+        trace = only(rows)
+        np.testing.assert_array_equal(trace.data, motion())
+        assert trace.stats.delta == 0.005
+
+    def test_trailing_separator_and_byte_order_mark(self):
+        rows = two_columns().replace("\n", ",\n").replace("acceleration_m_s2,", "acceleration_m_s2")
+        np.testing.assert_array_equal(only("\ufeff" + rows).data, motion())
+
+    @pytest.mark.parametrize(
         ("dt", "decimals", "expected"),
         [
             (0.01, 2, 0.01),
@@ -70,6 +113,10 @@ class TestTwoColumns:
     )
     def test_sampling_interval_of_rounded_times(self, dt, decimals, expected):
         assert only(two_columns(dt=dt, decimals=decimals)).stats.delta == expected
+
+    def test_declared_interval_must_agree_with_times(self):
+        assert only(two_columns(header="# dt = 0.01")).stats.delta == 0.01
+        refused(two_columns(header="# dt = 0.02"), "sampling intervals, 0.02 s and 0.01 s")
 
     # A time may slip by a fiftieth of the interval.
     @pytest.mark.parametrize(
@@ -93,8 +140,40 @@ class TestTwoColumns:
         else:
             assert only(rows).stats.delta == 0.01
 
+    def test_times_must_increase(self):
+        lines = two_columns().splitlines(keepends=True)
+        refused(
+            "".join([*lines[:50], *lines[40:]]), "times must increase, but do not after sample 48"
+        )
+        refused(two_columns(dt=0.004, decimals=2), "times must increase, but do not after sample 0")
+
 
 class TestOtherText:
+    @pytest.mark.parametrize(
+        "other",
+        [
+            "period_s,psa_m_s2\n0.1,2\n0.2,3\n",
+            "time_s,temperature\n0.1,2\n0.2,3\n",
+            "0.2 2 3\n0.1 3 4\n",
+            "one\n0.1 2\n0.2 3\n",
+            "0.1\n",
+            "1,,2\n2,,3\n",
+            "1 2\n2 3\n3 4 5\n",
+            "1 2\n2 3\nend\n",
+            "3 1\n2 1\n1 1\n",
+            "mass: 5\n1\n2\n",
+            "nan\nnan\n",
+        ],
+    )
+    def test_other_text_is_refused(self, other):
+        refused(other, "unknown format")
+
+    def test_words_after_first_rows_are_refused(self):
+        refused(one_column() * 100 + "end\n1\n", "must contain 1 numbers, got 'end'")
+        refused(
+            two_columns() + "1.2, nan\n", "unknown format|must contain 2 numbers, got '1.2, nan'"
+        )
+
     def test_truncated_last_number_is_refused(self):
         rows = "".join(f"{value:.3f}\n" for value in motion(80))
         assert only(f"# dt = 1, units = g\n0\n{rows}0").data[-1] == 0.0
@@ -124,6 +203,12 @@ class TestTables:
         assert (record.pga, record.units) == (pytest.approx(STANDARD_GRAVITY), "g")
         assert record.peaks == (pytest.approx(0.02), pytest.approx(0.005))
         assert record.header_checks == ("sampling interval",)
+
+    def test_missing_units_are_not_guessed(self, tmp_path, three):
+        (tmp_path / "a.csv").write_text(self.table("Time,Acc,Vel,Disp", three))
+        refused(tmp_path / "a.csv", "does not state the units")
+        record = read_record(tmp_path / "a.csv", units="gal")
+        assert (record.pga, record.peaks) == (pytest.approx(0.01), (None, None))
 
     @pytest.mark.parametrize(
         ("header", "separator", "names"),

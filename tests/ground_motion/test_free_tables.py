@@ -8,13 +8,14 @@ import pytest
 from facts import states
 from fuzz.random_tables import KINDS, WRONG, outcome
 from ground_motion.format_files import text
-from ground_motion.free_tables import CASES, F8, GAL, G, column, lines
+from ground_motion.free_tables import CASES, F8, GAL, G, accelerogram, column, lines
 from ground_motion.samples import SAMPLES
 from selection import every
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import statements
 from tdint.ground_motion.formats.lines import ROW
+from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_records
 
 TIMES = 0.01 * np.arange(len(G))
@@ -143,6 +144,28 @@ class TestQuestions:
 
     noise = np.round(np.random.default_rng(1).normal(size=(300, 4)), 4)
 
+    def test_answers(self, file):
+        content = table(*self.noise.T)
+        facts = "line 1 ... 4 values per line ... `rows` ... `column`"
+        assert states(message(file, content), facts)
+        assert states(message(file, content, "g", step=0.01), facts)
+        (rows,) = read(file, content, "m/s^2", step=0.01, rows=True)
+        np.testing.assert_allclose(rows.acceleration, self.noise.ravel(), rtol=1e-12)
+        (second,) = read(file, content, "m/s^2", step=0.01, column=2)
+        np.testing.assert_allclose(second.acceleration, self.noise[:, 1], rtol=1e-12)
+
+    def test_two_values_per_line(self, file):
+        content = lines(F8[:1180], 2, "%10.2f")
+        assert states(message(file, content, "gal", step=0.01), "2 values ... `rows` ... `column`")
+        (record,) = read(file, content, "gal", step=0.01, rows=True)
+        np.testing.assert_allclose(record.acceleration, 0.01 * F8[:1180], rtol=1e-12)
+
+    def test_rows_without_interval_or_units(self, file):
+        content = lines(F8, 8, "%10.2f")
+        assert states(message(file, content), "each line continues ... `step`")
+        assert states(message(file, content, step=0.01), "units")
+        assert "`column`" not in message(file, content)
+
     def test_contradicting_answers(self, file):
         rows = lines(F8[:1184], 8, "%10.2f")
         assert states(message(file, rows, "gal", step=0.01, column=1), "`column` cannot ... remove")
@@ -164,6 +187,25 @@ class TestQuestions:
     def test_rows_of_other_formats(self, file, name):
         found = message(file, SAMPLES[name][0](), rows=True)
         assert states(found, f"`rows` cannot be used with the file format {name}")
+
+    def test_floors_are_not_rows(self, file):
+        floors = [accelerogram(2000, 0.2)]
+        for _ in range(4):
+            floors.append(1.15 * np.convolve(floors[-1], np.ones(5) / 5, "same"))
+        try:
+            records = read(file, table(*np.round(floors, 5)), "g", step=0.01)
+        except RecordError as error:
+            assert states(str(error), "`rows` ... `column`")
+        else:
+            assert len(records) == 5
+
+    def test_directory(self, file):
+        """Questions about any table of numbers do not make it a record of a directory."""
+        file.write_text(table(*self.noise.T))
+        assert not is_record(file)
+        assert is_record(file, TextLayout(rows=True))
+        file.write_text(CASES["network"].text)
+        assert is_record(file)
 
 
 class TestFirstLine:
@@ -205,6 +247,12 @@ class TestFirstLine:
         assert read(file, numbered, "g", step=0.02)[0].dt == 0.02
         assert read(file, numbered, "g", step=1)[0].dt == 1.0
 
+    def test_pairs_of_times_and_values(self, file):
+        pairs = np.stack((TIMES, G), axis=1).reshape(-1, 8)
+        (record,) = read(file, table(*pairs.T), "m/s^2")
+        assert record.dt == 0.01
+        np.testing.assert_allclose(record.acceleration, G, atol=0.51e-5)
+
 
 class TestOtherFiles:
     def test_times_with_a_different_last_step(self, file):
@@ -213,12 +261,56 @@ class TestOtherFiles:
         content = "MADE UP\nACCELERATION IN G\n" + table(late, G, form="%12.4f")
         assert states(message(file, content), "last interval ... 0.006 s ... 0.01 s")
 
+    def test_spectra(self, file):
+        content = (
+            "RESPONSE AND FOURIER AMPLITUDE SPECTRA\nACCELERATION IN CM/SEC/SEC, 5 PERCENT\n"
+            + lines(np.abs(F8), 8, "%10.3f")
+        )
+        for layout in ({}, {"step": 0.01}):
+            found = message(file, content, **layout)
+            assert states(found, "response and fourier amplitude spectra ... volume 1 or 2")
+
     def test_velocity_requires_its_units(self, file):
         content = "VELOCITY, NPTS: 1187\nDT: 0.01 SEC\n" + lines(F8, 8, "%10.2f")
         assert states(message(file, content, "g"), "velocity")
         (record,) = read(file, content, "cm/s")
         speed = np.gradient(F8, 0.01) * 0.01
         np.testing.assert_allclose(record.acceleration[1:-1], speed[1:-1], atol=1e-9)
+
+    def test_several_units_are_not_used(self, file):
+        content = "UNITS: G\nACCELERATION IN GAL\nNPTS: 1187\nDT: 0.01 SEC\n" + lines(
+            F8, 8, "%10.2f"
+        )
+        assert states(message(file, content), "units")
+        assert "several units" in "".join(read(file, content, "gal")[0].notes)
+
+    def test_several_intervals_are_refused(self, file):
+        content = COUNTED.format(1187) + "SAMPLING RATE: 200 HZ\n" + lines(F8, 8, "%10.2f")
+        assert states(message(file, content), "several sampling intervals, 0.01 s and 0.005 s")
+
+    @pytest.mark.parametrize(
+        "content",
+        [
+            "nodes and their coordinates\n"
+            + table(np.arange(50), np.arange(50) ** 0.5, np.ones(50)),
+            "time drift\n" + table(TIMES, G),
+            "a poem\nof two lines\n",
+        ],
+    )
+    def test_other_tables_are_no_records(self, file, content):
+        file.write_text(content)
+        assert not is_record(file)
+
+
+@pytest.mark.parametrize("mark", every(3, [b"\x1a\r\n", b"\x1a", b"\x1a\x1a"]))
+@pytest.mark.parametrize("name", sorted(SAMPLES))
+def test_end_mark_of_every_format(file, name, mark):
+    for write in SAMPLES[name]:
+        content = write().encode()
+        units = "gal" if content[:1].isdigit() or name == "SACTEXT" else None
+        expected = read(file, content, units)
+        for record, other in zip(read(file, content + mark, units), expected, strict=True):
+            np.testing.assert_array_equal(record.acceleration, other.acceleration)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -330,6 +422,20 @@ class TestDecimalCommas:
         (record,) = read(file, self.HEADER + "\n".join(rows) + "\n", rows=width > 1)
         assert record.dt == pytest.approx(0.01)
         np.testing.assert_allclose(record.acceleration, G, rtol=0, atol=1e-12)
+
+    def test_times(self, file):
+        rows = [f"{t:.2f} {a:.6f}" for t, a in zip(TIMES, G, strict=True)]
+        content = "Zeit (s)  Beschleunigung (g)\n" + "\n".join(rows).replace(".", ",")
+        (record,) = read(file, content)
+        np.testing.assert_allclose(record.acceleration, 9.80665 * G, rtol=1e-12)
+
+    def test_integers_keep_their_separator(self, file):
+        """Pairs of integers without a zero after the comma are times in ms and counts."""
+        counts = np.round(1e5 * G).astype(int)
+        content = "t (ms),a (mm/s2)\n" + "".join(f"{10 * i},{a}\n" for i, a in enumerate(counts))
+        (record,) = read(file, content)
+        assert record.dt == pytest.approx(0.01)
+        np.testing.assert_allclose(record.acceleration, 1e-3 * counts, rtol=1e-12)
 
 
 @pytest.mark.parametrize("names", ["no,time,acc(gal)", "Index,Time (s),Acceleration (cm/s^2)"])

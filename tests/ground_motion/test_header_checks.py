@@ -14,6 +14,7 @@ from tdint.ground_motion.header_checks import (
     knet_statements,
     look_at_gse,
     look_at_sac,
+    sac_statements,
 )
 from tdint.ground_motion.miniseed_checks import Damaged, Statement, check_step, compare
 from tdint.ground_motion.reading.contents import read_contents
@@ -24,6 +25,12 @@ class TestComparison:
     def test_wrong_value_is_refused(self, stated):
         with pytest.raises(RecordError, match=r"peak of .* g, .* 1 g"):
             compare([Statement("peak", stated, 1.0, 0.01, "g")])
+
+    def test_measured_value_may_differ_by_one_percent_with_warning(self):
+        with pytest.warns(UserWarning, match=r"states a peak of 1\.009"):
+            compare([Statement("peak", 1.009, 1.0, measured=True)])
+        with pytest.raises(RecordError):
+            compare([Statement("peak", float("inf"), 1.0, measured=True)])
 
 
 @pytest.mark.parametrize("dt", [1e-6, 0.005, 10.0])
@@ -40,6 +47,16 @@ class TestSac:
         return bytearray(
             write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
         )
+
+    def test_sound_header_is_compared(self, data):
+        compared = read_contents(bytes(data), "file").compared
+        assert set(compared) == {
+            "number of samples",
+            "length (time of the last sample)",
+            "peak (smallest sample)",
+            "peak (largest sample)",
+            "mean",
+        }
 
     @pytest.mark.parametrize(
         ("word", "value", "match"),
@@ -70,6 +87,18 @@ class TestSac:
 
 
 class TestText:
+    @pytest.mark.parametrize("format", ["SLIST", "TSPAIR"])
+    def test_wrong_number_of_samples_is_refused(self, tmp_path, format):
+        data = write(tmp_path / "a", trace(wave(300)), format=format).read_bytes()
+        assert read_contents(data, "file").compared == ("number of samples",)
+        for stated in (b"294", b"306"):
+            refused(
+                data.replace(b"300 samples", stated + b" samples"),
+                f"{stated.decode()}, but the data that were read have 300",
+            )
+        *lines, last = data.rstrip().split(b"\n")
+        refused(b"\n".join([*lines, last, last, b""]), "but the data that were read have 30")
+
     @pytest.mark.parametrize("version", ["1", "2"])
     def test_sections_of_gse_are_counted(self, version):
         """The number of samples is in different columns of the first line in each version."""
@@ -133,6 +162,32 @@ class TestText:
                     assert look_at_sac(data)[0] == 1000
                 else:
                     refused(data, "header states an invalid longitude")
+
+    def test_length_of_sac_record_is_compared(self, tmp_path):
+        """The header may state the time of the last sample or of the following sample, but not a
+        time in between."""
+        data = bytearray(
+            write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
+        )
+        for shift, sound in (
+            (0.0, True),
+            (0.01, True),
+            (-0.01, True),
+            (0.0103, False),
+            (-0.0103, False),
+        ):
+            struct.pack_into("<ff", data, 4 * 5, 2.0, 2.0 + 9.99 + shift)
+            (length,) = (
+                statement
+                for statement in sac_statements(look_at_sac(data), [trace(wave(1000))])
+                if "time" in statement.header_quantity
+            )
+            assert (length.difference <= 0.0) == sound, shift
+        struct.pack_into("<f", data, 4 * 5, -12345.0)
+        assert not any(
+            "time" in statement.header_quantity
+            for statement in sac_statements(look_at_sac(data), [trace(wave(1000))])
+        )
 
 
 @pytest.mark.parametrize(

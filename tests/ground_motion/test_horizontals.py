@@ -1,5 +1,7 @@
 """Two horizontal components are identified by their names; other combinations are refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,9 @@ from tdint.ground_motion.horizontals import (
     find_horizontals,
     is_vertical,
     motion_name,
+    with_component,
 )
-from tdint.ground_motion.reading.read import read_records
+from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 from tdint.ground_motion.record import Record
 
 
@@ -225,6 +228,20 @@ def test_pairs_by_file_name_patterns():
 
 
 @pytest.mark.parametrize(
+    "text", ["{}_N.txt", "{}_N.txt,{}_N.txt", "{}_N.txt,{}_E.txt,{}_Z.txt", "{}{},{}_E", "a,{}_b"]
+)
+def test_invalid_file_name_patterns_are_refused(text):
+    with pytest.raises(UsageError, match="must be two file name patterns"):
+        PairNames.parse(text)
+
+
+def test_missing_component_is_taken_from_file_name():
+    assert with_component(record("", source="a/site_ns.csv")).component == "NS"
+    assert with_component(record("HNE", source="a/site_ns.csv")).component == "HNE"
+    assert with_component(record("", source="a/site.csv")).component == ""
+
+
+@pytest.mark.parametrize(
     ("files", "names"),
     [
         (("a1.txt", "a2.txt", "b1.txt", "b2.txt"), "{}1.txt,{}2.txt"),
@@ -263,6 +280,11 @@ def test_proposed_patterns_are_different_and_keep_numbers(files, names):
     assert PairNames.parse(names).motion(files[0]) == PairNames.parse(names).motion(files[1])
 
 
+def test_different_file_names_give_no_pattern():
+    failures = [SingleHorizontal(file, "") for file in ("kobe.txt", "northridge.txt")]
+    assert "--pairs" not in str(combine_single_components(failures)[0])
+
+
 @pytest.mark.parametrize(
     ("names", "found"),
     [
@@ -280,4 +302,13 @@ def test_real_records_are_paired(names, found):
             [component for path in paths for component in read_records(path)]
         ).component
         == found
+    )
+
+
+def test_pair_is_read_from_file():
+    file = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
+    pair = read_horizontals(file, units="m/s^2")
+    assert (pair.component, pair.first.pga) == (
+        "HN1+HN2",
+        read_record(file, units="m/s^2", component="HN1").pga,
     )

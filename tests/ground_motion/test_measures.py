@@ -20,6 +20,7 @@ from tdint.ground_motion.measures import (
     measure,
     spectrum_intensity,
     time_of_energy,
+    zeros_at_ends,
 )
 from tdint.ground_motion.record import Record
 from tdint.units import STANDARD_GRAVITY
@@ -87,6 +88,18 @@ class TestClosedForms:
             2.0 / 3.0
         )  # where the velocity is zero, between the samples
 
+    def test_measures_of_sine(self):
+        """The record has twenty periods of A sin(omega t) with 400 samples each."""
+        amplitude, omega, n = 3.0, 2.0 * math.pi, 8000
+        dt = 20.0 / n
+        found = measure(record(amplitude * np.sin(omega * dt * np.arange(n + 1)), dt))
+        assert found.pga == pytest.approx(amplitude)
+        assert found.pgv == pytest.approx(2.0 * amplitude / omega, rel=1e-4)
+        assert found.pgd == pytest.approx(20.0 * amplitude / omega, rel=1e-4)
+        assert found.arias == pytest.approx(arias(20.0 * amplitude**2 / 2.0), rel=1e-4)
+        assert found.cav == pytest.approx(20.0 * 2.0 * amplitude / math.pi, rel=1e-4)
+        assert (found.d5_75, found.d5_95) == pytest.approx((14.0, 18.0), rel=1e-3)
+
     def test_spectrum_intensity_of_straight_line(self):
         periods = np.linspace(0.1, 2.5, 7)
         assert spectrum_intensity(periods, 2.0 + periods) == pytest.approx(
@@ -144,6 +157,18 @@ class TestUnusualRecords:
         assert math.isnan(found.d5_95)
         assert found.notes == ()
 
+    def test_overflow_gives_infinite_measures(self):
+        found = measure(record([1e300, -1e300]))
+        assert not math.isfinite(found.arias)
+        assert math.isnan(found.d5_95)
+
+    @pytest.mark.parametrize(
+        ("samples", "expected"),
+        [([0, 0, 1, 0], (2, 1)), ([1, 0, 1], (0, 0)), ([0, 0], (2, 0)), ([1], (0, 0))],
+    )
+    def test_zeros_at_ends_are_counted(self, samples, expected):
+        assert zeros_at_ends(np.array(samples, dtype=float)) == expected
+
     @pytest.mark.parametrize(
         ("samples", "notes"),
         [
@@ -197,6 +222,13 @@ class TestBaseline:
 class TestMeasuresOfFrequencyAndLevel:
     """Tests of mean period, A95 and bracketed duration against closed forms."""
 
+    def test_mean_period_of_sine_is_its_period(self):
+        """One hundred complete periods of 2 Hz have one Fourier amplitude."""
+        dt, frequency = 0.005, 2.0
+        motion = record(np.sin(2.0 * math.pi * frequency * dt * np.arange(10_000)), dt)
+        assert measure(motion).mean_period == pytest.approx(0.5, rel=1e-9)
+        assert measure(motion.scaled(7.0)).mean_period == pytest.approx(0.5, rel=1e-9)
+
     def test_mean_period_weights_periods_by_squared_amplitudes(self):
         """Amplitudes 1 at 1 Hz and 2 at 4 Hz have the mean period (1 x 1 + 4 x 0.25) / 5.
         Frequencies outside of 0.25 to 20 Hz do not count."""
@@ -204,6 +236,15 @@ class TestMeasuresOfFrequencyAndLevel:
         sines = (1.0, 1.0), (2.0, 4.0), (9.0, 0.1), (9.0, 30.0)
         motion = sum(a * np.sin(2.0 * math.pi * f * time) for a, f in sines)
         assert measure(record(motion, 0.005)).mean_period == pytest.approx(0.4, rel=1e-9)
+
+    def test_trailing_zeros_do_not_change_mean_period(self):
+        """The frequency interval of a record of 2 s is 0.5 Hz; padding with zeros reduces it to the
+        limit of 0.05 Hz."""
+        rng = np.random.default_rng(4)
+        samples = rng.standard_normal(400) * np.hanning(400)
+        short = record(samples, 0.005)
+        padded = record(np.concatenate([samples, np.zeros(3600)]), 0.005)
+        assert measure(short).mean_period == measure(padded).mean_period
 
     def test_a95_of_ramp(self):
         """The energy below A of a ramp from 0 to 1 is the fraction A^3 of the total energy."""

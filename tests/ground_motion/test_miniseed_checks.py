@@ -6,7 +6,7 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from ground_motion.files import counts, refused, refused_by, trace, wave, write
+from ground_motion.files import counts, need_obspy_data, refused, refused_by, trace, wave, write
 from selection import every
 from tdint.ground_motion.miniseed_checks import look_at_mseed, most_samples
 from tdint.ground_motion.reading.contents import read_contents
@@ -29,6 +29,9 @@ class TestMiniSeed:
         values = values.astype(np.int16) if request.param == "INT16" else values
         path = write(tmp_path / "a", trace(values), reclen=512, encoding=request.param)
         return bytearray(path.read_bytes())
+
+    def test_sound_file_is_compared(self, data):
+        assert read_contents(bytes(data), "file").compared == ("number of samples",)
 
     # Position from the start or end of the file, inserted bytes, and message
     @pytest.mark.parametrize(
@@ -317,6 +320,14 @@ class TestMiniSeedByHand:
             wrong,
             "the first control header of the file does not state the length of the records",
         )
+
+
+@pytest.mark.parametrize("name", ["CDSN", "DWWSSN", "GEOSCOPE16_4", "SRO"])
+def test_excessive_samples_of_rare_encodings_are_refused(name):
+    data = bytearray(need_obspy_data(f"mseed/tests/data/{name}_encoding.mseed").read_bytes())
+    assert read_contents(bytes(data), "file").compared == ("number of samples",)
+    struct.pack_into(">H", data, 30, 60000)
+    refused(data, "states 60000 samples, but the record has space for")
 
 
 class TestSteim:

@@ -7,6 +7,8 @@ from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from selection import every
 from tdint.errors import RecordError, UsageError
@@ -108,6 +110,17 @@ def test_every_step_is_noted_and_other_attributes_are_kept():
         after.dt = 1.0
     with pytest.raises(ValueError, match="read-only"):
         after.acceleration[0] = 1.0
+
+
+@settings(max_examples=3, deadline=None)
+@given(factor=st.floats(-3.0, 3.0), seed=st.integers(0, 99))
+def test_processing_steps_are_linear(factor, seed):
+    first, second = noise(seed=seed), noise(seed=seed + 100)
+    both = process(
+        record(first.acceleration + factor * second.acceleration), **EVERYTHING
+    ).acceleration
+    apart = [process(part, **EVERYTHING).acceleration for part in (first, second)]
+    np.testing.assert_allclose(both, apart[0] + factor * apart[1], atol=1e-10)
 
 
 # Trim, baseline, pad

@@ -1,7 +1,10 @@
 """Reading of valid files: formats, components, time gaps and attributes of records."""
 
 import io
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +12,12 @@ import pytest
 from ground_motion.files import START, counts, need_obspy_data, refused, trace, wave, write
 from selection import every
 from tdint.errors import RecordError
+from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.reading import contents
 from tdint.ground_motion.reading.contents import OBSPY_FORMATS, plugins
 from tdint.ground_motion.reading.read import read_record, read_records
+
+FIRM_SOIL = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
 
 
 @pytest.fixture
@@ -82,6 +88,14 @@ class TestFormats:
             read_record(path, units=units).acceleration, samples * scale, rtol=1e-8, atol=1e-9
         )
 
+    def test_slist_without_unit_requires_units(self, tmp_path):
+        path = tmp_path / "a.txt"
+        path.write_text(
+            "TIMESERIES XX_ABC_00_HNE_D, 3 samples, 100 sps, 2020-01-02T03:04:05, SLIST, "
+            "FLOAT,\n1.5 2 0\n"
+        )
+        assert read_record(path, units="gal").pga == 0.02
+
     def test_plugins_exclude_pickle(self):
         by_name = {plugin.name: plugin for plugin in plugins()}
         assert "PICKLE" not in by_name
@@ -90,6 +104,35 @@ class TestFormats:
             plugin.is_format.value.startswith(("obspy.io.", "tdint."))
             for plugin in by_name.values()
         )
+
+    @pytest.mark.long
+    def test_only_plugin_of_format_is_loaded(self):
+        code = """
+import importlib.metadata, sys
+asked = []
+original = importlib.metadata.distribution
+importlib.metadata.distribution = lambda name: asked.append(name) or original(name)
+from tdint.ground_motion.reading.read import read_records
+for _ in range(2):
+    read_records(sys.argv[1], units="m/s^2")
+loaded = {name.split(".")[2] for name in sys.modules if name.startswith("obspy.io.")}
+print(asked.count("obspy"), asked.count("tdint"), sorted(loaded))
+print([name for name in sys.modules if name.startswith("tdint.ground_motion.formats.networks")])
+"""
+        result = subprocess.run(
+            [sys.executable, "-c", code, FIRM_SOIL], capture_output=True, text=True
+        )
+        assert result.stdout.splitlines() == ["1 1 ['mseed']", "[]"], result.stderr
+
+    def test_text_channels_are_omitted(self, tmp_path):
+        log = trace(np.frombuffer(b"door opened" * 3, dtype="S1"), channel="LOG")
+        log.stats.delta = 1.0
+        parts = [write(tmp_path / "a", log), write(tmp_path / "b", trace(wave()))]
+        (tmp_path / "c").write_bytes(b"".join(part.read_bytes() for part in parts))
+        (record,) = read_records(tmp_path / "c")
+        assert record.component == "HNE"
+        layout = TextLayout(step=record.dt)
+        assert read_records(tmp_path / "c", layout=layout)[0].dt == record.dt
 
 
 class TestKnet:
@@ -163,6 +206,14 @@ def test_full_seed_volume_is_read():
 
 
 class TestComponents:
+    def test_components_are_in_file_order(self, three):
+        assert [(r.component, round(r.pga, 12)) for r in read_records(three)] == [
+            ("HNE", 1),
+            ("HNN", 2),
+            ("HNZ", 3),
+        ]
+        refused(three, "several components, choose one by `component`: HNE, HNN, HNZ")
+
     @pytest.mark.parametrize(
         "name", ["HNN", "hnn", " HNN ", "XX.ABC.00.HNN", "xx.abc.00.hnn", "N", "n"]
     )
@@ -182,6 +233,10 @@ class TestComponents:
         path = write(tmp_path / "b", trace(wave()), trace(wave(peak=1.0), location="10"))
         refused(path, r"choose one: XX\.ABC\.00\.HNE, XX\.ABC\.10\.HNE", component="HNE")
         assert read_record(path, component="XX.ABC.10.HNE").pga == 1.0
+
+    def test_unselected_components_may_be_invalid(self, tmp_path):
+        path = write(tmp_path / "a", trace(wave()), trace([1.0, np.nan, 2.0], channel="HNN"))
+        assert read_record(path, component="HNE").pga == 3.0
 
     def test_different_sampling_intervals_are_refused(self, tmp_path):
         path = write(tmp_path / "a", trace(wave()), trace(wave(), channel="HNN", dt=0.02))
@@ -217,6 +272,11 @@ class TestPieces:
     def test_gap_overlap_and_changing_interval_are_refused(self, tmp_path, second, message):
         refused(write(tmp_path / "a", trace(wave(600)), trace(wave(400), **second)), message)
 
+    def test_changing_encoding_is_refused(self, tmp_path):
+        first = write(tmp_path / "a", trace(counts(600)))
+        second = write(tmp_path / "b", trace(wave(400), start=START + 6.0))
+        refused(first.read_bytes() + second.read_bytes(), r"different encodings, \[5, 11\]")
+
 
 class TestOwnPlugins:
     """Tests of a reader of this project that is added to `plugins` and states its units in the
@@ -245,3 +305,16 @@ class TestOwnPlugins:
             record = read_record(path, units=units)
             assert (record.pga, record.notes) == (pytest.approx(0.03), ())
         refused(path, "but g is specified", units="g")
+
+    def test_error_of_plugin_is_reported(self, path):
+        path.write_text("OWN")
+        refused(path, r"a\.own: names no unit$")
+
+
+def test_record_is_read_without_temporary_directory(monkeypatch):
+    def none():
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_get_default_tempdir", none)
+    assert read_record(FIRM_SOIL, component="HN1").dt == 0.01

@@ -1,9 +1,11 @@
 """Tests of files that must be refused with a message, without a traceback and without executing any
 content."""
 
+import gzip
 import io
 import os
 import pickle
+import struct
 import sys
 
 import numpy as np
@@ -25,6 +27,20 @@ class TestNoFile:
         refused(tmp_path / "a", "is empty")
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"")))
         refused("-", "is empty")
+
+    @pytest.mark.parametrize("stdin", [None, io.StringIO("text")])
+    def test_closed_standard_input_is_refused(self, monkeypatch, stdin):
+        monkeypatch.setattr(sys, "stdin", stdin)
+        refused("-", "standard input is closed")
+
+    def test_file_without_permission_is_refused(self, tmp_path, monkeypatch):
+        """The error is simulated, because the superuser may read every file."""
+
+        def refuse(*_):
+            raise PermissionError(13, "Permission denied")
+
+        monkeypatch.setattr("pathlib.Path.open", refuse)
+        refused(tmp_path / "a", "no permission")
 
     @pytest.mark.parametrize(
         ("name", "message"),
@@ -80,6 +96,9 @@ class TestNoRecord:
             "1)",
         )
 
+    def test_compressed_file_is_refused(self):
+        refused(gzip.compress(b"words"), r"compressed \(gzip\); uncompress it first")
+
     def test_pickled_stream_is_refused(self, tmp_path):
         refused(write(tmp_path / "a.mseed", trace(wave()), format="PICKLE"), "may execute code")
 
@@ -95,6 +114,10 @@ class TestNoRecord:
 
         refused(pickle.dumps((start, Crafted()), protocol), "unknown format")
         assert not trap.exists()
+
+    def test_file_without_numeric_samples_is_refused(self, tmp_path):
+        log = trace(np.frombuffer(b"door opened" * 3, dtype="S1"), channel="LOG")
+        refused(write(tmp_path / "a", log), "no samples of ground motion")
 
 
 class TestSamples:
@@ -125,6 +148,13 @@ class TestSamples:
         with pytest.raises(RecordError, match="sampling interval must be positive"):
             make_record(odd)
 
+    def test_start_time_beyond_calendar_is_refused(self, tmp_path):
+        data = bytearray(
+            write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes()
+        )
+        data[20:24] = struct.pack("<f", 1e18)  # B, the time of the first sample
+        refused(data, "corrupt")
+
 
 class TestCutOff:
     @pytest.mark.parametrize("length", [256, 4096])
@@ -145,6 +175,10 @@ class TestCutOff:
         for part in (0.3, 0.6, 0.9, 0.97):
             (tmp_path / "cut").write_bytes(complete[: int(part * len(complete))])
             refused(tmp_path / "cut", "corrupt|unknown format", units="1 gal")
+
+    def test_station_code_with_dot_is_read(self, tmp_path):
+        path = write(tmp_path / "a", trace(wave(), station="A.B"), format="SH_ASC")
+        assert read_record(path, units="m/s^2").acceleration.size == 1000
 
 
 class TestFilesCrashingReaders:

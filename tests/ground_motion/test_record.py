@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from tdint.errors import RecordError
+from tdint.errors import ModelError, RecordError
 from tdint.ground_motion.record import Record
+from tdint.model.config.model_file import load_model
 
 
 def record(samples):
@@ -26,6 +27,14 @@ def test_samples_are_read_only_copy():
         copied_record.acceleration[0] = 1.0
 
 
+def test_scaling_keeps_other_attributes():
+    original = record([0.0, 1.0, -3.0])
+    half = original.scaled(-0.5)
+    assert half.acceleration.tolist() == [0.0, -0.5, 1.5]
+    assert (half.dt, half.id, half.component, half.source) == (0.01, "XX.A..HNE", "HNE", "a.mseed")
+    assert original.pga == 3.0
+
+
 @pytest.mark.parametrize(
     ("samples", "message"),
     [
@@ -43,3 +52,20 @@ def test_samples_are_read_only_copy():
 def test_invalid_samples_are_refused(samples, message):
     with pytest.raises(RecordError, match=message):
         record(samples)
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.01, np.nan, np.inf, None, "0.01", 0.01j, True])
+def test_sampling_interval_must_be_positive(dt):
+    with pytest.raises(RecordError, match="sampling interval must be a positive number"):
+        Record(acceleration=[0.0, 1.0], dt=dt, start="", id="", component="", source="")
+
+
+def test_overflowing_scale_is_refused():
+    with pytest.raises(RecordError, match="got inf"):
+        record(np.array([0.0, 1e300])).scaled(1e100)
+
+
+@pytest.mark.parametrize("source", [3, None, ["a.yaml"]])
+def test_model_must_be_file_or_stream(source):
+    with pytest.raises(ModelError, match="name of a file or a text stream, not"):
+        load_model(source)

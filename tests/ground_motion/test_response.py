@@ -5,11 +5,12 @@ import re
 import numpy as np
 import pytest
 
+from facts import states
 from ground_motion.files import START, counts, trace, wave, write
 from selection import every
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.instrument import read_instruments
+from tdint.ground_motion.reading.instrument import parse_input_unit, read_instruments
 from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
 
 with quiet_import():
@@ -164,6 +165,31 @@ def test_acceleration_in_any_unit(tmp_path, units, value):
     assert record.warnings == expected.warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("text", "derivatives", "value"),
+    [
+        ("M", 0, 1.0),
+        ("nm", 0, 1e-9),
+        ("M/S", 1, 1.0),
+        ("m s-1", 1, 1.0),
+        ("CM/SEC", 1, 1e-2),
+        ("millimeters per second", 1, 1e-3),
+        ("feet/s", 1, 0.3048),
+    ],
+)
+def test_units_of_velocity_and_displacement(text, derivatives, value):
+    unit = parse_input_unit(text)
+    assert (unit.derivatives, unit.value, unit.text) == (derivatives, value, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["V", "COUNTS", "PA", "RAD/S", "M/M", "", None, "M/S**3", "MS2", "M*S**2", "S/M", "M/S-2", "T"],
+)
+def test_other_units_are_no_ground_motion(text):
+    assert parse_input_unit(text) is None
+
+
 @pytest.mark.parametrize("units", ["V", "PA", "M/S**3"])
 def test_first_stage_must_be_ground_motion(tmp_path, units):
     """ObsPy would evaluate the stage as if its input were a displacement."""
@@ -231,6 +257,12 @@ def test_contradictory_sensitivity_is_error(tmp_path, ratio):
         assert number in str(error.value)
 
 
+@pytest.mark.parametrize("ratio", [0.96, 1.04, -1.0])
+def test_stages_are_used_if_sensitivity_agrees(tmp_path, ratio):
+    record = read(tmp_path, counts(), sensitivity=GAIN * ratio)
+    assert (record.pga, record.warnings) == (read(tmp_path, counts()).pga, ())
+
+
 def test_missing_pole_is_error(tmp_path):
     """The gains agree with the sensitivity, but the response is 40 times the gain."""
     with pytest.raises(RecordError, match=r"give 1\.6e\+06 counts .* of their gains is 40000"):
@@ -245,6 +277,11 @@ def test_sensitivity_above_filters_is_compared_with_gains(tmp_path):
         read(tmp_path, counts(), **options, gain=1.1 * GAIN)
     with pytest.raises(RecordError, match="contradicts its sensitivity"):
         read(tmp_path, counts(), **options | {"frequency": 35.0})
+
+
+def test_unchecked_response_is_reported(tmp_path):
+    (warning,) = read(tmp_path, counts(), sensitivity=None).warnings
+    assert "states no sensitivity" in warning
 
 
 def test_sensitivity_without_stages_is_proposed_as_units(tmp_path):
@@ -281,6 +318,14 @@ def test_stopped_frequencies_are_not_amplified(tmp_path):
     assert 1000 / GAIN < record.pga < 3000 / GAIN
 
 
+def test_motion_at_rest_at_both_ends_is_exact(tmp_path):
+    data = np.round(PULSE * 1e8)
+    expected = (data - data.mean()) / GAIN
+    np.testing.assert_allclose(
+        read(tmp_path, data).acceleration, expected, rtol=0, atol=1e-6 * expected.max()
+    )
+
+
 def test_response_of_pole_is_removed(tmp_path):
     """A sensor with one pole at 20 Hz is a low-pass filter, whose output is known in closed
     form."""
@@ -305,6 +350,7 @@ def test_response_of_a_pair(tmp_path):
     pair = read_horizontals(path, inventory=inventory)
     for component, expected in ((pair.first, north), (pair.second, east)):
         np.testing.assert_array_equal(component.acceleration, expected.acceleration)
+    np.testing.assert_allclose(north.acceleration, 2 * east.acceleration, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -349,3 +395,11 @@ def test_xml_entities_are_refused(tmp_path):
     path.write_bytes(b'<?xml version="1.0" encoding="utf-7"?><a/>')
     with pytest.raises(RecordError, match="cannot be read as StationXML"):
         read_instruments(path)
+
+
+def test_inventory_is_ignored_if_file_states_units(tmp_path):
+    path = write(tmp_path / "a.txt", trace(wave(), ascii={"unit": "CM/S**2"}), format="SLIST")
+    record = read_record(path, inventory=station_xml(tmp_path / "a.xml", "HNE"))
+    assert (record.units_from, len(record.inputs)) == ("file", 1)
+    assert any(states(note, "inventory is not used, ... (CM/S**2)") for note in record.notes)
+    np.testing.assert_array_equal(record.acceleration, read_record(path).acceleration)

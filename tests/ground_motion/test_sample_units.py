@@ -33,6 +33,30 @@ def suite(tmp_path: Path) -> dict[str, Path]:
     }
 
 
+@pytest.mark.parametrize(
+    "units", [UNITS, "SAC=g,*.mseed=m/s^2", "*.mseed=m/s^2, sac = g", "in/*.sac=g,in/b.mseed=m/s^2"]
+)
+def test_units_by_format_and_path(suite, units) -> None:
+    records = {name: read_record(suite[name], units=units) for name in ("sac", "mseed", "stated")}
+    assert {name: record.units_from for name, record in records.items()} == {
+        "sac": "given",
+        "mseed": "given",
+        "stated": "file",
+    }
+    assert records["sac"].pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+    assert records["mseed"].pga == 3.0
+    assert records["stated"].pga == pytest.approx(0.03)
+
+
+def test_first_matching_entry_is_used(suite) -> None:
+    assert read_record(suite["sac"], units={"*.sac": "gal", "SAC": "g"}).pga == pytest.approx(0.03)
+    refused(
+        suite["sac"],
+        "does not state the units of its samples",
+        units={"in/*.txt": "g", "out/*.sac": "g"},
+    )
+
+
 def test_inventory_applies_to_counts_without_units(suite, tmp_path) -> None:
     station = station_xml(tmp_path / "a.xml", "HNE")
     by_response = read_record(suite["counts"], inventory=station)
@@ -110,3 +134,7 @@ def test_entries_without_matching_file_are_refused(suite, tmp_path) -> None:
     records_of([str(tmp_path / "a.zip")], RecordChoice(units="SAC=g,within/x.sac=g"))
     # these names are only checked when the files are read
     records_of(["-", str(tmp_path / "none")], RecordChoice(units="AT2=g"))
+
+
+def test_contradiction_with_file_is_refused(suite) -> None:
+    refused(suite["stated"], "the file states its units", units={"*.txt": "g"})

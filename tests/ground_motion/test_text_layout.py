@@ -6,6 +6,7 @@ import io
 import numpy as np
 import pytest
 
+from facts import states
 from ground_motion.format_files import motion, one_column, text, two_columns
 from ground_motion.samples import SAMPLES
 from selection import every
@@ -14,6 +15,7 @@ from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.reading.contents import is_record
 from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.model.config.model_file import load_model
+from tdint.units import STANDARD_GRAVITY
 
 COLUMNS = [motion(60, peak, 4) for peak in (1.0, -2.0, 0.5)]
 WORDS = ["Messung 7", "am 3. Mai"]
@@ -44,6 +46,11 @@ def fails(match, file, content, units=None, **layout):
 
 
 class TestStep:
+    def test_step_of_column_without_header(self, file):
+        (record,) = read(file, one_column(header=None), "gal", step=0.005)
+        assert (record.dt, record.pga) == (0.005, 0.015)
+        assert states(record.notes[0], "sampling interval of 0.005 s; ... none")
+
     def test_step_of_columns_without_time(self, file):
         records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
         assert [(record.component, record.dt) for record in records] == [
@@ -117,6 +124,12 @@ class TestColumn:
     names = "Time (s), Sensor A, Sensor B (g), Vel (cm/s), Temp (C)"
     content = table([names], times(), *COLUMNS, np.full(60, 20.0))
 
+    @pytest.mark.parametrize("column", ["3", "Sensor B (g)", "sensor b", "SENSOR B (G)"])
+    def test_column_by_number_or_name(self, file, column):
+        (record,) = read(file, self.content, column=column)
+        assert (record.component, record.units, record.units_from) == ("Sensor-B", "g", "file")
+        assert record.pga == pytest.approx(2.0 * STANDARD_GRAVITY)
+
     def test_unit_applies_to_its_own_column(self, file):
         content = table(["time,N (g),E"], times(), *COLUMNS[:2])
         fails("E: the file does not state the units", file, content)
@@ -125,6 +138,12 @@ class TestColumn:
     def test_several_columns_are_selected(self, file):
         found = read(file, self.content, "g", column=("2", "sensor b", "3"))
         assert [record.component for record in found] == ["Sensor-A", "Sensor-B"]
+
+    def test_velocity_column_is_differentiated(self, file):
+        (record,) = read(file, self.content, column="vel")
+        speed = np.gradient(COLUMNS[2], 0.02) * 0.01
+        assert record.quantity == "velocity"
+        np.testing.assert_allclose(record.acceleration[1:-1], speed[1:-1], atol=1e-12)
 
     @pytest.mark.parametrize(
         ("column", "units", "message"),
@@ -192,6 +211,24 @@ class TestColumn:
 
 
 class TestSkippedLines:
+    def test_skipped_lines_are_not_interpreted(self, file):
+        for above in (WORDS, ["dt = 7 s", "1 2 3 4"], ["\xe9", "# units = g"]):
+            (record,) = read(
+                file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01
+            )
+            assert (record.dt, record.pga) == (0.01, 0.015)
+            assert "2 lines ignored at the beginning, as requested" in record.notes
+
+    @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+    def test_names_after_skipped_lines_with_byte_order_mark(self, file, mark):
+        content = text(
+            WORDS, ["Zeit (s);Kanal 1;Kanal 2"], table([], times(), *COLUMNS[:2], separator=";")
+        )
+        (record,) = read(
+            file, mark + content.replace(".", ",").encode(), "gal", skip_lines=2, column="Kanal 2"
+        )
+        assert (record.component, record.dt, record.pga) == ("Kanal-2", 0.02, pytest.approx(0.02))
+
     def test_wrong_number_of_skipped_lines_is_refused(self, file):
         content = text(WORDS, two_columns(header=None, separator=" "))
         fails(
@@ -223,6 +260,34 @@ def test_column_with_unit_of_acceleration_is_ground_motion(file):
         file,
         text(["time_s,base_m_s2,drift_m"], drift),
     )
+
+
+@pytest.mark.parametrize("layout", [{}, {"column": "2"}])
+def test_missing_part_of_table_is_reported(file, layout):
+    quoted = "\n".join(f'"{t:.2f}","{a:.4f}"' for t, a in zip(times(), COLUMNS[0], strict=True))
+    fails(
+        "its numbers are in quotation marks; remove the quotation marks",
+        file,
+        '"time_s","a_m_s2"\n' + quoted,
+        **layout,
+    )
+    if not layout:
+        fails(
+            "only one row of numbers; a record needs at least two samples",
+            file,
+            "time_s,a_m_s2\n0.0,1.0\n",
+        )
+
+
+def test_layout_is_refused_for_other_formats(file):
+    for name in sorted(set(SAMPLES) - {"TEXT"}):
+        for layout in ({"column": "2"}, {"skip_lines": 1}):
+            fails(
+                f"cannot be used with the file format {name}; it applies",
+                file,
+                SAMPLES[name][0](),
+                **layout,
+            )
 
 
 def test_layout_of_files_in_directory(file):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ground_motion.files import counts, refused, trace, wave, write
-from tdint.errors import UsageError
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.reading.read import read_record
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.units import STANDARD_GRAVITY, parse_units
@@ -104,6 +104,19 @@ class TestAssumption:
         refused(path, doubt)
         assert read_record(path, units="m/s^2").pga == np.max(np.abs(samples))
 
+    def test_small_offsets_and_zeros_do_not_prevent_assumption(self, tmp_path):
+        for samples in (wave(peak=29.0), wave(peak=0.2) + 0.05, np.zeros(10)):
+            assert read_record(write(tmp_path / "a", trace(samples))).units_from == "assumed"
+
+    @pytest.mark.parametrize("format", ["SAC", "SLIST", "TSPAIR", "SH_ASC"])
+    def test_units_of_other_formats_are_not_assumed(self, tmp_path, format):
+        samples = wave().astype(np.float32) if format == "SAC" else wave()
+        path = write(tmp_path / "a", trace(samples), format=format)
+        refused(path, "does not state the units of its samples; specify")
+        record = read_record(path, units="g")
+        assert record.pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+        assert (record.units, record.units_from, record.warnings) == ("g", "given", ())
+
 
 class TestCounts:
     def test_counts_require_value_of_count(self, tmp_path):
@@ -111,6 +124,13 @@ class TestCounts:
         refused(path, r"counts of a recorder.*value of one count.*StationXML")
         refused(path, 'write "1 gal" if one count is 1 gal', units="gal")
         assert read_record(path, units="1 gal").pga == 1000.0
+
+    def test_calibration_factor_without_unit_is_not_applied(self, tmp_path):
+        path = write(tmp_path / "a", trace(counts(), calib=0.25), format="GSE2")
+        refused(path, r"calibration factor 0\.25 has no unit")
+        record = read_record(path, units="1e-5 m/s^2")
+        assert record.pga == pytest.approx(1.0)
+        assert any("0.25 is not applied" in note for note in record.notes)
 
 
 class TestHeaders:
@@ -129,6 +149,13 @@ class TestHeaders:
             message,
             units=specified,
         )
+
+    @pytest.mark.parametrize(
+        ("stated", "specified", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)]
+    )
+    def test_agreeing_units_are_accepted(self, tmp_path, stated, specified, pga):
+        path = write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST")
+        assert read_record(path, units=specified).pga == pytest.approx(pga)
 
     # LEVEN is false, or IFTYPE is a spectrum; ObsPy does not write these header words.
     @pytest.mark.parametrize(
@@ -182,3 +209,15 @@ class TestDifferentiation:
             found[1:-1], expected[1:-1], rtol=1e-9, atol=1e-9 * self.omega**2
         )
         assert (found[0], found[-1]) == (found[1], found[-2])
+
+    def test_velocity_of_file_is_differentiated(self, tmp_path):
+        record = read_record(
+            write(tmp_path / "a", trace(wave(peak=0.5), ascii={"unit": "CM/S"}), format="SLIST")
+        )
+        assert (record.quantity, record.units, record.units_from) == ("velocity", "CM/S", "file")
+        assert record.notes[0].startswith("the velocity of the file is differentiated")
+        assert record.pga == pytest.approx(0.005 * 2.0 * np.pi * 1.3, rel=5e-3)
+
+    def test_differentiation_requires_three_samples(self, tmp_path):
+        with pytest.raises(RecordError, match="at least 3 samples"):
+            read_record(write(tmp_path / "a", trace([0.0, 1.0])), units="cm/s")

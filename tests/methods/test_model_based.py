@@ -86,6 +86,10 @@ def published(method, M, C, K, h):
     return {"chang": chang, "cr": cr}[method](M, C, K, h)
 
 
+def scalars(*values):
+    return [np.full((1, 1), value) for value in values]
+
+
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 @pytest.mark.parametrize("method", METHODS)
 def test_building_agrees_with_published_formulas(method, nonlinear):
