@@ -108,18 +108,18 @@ def tests_of(mutant: Mutant, measured: dict[str, Measured], seconds: float) -> l
     return found
 
 
-def noticed_before(reports: list[str]) -> set[str]:
-    """Return the mutants that earlier reports name with the test that noticed them."""
+def noticed_before(reports: list[str]) -> dict[str, str]:
+    """Return the mutants that earlier reports name, with the test that noticed each."""
     lines = (line for report in reports for line in Path(report).read_text("utf-8").splitlines())
     found = (re.match(r"(.+: .+): (tests/.*|None|interrupted)$", line) for line in lines)
-    return {match[1] for match in found if match}
+    return {match[1]: match[2] for match in found if match}
 
 
 def try_all(session: Session, inputs: list[Inputs], arguments: argparse.Namespace) -> None:
     """Try all mutants, and print the report."""
     measured = measure(session, inputs)
-    known = noticed_before(arguments.known)
-    found, survivors, untested = 0, [], set()
+    known, first = noticed_before(arguments.known), noticed_before(arguments.first)
+    found, late, survivors, untested = 0, 0, [], []
     gc.freeze()  # a copy would otherwise copy the memory of all objects
     with TemporaryDirectory() as folder:
         mutants = ((each, mutant) for each in inputs for mutant in each.mutants())
@@ -131,8 +131,10 @@ def try_all(session: Session, inputs: list[Inputs], arguments: argparse.Namespac
                 continue
             names = tests_of(mutant, measured, arguments.seconds)
             if not names:
-                untested.add(mutant.place)
+                untested.append(mutant)
                 continue
+            if (test := first.get(str(mutant))) in measured:
+                names = [test, *(name for name in names if name != test)]
 
             def work(each: Inputs = each, mutant: Mutant = mutant, names: list[str] = names) -> str:
                 limit = int(CPU_SECONDS + 3.0 * sum(measured[name].seconds for name in names))
@@ -152,13 +154,17 @@ def try_all(session: Session, inputs: list[Inputs], arguments: argparse.Namespac
                 print(f"\nnot noticed by {len(names)} tests: {mutant}", flush=True)
             else:
                 found += 1
+                late += noticed_by is None
                 if arguments.verbose:
                     print(f"\n{mutant}: {noticed_by}", flush=True)
-    for owner, name in sorted(untested):
+    places = sorted({mutant.place for mutant in untested})
+    for owner, name in places:
         print(f"no test: {owner} {name}")
     tried = found + len(survivors)
-    print(f"{tried} mutants, {found} noticed ({found / max(tried, 1):.1%})")
-    print(f"{len(untested)} without a test")
+    print(f"{tried} mutants tried, {found} noticed ({found / max(tried, 1):.1%})")
+    print(f"{late} of these by the time limit")
+    print(f"{len(places)} places with {len(untested)} mutants without a test")
+    print(f"noticed of all: {found / max(tried + len(untested), 1):.1%}")
 
 
 def main() -> None:
@@ -170,6 +176,9 @@ def main() -> None:
     parser.add_argument("--tests", nargs="+", help="files and directories of tests")
     parser.add_argument("--verbose", action="store_true", help="name the test that notices each")
     parser.add_argument("--known", nargs="+", default=[], help="outputs of earlier --verbose runs")
+    parser.add_argument(
+        "--first", nargs="+", default=[], help="such outputs; their tests run first"
+    )
     arguments = parser.parse_args()
     os.environ.update(OPENBLAS_NUM_THREADS="1", TDINT_COMPILE="wait")
     os.chdir(ROOT)
