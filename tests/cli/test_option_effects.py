@@ -11,6 +11,7 @@ import pytest
 import tdint.analysis.assessment.stability as stability
 from cli.conftest import STUDY, write_record
 from csv_rows import rows
+from tdint.analysis.chart import problem as references
 from tdint.methods.catalogue import parse
 from tdint_cli.options import analysis as analysis_options
 
@@ -360,3 +361,19 @@ def test_all_methods_in_a_figure_of_overshoots(working_directory, tdint, monkeyp
         figure = Path(options[0].partition("=")[2]).read_text("utf-8")
         assert ("houbolt" in figure) == is_drawn
         assert "newmark-average" in figure
+
+
+def test_other_programs_and_stored_reference_of_a_chart(folder, tdint, monkeypatch):
+    """SciPy solves the problem with --peers; the reference is not stored with --no-cache."""
+    (folder / "cache").mkdir()
+    monkeypatch.setattr(references, "cache_folder", lambda: folder / "cache")
+    Path("one.yaml").write_text("stories: [{mass: 1, height: 3, stiffness: 200}]\ndamping: 5%\n")
+    call = f"chart one.yaml --record {MOTION} --method hht --dt 0.02 --duration 0.1 --repeat 1"
+    for options, is_stored, programs in (
+        ("--no-cache", False, set()),
+        ("--peers", True, {"scipy"}),
+    ):
+        table = rows(tdint(*call.split(), options, code=0).stdout)
+        found = {row["method"].partition("/")[0] for row in table if "/" in row["method"]}
+        assert found - {"openseespy"} == programs
+        assert any((folder / "cache").iterdir()) == is_stored
