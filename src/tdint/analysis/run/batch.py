@@ -365,7 +365,7 @@ def _integrate_individually(
         # The run ends at the requested time, so that no drift change after this time is estimated.
         steps = case.steps(steps.h, steps.count * steps.h)
     response = (run_with_error_estimate if check else Case.integrate)(case, steps, history)
-    return (ended_at_rest(response) if to_rest else response), at_rest
+    return (ended_at_rest(case, response) if to_rest else response), at_rest
 
 
 def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:

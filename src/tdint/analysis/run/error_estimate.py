@@ -135,6 +135,9 @@ the true errors of `impulse4` in free vibration exceed twice the estimate if the
 a tenth of the period (59 random buildings).
 """
 
+_LONGER = 1.5
+"""Duration of the run that measures the motion after a run until rest, divided by its duration."""
+
 _SAME = 1e-9
 """Dimensionless. Relative difference up to which time steps are considered equal."""
 
@@ -455,24 +458,42 @@ def common(errors: Array, size: Array) -> Array:
     return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(has_moved), 1)) * size)
 
 
-def ended_at_rest(response: Response) -> Response:
+def ended_at_rest(case: Case, response: Response) -> Response:
     """Add the amplitude of the remaining motion to the estimated errors of the residual drifts.
 
     A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
-    rest, differ from these by up to the amplitude of the remaining motion (`residual_oscillation`).
-    The amplitude of a story is approximate and can be too small by accident. It is therefore
-    increased to at least `COMMON` times the amplitude that the story would have if the ratio
-    of amplitude to peak drift were the same in all stories (`common`).
+    rest, differ from these by up to the amplitude of the remaining motion. The amplitude of a story
+    is approximate and can be too small by accident. It is therefore increased to at least `COMMON`
+    times the amplitude that the story would have if the ratio of amplitude to peak drift were the
+    same in all stories (`common`).
     """
     if response.check is None:
         return response
+    amplitude = _remaining_motion(case, response)
     remaining_motion = np.maximum(
-        response.residual_oscillation,
-        COMMON * common(response.residual_oscillation, response.stories.peak_drift),
+        amplitude, COMMON * common(amplitude, response.stories.peak_drift)
     )
     errors = response.check.errors
     errors = replace(errors, residual_drift=errors.residual_drift + remaining_motion)
     return replace(response, check=replace(response.check, errors=errors))
+
+
+def _remaining_motion(case: Case, response: Response) -> Array:
+    """Return the amplitudes of the drifts that remain at the end of a run until rest, m.
+
+    The stiffness at the end, from which `residual_oscillation` follows, is too large if a story
+    goes on to a softer branch after its force has changed its sign, or if a damper holds a force.
+    The drifts of a building that is not linear are therefore compared with those of a run that is
+    longer by half.
+    """
+    amplitude = response.residual_oscillation
+    if case.building.linear or case.model.excitation.forces:
+        return amplitude
+    longer = attempt(case, case.steps(response.dt, _LONGER * response.steps * response.dt))
+    if isinstance(longer, FailedRun):
+        return amplitude
+    change = np.abs(longer.stories.residual_drift - response.stories.residual_drift)
+    return np.maximum(amplitude, change + longer.residual_oscillation)
 
 
 def attempt(case: Case, steps: Steps, history: bool = False) -> Response | FailedRun:

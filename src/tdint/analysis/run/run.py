@@ -295,7 +295,7 @@ def integrate_case(
             history_errors=history_errors,
             tolerance=tolerance,
         )
-        response = ended_at_rest(response)
+        response = ended_at_rest(case, response)
         return replace(response, time_at_rest=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step
