@@ -8,13 +8,13 @@ from tdint.model.definition import (
     Excitation,
     Force,
     Initial,
-    Law,
     ModalDamping,
     Model,
     RayleighCoefficients,
     RayleighRatio,
-    Story,
 )
+from tdint.model.story import Story
+from tdint.model.story_laws import Law
 
 LINEAR = Law("linear", ())
 FIVE_PERCENT = RayleighRatio((0.05, 0.05), (1, 3))

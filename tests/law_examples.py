@@ -3,7 +3,7 @@ an example as well."""
 
 import math
 
-from tdint.model.definition import LAWS, Law
+from tdint.model.story_laws import LAWS, Law
 
 
 def example(name, stiffness, strength):

@@ -7,7 +7,9 @@ from tdint.kernels import layout
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import law_state
 from tdint.model.building import assemble
-from tdint.model.definition import CODES, Law, simple_model, simple_story
+from tdint.model.definition import simple_model
+from tdint.model.story import simple_story
+from tdint.model.story_laws import CODES, Law
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05  # N/m, N, and stiffness after yielding divided by K
 CYCLE = np.concatenate(

@@ -40,7 +40,9 @@ from tdint.analysis.run.compiled_steps import amplification
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
-from tdint.model.definition import Initial, Law, simple_model, simple_story
+from tdint.model.definition import Initial, simple_model
+from tdint.model.story import simple_story
+from tdint.model.story_laws import Law
 
 ROUNDING = 1e-12  # differences below this are rounding
 DAMPINGS = (0.0, 0.05, 0.2, 0.9, 1.0, 3.0)  # damping ratios xi

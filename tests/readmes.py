@@ -32,7 +32,7 @@ from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
-from tdint.model.definition import LAWS
+from tdint.model.story_laws import LAWS
 from tdint.output.tables import (
     buildings,
     campaign,

@@ -17,21 +17,23 @@ from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
-from tdint.model import definition
+from tdint.model import story_laws
 from tdint.model.building import assemble
-from tdint.model.definition import Law, simple_model, simple_story
+from tdint.model.definition import simple_model
+from tdint.model.story import simple_story
+from tdint.model.story_laws import Law
 
 SHORTER = 80  # steps of `step_check._H`; methods with errors differ at the 60th step
 
 
 def forget():
     """Remove everything that files and packages have registered, as in a new process."""
-    for name in list(definition.CODES)[OURS:]:
-        del definition.CODES[name]
+    for name in list(story_laws.CODES)[OURS:]:
+        del story_laws.CODES[name]
     del NUMBERED[OURS:]
     for name in set(measures.MEASURES) - set(measures._BUILTIN_MEASURES):
         del measures.MEASURES[name]
-    for cached in (methods._known, methods.catalogue, definition.laws, runs._parse_cached):
+    for cached in (methods._known, methods.catalogue, story_laws.laws, runs._parse_cached):
         cached.cache_clear()
     for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
         del sys.modules[name]

@@ -322,11 +322,11 @@ NAMED_ELSEWHERE = {
         "src/tdint/analysis/run/compiled_steps.py": "linear",
         "src/tdint/methods/step_check.py": "bilinear linear peak-oriented tanh",
         "src/tdint/model/capacity.py": "multilinear-pinching",
-        "src/tdint/model/definition.py": "linear",
         "src/tdint/model/mdof_lu.py": "trilinear-pinching",
         "src/tdint/model/story_curves.py": (
             "bilinear multilinear multilinear-pinching trilinear-pinching"
         ),
+        "src/tdint/model/story_laws.py": "linear",
     },
     "options that `test_choices_of_options_are_names_of_the_library` compares": {
         "cli/tdint_cli/commands/init.py": "bilinear multilinear",

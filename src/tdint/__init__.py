@@ -151,11 +151,11 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.methods.method import Integrator as Integrator
     from tdint.model.config.model_file import load_model as load_model
     from tdint.model.definition import Model as Model
-    from tdint.model.definition import register_law as register_law
     from tdint.model.inventory import InventoryBuilding as InventoryBuilding
     from tdint.model.inventory import inventory as inventory
     from tdint.model.modes import Modes as Modes
     from tdint.model.story_curves import model_template as model_template
+    from tdint.model.story_laws import register_law as register_law
     from tdint.output.plotting import plot as plot
     from tdint.output.tables.spectra import RecordInfo as RecordInfo
     from tdint.output.tables.spectra import record_info as record_info

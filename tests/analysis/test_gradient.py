@@ -9,7 +9,8 @@ import tdint
 from building_cases import model, story, ten_bilinear
 from selection import every
 from tdint.errors import UsageError
-from tdint.model.definition import Law, ModalDamping
+from tdint.model.definition import ModalDamping
+from tdint.model.story_laws import Law
 
 RECORD = tdint.make_record(5.0 * np.sin(6.0 * np.arange(300) * 0.01), dt=0.01, units="m/s^2")
 NAMES = (

@@ -12,7 +12,7 @@ from tdint.analysis.run.outcome import StoryPeaks
 from tdint.analysis.run.sequence import run_sequence, sequence_of
 from tdint.errors import UsageError
 from tdint.ground_motion.record import JoinedRecord, Record, join_records
-from tdint.model.definition import Law
+from tdint.model.story_laws import Law
 
 NAMES = [
     field.name for field in fields(StoryPeaks) if field.name not in ("height", "residual_drift")

@@ -27,7 +27,7 @@ from tdint.analysis.chart.problem import largest_relative
 from tdint.analysis.chart.profiles import STANDARD, FieldProblem, read_problems
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
-from tdint.model.definition import CODES
+from tdint.model.story_laws import CODES
 
 FILE = Path(__file__).with_name("adaptive.csv")
 PROBLEMS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "near-fault"))

@@ -35,7 +35,7 @@ from tdint.errors import TdintError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
-from tdint.model.definition import LAWS
+from tdint.model.story_laws import LAWS
 
 REPEATS = 15
 """Number of measurements of each run; the minimum counts."""

@@ -30,7 +30,7 @@ from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.methods import moment4
 from tdint.methods.catalogue import parse
-from tdint.model.definition import LAWS
+from tdint.model.story_laws import LAWS
 
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01  # s; sampling interval of the record

@@ -14,8 +14,8 @@ from selection import every
 from tdint import load_model, run, run_many
 from tdint.errors import ModelError
 from tdint.model.building import stiffness_after_yield
-from tdint.model.definition import LAWS
 from tdint.model.law_checks import tangent_at
+from tdint.model.story_laws import LAWS
 
 MODEL = """
 units: {length: m, force: kN, mass: t}

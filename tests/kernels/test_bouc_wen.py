@@ -16,7 +16,7 @@ from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
-from tdint.model.definition import LAWS
+from tdint.model.story_laws import LAWS
 
 SOFT = (1.0 - HARDENING) * FY
 DY = FY / K

@@ -20,8 +20,8 @@ from tdint.kernels.stories.branches import (
     first_event,
 )
 from tdint.kernels.stories.law_state import restoring_force, start
-from tdint.model.definition import LAWS
 from tdint.model.law_checks import path_faults
+from tdint.model.story_laws import LAWS
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)

@@ -18,7 +18,9 @@ from tdint.analysis.cyclic import follow_path
 from tdint.errors import ModelError
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.model.building import assemble
-from tdint.model.definition import CODES, SUM_OF_ELEMENTS, Element, Story, simple_model
+from tdint.model.definition import simple_model
+from tdint.model.story import Element, Story
+from tdint.model.story_laws import CODES, SUM_OF_ELEMENTS
 
 BILINEAR = {"type": "bilinear", "stiffness": STIFFNESS, "yield_force": STRENGTH, "hardening": 0.05}
 STOP = {"type": "gap", "gap": 2.0 * YIELD_DRIFT, "stop_stiffness": 3.0 * STIFFNESS}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from law_paths import along
-from tdint.model.definition import LAWS, Law
+from tdint.model.story_laws import LAWS, Law
 
 LOOPS = Path(__file__).parent / "pinching4_loops.csv"
 """Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000

@@ -21,7 +21,8 @@ from tdint.kernels.stories.path import Integrals
 from tdint.methods.catalogue import parse
 from tdint.methods.workspace import workspace
 from tdint.model.building import assemble, force_table
-from tdint.model.definition import Force, Law
+from tdint.model.definition import Force
+from tdint.model.story_laws import Law
 
 
 @pytest.mark.parametrize("half_angle", [1e-6, 1e-3, 0.02, 0.05, 0.08, 0.0999, 0.1001, 0.5, 2.0])

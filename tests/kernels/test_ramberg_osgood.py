@@ -8,7 +8,7 @@ import pytest
 
 from law_paths import along, random_path
 from tdint.kernels.laws import ramberg_osgood
-from tdint.model.definition import Law
+from tdint.model.story_laws import Law
 
 K, FY = 4000.0, 80.0
 DY = FY / K

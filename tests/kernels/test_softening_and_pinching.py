@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from law_paths import along
-from tdint.model.definition import Law
+from tdint.model.story_laws import Law
 
 LOOPS = os.environ.get("TDINT_LAW_LOOPS")
 """A folder with law_loops.csv: loops of other programs, in units of yield drift and force."""

@@ -17,7 +17,7 @@ from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.load_or_compile import compile_ahead
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law
+from tdint.model.story_laws import LAWS, Law
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 RATES = [

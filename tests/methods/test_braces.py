@@ -18,7 +18,8 @@ from tdint import load_model, run, run_many
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
-from tdint.model.definition import PowerDashpot, RayleighCoefficients
+from tdint.model.definition import RayleighCoefficients
+from tdint.model.story import PowerDashpot
 from tdint.output.tables.buildings import model_table
 
 METHODS = [name for name, method in catalogue().items() if method.braces]

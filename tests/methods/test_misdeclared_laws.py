@@ -21,8 +21,10 @@ from tdint.kernels import layout as rows
 from tdint.kernels.laws.branch_following import set_branch
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law, register_law, simple_model, simple_story
+from tdint.model.definition import simple_model
 from tdint.model.law_checks import verify_laws
+from tdint.model.story import simple_story
+from tdint.model.story_laws import LAWS, Law, register_law
 
 K, MASS, DASHPOT = 1000.0, 1.0, 1.0  # N/m, kg, N s/m: a period of 0.2 s, a damping ratio of 0.016
 H, STEPS = 0.0025, 240  # s: 80 steps to the period

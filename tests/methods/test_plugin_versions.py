@@ -12,8 +12,8 @@ import tdint
 from registered import forget, forgotten  # noqa: F401 (forgotten is a fixture)
 from tdint.errors import UsageError
 from tdint.methods import catalogue
-from tdint.model import definition, plugins
-from tdint.model.definition import LAWS, Law
+from tdint.model import plugins, story_laws
+from tdint.model.story_laws import LAWS, Law
 
 METHOD = """\
 from tdint.methods.single_step import FAMILY, newmark
@@ -99,7 +99,7 @@ def test_other_code_with_the_name_of_a_plugin_is_refused(method_file, law_file):
     method, law = catalogue.parse("own-newmark").method, LAWS["hyperbolic"]
     pickled = pickle.dumps(catalogue.parse("own-newmark")), pickle.dumps(Law("hyperbolic", (1.0,)))
     catalogue._known()["own-newmark"] = replace(method, source="other")
-    definition._LAWS[definition.CODES["hyperbolic"]] = replace(law, functions=lambda: None)
+    story_laws._LAWS[story_laws.CODES["hyperbolic"]] = replace(law, functions=lambda: None)
     with pytest.raises(UsageError, match=r"'own-newmark' of other code"):
         print(pickle.loads(pickled[0]).method.source)
     with pytest.raises(UsageError, match=r"'hyperbolic' of other code"):

@@ -41,9 +41,9 @@ from tdint.kernels.laws import OURS, gap
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
-from tdint.model import definition
-from tdint.model.definition import Law
+from tdint.model import story_laws
 from tdint.model.plugins import files_to_send
+from tdint.model.story_laws import Law
 from tdint.plugin import HOMES
 from tdint_cli.main import cli
 
@@ -369,7 +369,7 @@ def test_law_is_found_by_compiling_process(tmp_path, hyperbolic, monkeypatch, ca
 
 
 def test_law_that_no_module_contains_is_reported_in_one_line(monkeypatch):
-    definition.register_law(replace(definition.LAWS["tanh"], name="alone"))
+    story_laws.register_law(replace(story_laws.LAWS["tanh"], name="alone"))
     with pytest.raises(AnalysisError, match=r"^law 'alone' not found in .*tanh\.py; [^\n]*LAWS"):
         registered_by_compiling_process(monkeypatch, "alone")
 
@@ -467,12 +467,12 @@ def test_plugins_with_equal_names_are_refused(tmp_path, verlet):
 
 
 def test_law_without_file_is_refused():
-    law = definition.LAWS["tanh"]
+    law = story_laws.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
     with pytest.raises(UsageError, match=r"alone.*import"):
-        definition.register_law(alone)
+        story_laws.register_law(alone)
     with pytest.raises(UsageError, match="a law must be a tdint"):
-        definition.register_law("tanh")
+        story_laws.register_law("tanh")
     with pytest.raises(UsageError, match="a method must be a tdint"):
         methods.register_method(law)
 

@@ -15,7 +15,7 @@ from step_checks import at_samples, refined
 from tdint import run
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
-from tdint.model.definition import PowerDashpot
+from tdint.model.story import PowerDashpot
 
 TAKING = [
     name

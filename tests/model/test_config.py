@@ -16,14 +16,13 @@ from tdint.model.definition import (
     Excitation,
     Force,
     Initial,
-    Law,
     ModalDamping,
-    PowerDashpot,
     RayleighCoefficients,
     RayleighRatio,
     RecordSource,
-    Story,
 )
+from tdint.model.story import PowerDashpot, Story
+from tdint.model.story_laws import Law
 
 G = 9.80665
 

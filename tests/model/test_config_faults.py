@@ -11,8 +11,8 @@ import pytest
 
 from tdint.errors import ModelError, ModelFault
 from tdint.model.config.model_file import load_model
-from tdint.model.definition import LAWS
 from tdint.model.keys import document as config
+from tdint.model.story_laws import LAWS
 
 WORDS = {
     "<keys>": (

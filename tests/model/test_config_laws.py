@@ -12,9 +12,10 @@ from tdint.errors import ModelError, UsageError
 from tdint.kernels.laws.law import LawParameter
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import read_law
-from tdint.model.definition import LAWS, Story
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import Faults, nodes_of
+from tdint.model.story import Story
+from tdint.model.story_laws import LAWS
 from tdint.units import OutputUnits
 
 TRILINEAR = (

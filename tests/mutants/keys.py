@@ -13,9 +13,9 @@ from mutants.places import Mutant, Place
 from tdint.campaign.reader import campaign_schema
 from tdint.kernels.laws.law import LawParameter
 from tdint.model.config.model_file import model_schema
-from tdint.model.definition import LAWS
 from tdint.model.keys import fields
 from tdint.model.keys.nodes import MappingNode, ScalarNode
+from tdint.model.story_laws import LAWS
 
 RENAMED = "renamed"
 """Attribute of the faults of a file that contains the names in places: those of mappings with a

@@ -137,7 +137,7 @@ def _report(
 
     `cycles` is the last cycle of each amplitude; empty with --path.
     """
-    from tdint.model.definition import LAWS
+    from tdint.model.story_laws import LAWS
 
     formulas = "; ".join(LAWS[name].formula for name in test.law.split(" + "))
     subject = f"element {element}, " if element else ""

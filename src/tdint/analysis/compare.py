@@ -23,8 +23,9 @@ from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
-from tdint.model.definition import LINEAR, Model
+from tdint.model.definition import Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
+from tdint.model.story_laws import LINEAR
 from tdint.number_parsing import number_text, parse_positive, pluralize
 from tdint.tabular import Tabular
 from tdint.units import GROUND_MOTION

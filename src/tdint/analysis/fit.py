@@ -20,15 +20,9 @@ from tdint.analysis import compare
 from tdint.analysis.compare import Event
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
-from tdint.model.definition import (
-    LAWS,
-    Damping,
-    ModalDamping,
-    Model,
-    RayleighCoefficients,
-    RayleighRatio,
-)
+from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.recorded import AUTO
+from tdint.model.story_laws import LAWS
 
 FITTED = ("stiffness", "stiffness-factor", "damping")
 

@@ -29,7 +29,8 @@ from tdint.model.building import (
     element_yield_drifts,
     law_columns,
 )
-from tdint.model.definition import LAWS, Model
+from tdint.model.definition import Model
+from tdint.model.story_laws import LAWS
 from tdint.tabular import Tabular
 from tdint.units import DriftSize
 

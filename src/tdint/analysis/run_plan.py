@@ -21,7 +21,8 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.building.sources import CODE
-from tdint.model.definition import changes_of, check_parameter, check_value, damped_by
+from tdint.model.definition import damped_by
+from tdint.model.parameters import changes_of, check_parameter, check_value
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,9 @@ class RunsRequest:
             # The allowed values are intervals, so that the extreme values are sufficient.
             extremes = {float(values.min()), float(values.max())} if numbers else set[float]()
             for subject in self.subjects:
-                for change, value in combined(changes_of(subject.model, name), sorted(extremes)):
+                for change, value in combined(
+                    changes_of(subject.model.name, subject.model.stories, name), sorted(extremes)
+                ):
                     with named_sample(numbers, value, checked):
                         change.check(name, value)
                 if name == "damping":

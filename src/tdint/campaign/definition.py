@@ -21,8 +21,9 @@ from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
 from tdint.methods.catalogue import parse as parse_method
-from tdint.model.definition import PARAMETERS, Model, check_parameter, check_value
+from tdint.model.definition import Model
 from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
+from tdint.model.parameters import PARAMETERS, check_parameter, check_value
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -91,7 +92,7 @@ class ParameterSweep:
     Attributes
     ----------
     grids : mapping of str to tuple of float
-        Values of parameters (`tdint.model.definition.PARAMETERS`), in all combinations.
+        Values of parameters (`tdint.model.parameters.PARAMETERS`), in all combinations.
     random : mapping of str to Distribution
         Independent random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover
         1979).

@@ -21,7 +21,6 @@ from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
 from tdint.methods.method import Integrator, Method
-from tdint.model.definition import LAWS, register_law
 from tdint.model.plugins import (
     LOG,
     Origin,
@@ -34,6 +33,7 @@ from tdint.model.plugins import (
     require_version,
     same_file,
 )
+from tdint.model.story_laws import LAWS, register_law
 from tdint.tabular import ResultList
 
 FAMILIES = (

@@ -28,7 +28,9 @@ from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace, state_jumps, workspace
 from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law, simple_model, simple_story
+from tdint.model.definition import simple_model
+from tdint.model.story import simple_story
+from tdint.model.story_laws import LAWS, Law
 
 
 def faults_of_step(integrator: Integrator) -> list[str]:

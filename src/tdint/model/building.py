@@ -23,17 +23,10 @@ from tdint.model.damping import (
     has_tangent_damping,
 )
 from tdint.model.dashpots import dashpot_rows
-from tdint.model.definition import (
-    CODES,
-    LAWS,
-    POWER,
-    Force,
-    Model,
-    Story,
-    column_name,
-    story_numbers,
-)
+from tdint.model.definition import Force, Model
 from tdint.model.modes import FreeVibration, Modes
+from tdint.model.story import POWER, Story, column_name, story_numbers
+from tdint.model.story_laws import CODES, LAWS
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 

@@ -20,23 +20,22 @@ from tdint.model.damping import (
     has_tangent_damping,
 )
 from tdint.model.dashpots import dashpot_rows
-from tdint.model.definition import (
+from tdint.model.definition import Model, damped_by
+from tdint.model.modes import FreeVibration
+from tdint.model.parameters import changes_of
+from tdint.model.story import (
     DASHPOT,
     FIRST_LAW_PARAMETER,
     HEIGHT,
-    LAWS,
     MASS,
     POWER,
     STIFFNESS,
-    Model,
     Story,
-    changes_of,
-    damped_by,
     spring_columns,
     spring_label,
     story_numbers,
 )
-from tdint.model.modes import FreeVibration
+from tdint.model.story_laws import LAWS
 from tdint.units import STANDARD_GRAVITY
 
 
@@ -283,7 +282,7 @@ def _changed_numbers(
     stories_with_set_law = set()
     set_by_name: set[tuple[int, int]] = set()
     for name, sampled_values in values.items():
-        for change in changes_of(model, name):
+        for change in changes_of(model.name, model.stories, name):
             if change.is_superseded(set_by_name):
                 continue
             value_index = change.story, change.column

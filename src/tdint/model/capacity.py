@@ -19,8 +19,10 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, UsageError
-from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story, four_points
+from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.modes import solve_modes
+from tdint.model.story import Story
+from tdint.model.story_laws import Law, four_points
 
 GRAVITY = 9.81  # m/s^2; the published curves use this value, not 9.80665
 DAMPING_RATIO = 0.05  # damping ratio of the published curves

@@ -11,19 +11,10 @@ from tdint.errors import ModelError
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import OURS
 from tdint.kernels.laws.law import can_fall
-from tdint.model.definition import (
-    CODES,
-    LAWS,
-    LINEAR,
-    Damping,
-    Element,
-    ModalDamping,
-    Model,
-    RayleighCoefficients,
-    RayleighRatio,
-    Story,
-)
+from tdint.model.definition import Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration
+from tdint.model.story import Element, Story
+from tdint.model.story_laws import CODES, LAWS, LINEAR
 from tdint.system import memory
 
 _MATRICES_OF_ALL_MODES = 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tdint.kernels import layout as rows
-from tdint.model.definition import Story
+from tdint.model.story import Story
 
 
 def dashpot_rows(

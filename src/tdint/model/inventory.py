@@ -35,7 +35,7 @@ from tdint.model.capacity import (
     CapacityFacts,
     derive_capacity,
 )
-from tdint.model.definition import LAWS, RayleighRatio, Story
+from tdint.model.definition import RayleighRatio
 from tdint.model.exposure import TAXONOMY, read_mapping, stream_exposure
 from tdint.model.keys.fields import POSITIVE, RATIO, Bounds
 from tdint.model.mdof_lu import (
@@ -48,6 +48,8 @@ from tdint.model.mdof_lu import (
     DerivedBuilding,
     Scatter,
 )
+from tdint.model.story import Story
+from tdint.model.story_laws import LAWS
 from tdint.number_parsing import pluralize
 from tdint.tabular import ResultList
 from tdint.units import LENGTH
@@ -103,7 +105,7 @@ class InventoryRow:
     cells : str
         Texts of these columns as a JSON list, which needs one object for each of millions of rows.
     changes : tuple of (str, float)
-        Parameters that a sweep changes, with their values (`tdint.model.definition.PARAMETERS`).
+        Parameters that a sweep changes, with their values (`tdint.model.parameters.PARAMETERS`).
     label : str
         Name of this variation of the building.
     """

@@ -19,8 +19,10 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.model.damping import rayleigh
-from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story
+from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.modes import solve_modes
+from tdint.model.story import Story
+from tdint.model.story_laws import Law
 
 
 @dataclass(frozen=True, slots=True)

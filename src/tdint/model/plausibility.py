@@ -20,7 +20,8 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
-from tdint.model.definition import LAWS, ModalDamping, Model
+from tdint.model.definition import ModalDamping, Model
+from tdint.model.story_laws import LAWS
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.units import STANDARD_GRAVITY
 

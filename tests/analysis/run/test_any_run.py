@@ -26,7 +26,7 @@ from building_cases import (
 from tdint import run
 from tdint.analysis.run.outcome import ENERGY_TERMS, FailedRun
 from tdint.methods.catalogue import catalogue, parse
-from tdint.model.definition import PowerDashpot
+from tdint.model.story import PowerDashpot
 from tdint.output.run_summary import failure_summary, run_summary
 from tdint.output.summary import json_bytes
 from tdint.output.tables.responses import history_columns, story_table

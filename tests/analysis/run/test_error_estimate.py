@@ -27,7 +27,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import common, finer, start_peaks, story_errors
 from tdint.analysis.run.outcome import StoryErrors
 from tdint.analysis.time_steps import Steps
-from tdint.model.definition import PowerDashpot
+from tdint.model.story import PowerDashpot
 
 NAMES = [field.name for field in fields(StoryErrors)]
 

@@ -14,7 +14,7 @@ from tdint.analysis.run.outcome import History, Response
 from tdint.analysis.run.run import run
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
-from tdint.model.definition import Law
+from tdint.model.story_laws import Law
 from tdint.output.tables.responses import write_history, write_pieces
 
 ONE = [story(2.0e4, 2.0e7)]

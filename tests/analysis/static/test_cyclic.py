@@ -13,7 +13,7 @@ from tdint.analysis.cyclic import cyclic_test, follow_path, path_test
 from tdint.analysis.run.run import run
 from tdint.errors import UsageError
 from tdint.model.building import assemble
-from tdint.model.definition import LAWS, Law
+from tdint.model.story_laws import LAWS, Law
 from tdint.units import STANDARD_GRAVITY, parse_drift
 
 K, FY, HEIGHT = 4e7, 4e5, 3.2

@@ -23,7 +23,9 @@ from tdint.kernels.compiling import Kernel
 from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import DONE
-from tdint.model.definition import Force, Law, Model, simple_model, simple_story
+from tdint.model.definition import Force, Model, simple_model
+from tdint.model.story import simple_story
+from tdint.model.story_laws import Law
 from tdint.tabular import Progress, ResultList, progress_reporter
 
 # ---- Definitions of the problems: building, load, time steps, judged quantity, bounds, reference

@@ -37,8 +37,10 @@ from tdint.model.building import (
     force_table,
     law_columns,
 )
-from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
+from tdint.model.definition import Force, Model, simple_model
 from tdint.model.law_checks import path_faults
+from tdint.model.story import simple_story
+from tdint.model.story_laws import LAWS, Law
 from tdint.tabular import ResultList, Tabular, map_over_first
 
 LOADS = ("free", "harmonic", "record")

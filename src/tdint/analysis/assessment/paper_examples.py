@@ -20,7 +20,9 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, force_table
-from tdint.model.definition import Force, Law, Model, simple_model, simple_story
+from tdint.model.definition import Force, Model, simple_model
+from tdint.model.story import simple_story
+from tdint.model.story_laws import Law
 from tdint.tabular import ResultList
 
 METHODS = (

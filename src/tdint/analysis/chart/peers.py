@@ -34,8 +34,8 @@ from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.damage_states import DONE
-from tdint.model.definition import CODES
 from tdint.model.plugins import peers
+from tdint.model.story_laws import CODES
 
 # Maximum number of times that a run is timed, because OpenSeesPy is up to 500 times slower than
 # tdint

@@ -35,7 +35,6 @@ from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
 from tdint.model.definition import (
-    CODES,
     Force,
     Initial,
     ModalDamping,
@@ -44,6 +43,7 @@ from tdint.model.definition import (
     RayleighRatio,
     TableForce,
 )
+from tdint.model.story_laws import CODES
 from tdint.system import cache_subfolder
 
 _Moved = TypeVar("_Moved", Force, TableForce)

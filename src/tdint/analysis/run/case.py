@@ -53,7 +53,7 @@ from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
 from tdint.model.building import Building
-from tdint.model.definition import LAWS, Model
+from tdint.model.definition import Model
 from tdint.model.plausibility import (
     DUCTILITY,
     long_step,
@@ -61,6 +61,7 @@ from tdint.model.plausibility import (
     plausibility_warnings,
     unusual_stories,
 )
+from tdint.model.story_laws import LAWS
 from tdint.number_parsing import pluralize
 
 _LARGE_IMBALANCE = 0.01

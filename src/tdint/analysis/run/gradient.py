@@ -17,14 +17,9 @@ import numpy as np
 from tdint.analysis.run.error_estimate import FLOOR, EstimateFactors
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.model.definition import (
-    DASHPOT,
-    Model,
-    changes_of,
-    check_parameter,
-    check_value,
-    story_numbers,
-)
+from tdint.model.definition import Model
+from tdint.model.parameters import changes_of, check_parameter, check_value
+from tdint.model.story import DASHPOT, story_numbers
 
 SCALE = "record.scale"
 """Name in `vary` that is not a parameter of the building: factor on the ground motion."""
@@ -110,7 +105,7 @@ def number_at(model: Model, name: str) -> float:
             1.0
             if change.factor
             else story_numbers(model.stories[change.story])[change.column] / change.scale
-            for change in changes_of(model, name)
+            for change in changes_of(model.name, model.stories, name)
         }
     if len(numbers) > 1:
         values = ", ".join(f"{number:.6g}" for number in sorted(numbers))
@@ -138,7 +133,7 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
         range.
     """
     size = SIZE * abs(value)
-    changes = [] if name == SCALE else changes_of(model, name)
+    changes = [] if name == SCALE else changes_of(model.name, model.stories, name)
     if not size:
         # `force` and `length` are the powers of these dimensions in the unit of the parameter: both
         # are 0 for a dimensionless parameter.

@@ -7,8 +7,9 @@ import numpy as np
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import MAX_RESOLVED_OMEGA_DT
 from tdint.model.building import Building
-from tdint.model.definition import CODES, LAWS, Model
+from tdint.model.definition import Model
 from tdint.model.law_checks import tangent_at
+from tdint.model.story_laws import CODES, LAWS
 
 
 def stiff_peak_notes(model: Model, building: Building, response: Response) -> list[str]:

@@ -28,12 +28,13 @@ from tdint.model.damage_states import (
     STATES,
     DamageStates,
 )
-from tdint.model.definition import Model, Story
+from tdint.model.definition import Model
 from tdint.model.inventory import CAPACITY as CAPACITY_RULES
 from tdint.model.inventory import RULES
 from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, TextLine, Value
 from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
+from tdint.model.story import Story
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
 _THRESHOLD_SOURCES = (

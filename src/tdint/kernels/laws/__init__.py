@@ -3,7 +3,7 @@
 The number of a law is its index in the sequence `LAWS`. Row CODE of the table `law_parameters`
 contains the number of the law of each story. Compiled code selects the law by this number
 (`tdint.kernels.laws.selection`). The laws of plug-ins are appended to the sequence
-(`tdint.model.definition.register_law`).
+(`tdint.model.story_laws.register_law`).
 """
 
 from __future__ import annotations

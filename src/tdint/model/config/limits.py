@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 from tdint.errors import UsageError, did_you_mean
 from tdint.model.config.sections import ModelUnits
-from tdint.model.definition import Story
 from tdint.model.keys.fields import (
     POSITIVE,
     POSITIVE_RATIO,
@@ -28,6 +27,7 @@ from tdint.model.keys.fields import (
     ValueType,
 )
 from tdint.model.limits import ACCELERATION, DRIFT_RATIO, ISOLATOR, RESIDUAL, Limit
+from tdint.model.story import Story
 from tdint.units import parse_with_unit
 
 OTHERS = "others"

@@ -42,7 +42,6 @@ from tdint.model.config.sections import (
 )
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.definition import (
-    MAX_STORIES,
     Analysis,
     Damping,
     Excitation,
@@ -53,7 +52,6 @@ from tdint.model.definition import (
     RayleighCoefficients,
     RayleighRatio,
     RecordSource,
-    Story,
     TableForce,
 )
 from tdint.model.keys.document import SourceText, compose, decode, read_document
@@ -78,6 +76,7 @@ from tdint.model.keys.fields import (
     resolve,
 )
 from tdint.model.keys.nodes import Faults
+from tdint.model.story import MAX_STORIES, Story
 from tdint.number_parsing import parse_head
 from tdint.units import SI, STANDARD_GRAVITY, OutputUnits, parse_output_units
 

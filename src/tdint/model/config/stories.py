@@ -13,19 +13,6 @@ from dataclasses import dataclass, replace
 
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
-from tdint.model.definition import (
-    LAWS,
-    LINEAR,
-    MAX_STORIES,
-    SUM_OF_ELEMENTS,
-    Element,
-    Law,
-    PowerDashpot,
-    Story,
-    column_name,
-    four_points,
-    laws,
-)
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -43,6 +30,8 @@ from tdint.model.keys.fields import (
     Value,
     ValueType,
 )
+from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Story, column_name
+from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, four_points, laws
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None

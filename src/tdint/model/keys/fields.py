@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from tdint.errors import MAX_LISTED_FAULTS, ModelFault, UsageError, did_you_mean, nearest
-from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
+from tdint.model.story import MAX_STORIES
 from tdint.number_parsing import LARGEST, SMALLEST
 
 # ---- Declarations of keys. Both the reader and the JSON schema (with which editors check a file

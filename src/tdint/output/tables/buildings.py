@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.model.definition import LAWS
+from tdint.model.story_laws import LAWS
 from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
@@ -34,8 +34,10 @@ if TYPE_CHECKING:
     from tdint.analysis.pushover import Pushover
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.analysis.target_displacement import TargetDisplacement
-    from tdint.model.definition import Law, Model, Story
+    from tdint.model.definition import Model
     from tdint.model.modes import Modes
+    from tdint.model.story import Story
+    from tdint.model.story_laws import Law
 
 CYCLIC = (
     Column("story", "1", "story", "story, numbered from the ground"),

@@ -15,7 +15,7 @@ import numpy as np
 
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
-from tdint.model.definition import parameter_meaning
+from tdint.model.parameters import parameter_meaning
 from tdint.output.tables.responses import (
     ELEMENT_COLUMNS,
     ELEMENT_ERROR,

@@ -1,0 +1,291 @@
+"""Parameters of a building that can be changed by name, in a model or in arrays of many models."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from tdint.errors import UsageError, did_you_mean, nearest
+from tdint.kernels.laws.law import LawParameter
+from tdint.model.story import (
+    DASHPOT,
+    FIRST_LAW_PARAMETER,
+    HEIGHT,
+    MASS,
+    POWER,
+    STIFFNESS,
+    STORY_KEYS,
+    Story,
+    spring_columns,
+)
+from tdint.model.story_laws import LAWS, Law, named_parameters
+from tdint.number_parsing import pluralize
+
+_FACTOR_NAMES = ("mass_factor", "stiffness_factor", "strength_factor")
+
+_STORY_PARAMETER = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
+"""Pattern of a parameter of stories. Its groups are the number of the story in `stories[3].mass`,
+the number in `story 3.mass` (both None for all stories), and the key of the parameter."""
+
+_ELEMENT_PARAMETER = re.compile(r"elements\[[^\]]+\]\.\w")
+"""Pattern of the start of the key of a parameter of an element, such as
+`elements[bearings].yield_force`."""
+
+_ELEMENT_NUMBER = re.compile(r"elements\[\d+\]")
+"""Pattern of the start of the key of a parameter of an element that is given by its number."""
+
+
+class Change(NamedTuple):
+    """Change of a single number of a story by a parameter.
+
+    Attributes
+    ----------
+    story, column : int
+        Index of the story and of the number in `story_numbers`.
+    factor : bool
+        The value is a factor on the number, otherwise its new value.
+    bounds : LawParameter, optional
+        Declaration of the parameter with its bounds.
+    follows : bool
+        The number is not named by the parameter, but follows it by default: the model does not
+        state a value of its own (for the negative side of a law).
+    scale : float
+        Number in `story_numbers` divided by the value, which is a number along an inclined element.
+    """
+
+    story: int
+    column: int
+    factor: bool
+    bounds: LawParameter | None = None
+    follows: bool = False
+    scale: float = 1.0
+
+    def is_superseded(self, set_by_name: set[tuple[int, int]]) -> bool:
+        """Return True if the number follows another one, but has been set by its own name before.
+
+        A number that this change sets by its name is added to `set_by_name`: index of the story and
+        column of each number.
+        """
+        if self.follows:
+            return (self.story, self.column) in set_by_name
+        if not self.factor:
+            set_by_name.add((self.story, self.column))
+        return False
+
+    @property
+    def sets_law_parameter(self) -> bool:
+        """True if the change sets a parameter of the law, which may define the stiffness."""
+        return self.column >= FIRST_LAW_PARAMETER and not self.factor
+
+    def check(self, name: str, *values: float) -> None:
+        """Raise UsageError if a value is outside the bounds that the law declares."""
+        if self.bounds:
+            low, high = self.bounds.low, self.bounds.high
+            low_allowed, high_allowed = self.bounds.low_allowed, self.bounds.high_allowed
+        else:
+            low, high, low_allowed, high_allowed = -math.inf, math.inf, True, True
+        for value in values:
+            is_inside = low < value < high
+            is_allowed_bound = (value == low and low_allowed) or (value == high and high_allowed)
+            if not (is_inside or is_allowed_bound):
+                raise UsageError(f"{name} must be between {low:g} and {high:g}, got {value:.6g}")
+
+
+_ChangedNumber = (
+    tuple[int, bool, LawParameter | None] | tuple[int, bool, LawParameter | None, bool, float]
+)
+
+
+def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
+    """Return the number of a law whose value a number has by default; "" without such a number.
+
+    For `negative.backbone[1].drift` it is `backbone[1].drift`.
+    """
+    if not isinstance(declaration.default, str):
+        return ""
+    # The default is the first parameter with this name (`stories.read_law`).
+    source = next(item for item in LAWS[law.name].parameters if item.name == declaration.default)
+    return source.path + name.removeprefix(declaration.path)
+
+
+def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
+    """Return the values of a story that each parameter changes, by the name of the parameter: the
+    fields `column`, `factor`, `bounds`, `follows` and `scale` of a `Change` (the last two may be
+    omitted). The list is empty for a parameter that cannot be changed.
+
+    If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
+    """
+    # Indices of the values that the factors on the stiffness and on the strength multiply.
+    stiffness_indices, strength_indices = [], []
+    set_law: dict[str, list[_ChangedNumber]] = {}
+    has_stiffness = False
+    for number, (spring, columns) in enumerate(
+        zip(story.springs, spring_columns(story), strict=True), start=1
+    ):
+        has_stiffness = LAWS[spring.law.name].initial_stiffness is not None
+        stiffness_indices.append(columns.stiffness)
+        # An element has two prefixes: its number, counted from 1, and its name. The law of a story
+        # is its first element.
+        prefixes = [f"elements[{number}]"]
+        prefixes.append(f"elements[{spring.name}]" if story.elements else "law")
+        values = spring.law.values
+        described_numbers = [
+            (i, *described)
+            for i, described in enumerate(named_parameters(spring.law), start=columns.first)
+            if described[0] in values
+        ]
+        for prefix in prefixes:
+            if prefix != "law" and not has_stiffness:
+                bounds = LawParameter("stiffness", low=0.0)
+                scale = spring.scale(1, -1)
+                set_law[f"{prefix}.stiffness"] = [(columns.stiffness, False, bounds, False, scale)]
+            for i, name, force, length, declaration in described_numbers:
+                scale = spring.scale(force, length)
+                set_law[f"{prefix}.{name}"] = [(i, False, declaration, False, scale)]
+                # The number of the other side with the same default changes as well, if it is
+                # equal.
+                source = _followed_name(spring.law, name, declaration)
+                if source in values and values[source] == values[name]:
+                    set_law[f"{prefix}.{source}"].append((i, False, declaration, True, scale))
+        # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
+        for i, _, force, length, declaration in described_numbers:
+            if force == 1 and (has_stiffness or length == -1):
+                stiffness_indices.append(i)
+            # The points of a curve move along the line of the initial stiffness.
+            if (force, length) == (1, 0) or declaration.open_ended:
+                strength_indices.append(i)
+    changes: dict[str, list[_ChangedNumber]] = {
+        "mass_factor": [(MASS, True, None)],
+        "stiffness_factor": [(i, True, None) for i in stiffness_indices],
+        "strength_factor": [(i, True, None) for i in strength_indices],
+        "mass": [(MASS, False, None)],
+        "height": [] if story.height is None else [(HEIGHT, False, None)],
+        "stiffness": [] if has_stiffness or story.elements else [(STIFFNESS, False, None)],
+        "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
+    }
+    if story.power_dashpot:
+        for i in range(POWER.start, POWER.stop - (story.power_dashpot.brace is None)):
+            changes[STORY_KEYS[i]] = [(i, False, None)]
+    return changes | set_law
+
+
+def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Change]:
+    """Return the changes of the values of stories that a parameter causes; empty for `damping`.
+
+    Parameters
+    ----------
+    building : str
+        Name of the building, for messages.
+    name : str
+        Name of the parameter, as for `Model.replace`.
+
+    Raises
+    ------
+    UsageError
+        The name is unknown, the story does not exist, or no story has the parameter.
+    """
+    check_parameter(name)
+    if name == "damping":
+        return []
+    # `stories[3]`, as in model files, and `story 3`, as in messages, are equivalent. Without a
+    # number, the parameter applies to all stories.
+    story_match = _STORY_PARAMETER.fullmatch(name)
+    number, key = None, name
+    if story_match:
+        number, key = story_match[1] or story_match[2], story_match[3]
+    if number and not 1 <= int(number) <= len(stories):
+        hint = "" if int(number) else "; counting starts at 1"
+        raise UsageError(
+            f"{name}: story not found; {building} has {pluralize(len(stories), 'story')}{hint}"
+        )
+    indices = [int(number) - 1] if number else range(len(stories))
+    changes_by_story = {i: _changes_by_parameter(stories[i]) for i in indices}
+    changes = [Change(i, *change) for i in indices for change in changes_by_story[i].get(key, ())]
+    if changes:
+        return changes
+    if key == "strength_factor":
+        stories_without_strength = (
+            f"story {number} of {building}" if number else f"every story of {building}"
+        )
+        raise UsageError(
+            f"{name} has no effect: the law of {stories_without_strength} has no strength; use "
+            "a law with a strength, or change another parameter"
+        )
+    available: dict[str, None] = {}
+    for story_changes in changes_by_story.values():
+        available |= dict.fromkeys(
+            parameter for parameter, numbers in story_changes.items() if numbers
+        )
+    # An element is listed by its name only.
+    names = [parameter for parameter in available if not _ELEMENT_NUMBER.match(parameter)]
+    story_has_no = (
+        f"story {number} of {building} has no" if number else f"no story of {building} has a"
+    )
+    hint = "; counting starts at 1" if key.startswith("elements[0]") else did_you_mean(key, names)
+    raise UsageError(
+        f"{name}: {story_has_no} parameter {key!r} that can be changed{hint} "
+        f"(available parameters: {', '.join(names)})"
+    )
+
+
+PARAMETERS = {
+    "damping": "damping ratio that replaces the ratio of the model: of both modes of Rayleigh "
+    "damping, or of all modes of modal damping",
+    "mass_factor": "factor on the masses",
+    "stiffness_factor": "factor on the initial stiffnesses; strengths are unchanged, yield drifts "
+    "change",
+    "strength_factor": "factor on the strengths of the hysteretic laws; stiffnesses are unchanged",
+}
+"""Parameters of the complete building, with their descriptions."""
+
+
+def parameter_meaning(name: str) -> str:
+    """Return the description of a parameter of the building or of its stories."""
+    story_match = _STORY_PARAMETER.fullmatch(name)
+    key = story_match[3] if story_match else name
+    return PARAMETERS.get(key, f"{key} of the model file, in SI units")
+
+
+def check_parameter(name: str) -> None:
+    """Raise UsageError if a name cannot be a parameter of `Model.replace` for any model.
+
+    The names of the parameters of a law are not checked.
+    """
+    story_match = _STORY_PARAMETER.fullmatch(name)
+    key = story_match[3] if story_match else ""
+    if name in PARAMETERS or key in STORY_KEYS or key in _FACTOR_NAMES:
+        return
+    if key.startswith("law.") or _ELEMENT_PARAMETER.match(key):
+        return
+    similar_key = nearest(key, (*STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
+    # The hint is the name with its key, which is at the end of the name, replaced.
+    hint = (
+        f"; did you mean {name[: -len(key)] + similar_key!r}?"
+        if similar_key
+        else did_you_mean(name, PARAMETERS)
+    )
+    names = ", ".join(PARAMETERS)
+    raise UsageError(
+        f"unknown parameter {name!r}{hint}; available: {names}, and parameters of one story, "
+        "`stories[3].NAME`"
+    )
+
+
+def check_value(name: str, value: float) -> None:
+    """Raise UsageError if a value is outside the range that follows from its name."""
+    is_law_parameter = ".law." in name or ".elements[" in name
+    if name == "damping":
+        is_valid, allowed = 0.0 <= value < 1.0, "a ratio from 0 to less than 1"
+    elif name.endswith((".dashpot", ".linear_below")):
+        is_valid, allowed = value >= 0.0, "zero or a positive number"
+    elif name.endswith("dashpot.exponent") and 2.0 < value < math.inf:
+        # The last branch checks smaller exponents, which must be positive.
+        is_valid, allowed = False, "in (0, 2]"
+    elif is_law_parameter:
+        is_valid, allowed = True, "a number"
+    else:
+        is_valid, allowed = value > 0.0, "a positive number"
+    if not (is_valid and math.isfinite(value)):
+        raise UsageError(f"{name} must be {allowed}, got {value!r}")

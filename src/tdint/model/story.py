@@ -1,0 +1,255 @@
+"""Story of a building with its elements and dashpots, and its values as a row of numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law
+
+
+@dataclass(frozen=True)
+class Element:
+    """Spring of a story: one of several springs in parallel, each with its own law.
+
+    Attributes
+    ----------
+    name : str
+        Name in tables and parameters, unique within the story.
+    stiffness : float
+        Initial stiffness, N/m, zero or positive.
+    law : Law
+        Hysteretic law.
+    factor : float
+        Cosine of the inclination of the element, in (0, 1]. Stiffness, law and all results are
+        those in the direction of the drift. The force along the element is the force of the law
+        divided by this number, and its deformation is the drift times this number.
+    """
+
+    name: str
+    stiffness: float
+    law: Law
+    factor: float = 1.0
+
+    def scale(self, force: int, length: int) -> float:
+        """Return the factor from a number along the element to the number in the direction of the
+        drift, for the unit force^`force` length^`length`."""
+        return float(self.factor ** (force - length))
+
+
+MAX_STORIES = 100_000
+"""Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
+
+
+@dataclass(frozen=True)
+class PowerDashpot:
+    """Dashpot with the force c v (v^2 + v0^2)^((exponent - 1) / 2) at the drift rate v.
+
+    The force approaches c |v|^exponent for |v| much larger than v0, and a linear dashpot for |v|
+    much smaller than v0.
+
+    Attributes
+    ----------
+    coefficient : float
+        c, N (s/m)^exponent, positive.
+    exponent : float
+        In (0, 2].
+    linear_below : float
+        v0, m/s; positive if the exponent is less than 1 and there is no brace, otherwise zero or
+        positive.
+    brace : float | None
+        Stiffness of the brace in series with the damper, N/m; v is then the rate of the damper.
+        None for a damper without a brace.
+    """
+
+    coefficient: float
+    exponent: float
+    linear_below: float
+    brace: float | None = None
+
+
+@dataclass(frozen=True)
+class Story:
+    """Story with the floor above it, and the spring and dashpot that support this floor.
+
+    Attributes
+    ----------
+    mass : float
+        Mass of the floor above, kg, positive.
+    height : float | None
+        Story height, m, positive; None if the file does not specify it.
+    stiffness : float
+        Initial stiffness, N/m, positive; of a story with elements, their sum.
+    law : Law
+        Hysteretic law; SUM_OF_ELEMENTS for a story with several elements.
+    dashpot : float
+        Viscous damper between the floors, N s/m, zero or positive.
+    power_dashpot : PowerDashpot | None
+        Power-law damper between the floors.
+    isolator : bool
+        True for an isolator: its displacement is reported instead of a drift ratio, and its height
+        is used for P-delta only.
+    rayleigh : bool
+        True if Rayleigh damping applies to the story.
+    elements : tuple of Element
+        Elements of a story with several springs in parallel; empty for a story with a single law.
+    damper_factor : float
+        Cosine of the inclination of the dashpot, in (0, 1]. The deformation of the dashpot with its
+        brace is the drift times this number, and so is the story force divided by its force.
+    """
+
+    mass: float
+    height: float | None
+    stiffness: float
+    law: Law
+    dashpot: float
+    power_dashpot: PowerDashpot | None = None
+    isolator: bool = False
+    rayleigh: bool = True
+    elements: tuple[Element, ...] = ()
+    damper_factor: float = 1.0
+
+    @property
+    def springs(self) -> tuple[Element, ...]:
+        """The elements, or the law of the story as its single element, without a name."""
+        return self.elements or (Element("", self.stiffness, self.law),)
+
+    @property
+    def law_text(self) -> str:
+        """Name of the law, or the names of the laws of the elements: `bilinear + gap`."""
+        return " + ".join(spring.law.name for spring in self.springs)
+
+    @property
+    def drift_height(self) -> float | None:
+        """Height of the drift ratio, m; None for isolators and for stories without height."""
+        return None if self.isolator else self.height
+
+
+def story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: bool) -> Story:
+    """Return a story with other numbers.
+
+    Keys that the story does not have remain absent. The stiffness of a story with elements is the
+    sum of their stiffnesses. If a parameter of the law has been changed and the law defines the
+    initial stiffness, the stiffness is computed from the parameters.
+    """
+    springs = []
+    for spring, columns in zip(story.springs, spring_columns(story), strict=True):
+        law = Law(spring.law.name, tuple(numbers[columns.first : columns.end]))
+        compute_stiffness = LAWS[law.name].initial_stiffness
+        stiffness = numbers[columns.stiffness]
+        if is_law_changed and compute_stiffness:
+            stiffness = compute_stiffness(law.parameters)
+        springs.append(replace(spring, stiffness=stiffness, law=law))
+    return replace(
+        story,
+        mass=numbers[MASS],
+        height=None if story.height is None else numbers[HEIGHT],
+        stiffness=sum(spring.stiffness for spring in springs),
+        law=SUM_OF_ELEMENTS if story.elements else springs[0].law,
+        elements=tuple(springs) if story.elements else (),
+        dashpot=numbers[DASHPOT],
+        power_dashpot=_power_dashpot(*numbers[POWER]) if story.power_dashpot else None,
+    )
+
+
+def _power_dashpot(
+    coefficient: float, exponent: float, linear_below: float, brace: float
+) -> PowerDashpot:
+    """Return a power-law dashpot from its numbers in `story_numbers`; nan for no brace."""
+    return PowerDashpot(coefficient, exponent, linear_below, None if math.isnan(brace) else brace)
+
+
+def simple_story(
+    mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0
+) -> Story:
+    """Return a story without height.
+
+    Parameters
+    ----------
+    stiffness : float, optional
+        Initial stiffness, N/m. Default: the stiffness that the law defines.
+    dashpot : float
+        Coefficient of the dashpot, N s/m.
+    """
+    if stiffness is None:
+        compute_stiffness = LAWS[law.name].initial_stiffness
+        assert compute_stiffness is not None, f"the law {law.name} does not define a stiffness"
+        stiffness = compute_stiffness(law.parameters)
+    return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
+
+
+STORY_KEYS = (
+    "mass",
+    "height",
+    "stiffness",
+    "dashpot",
+    "dashpot.coefficient",
+    "dashpot.exponent",
+    "dashpot.linear_below",
+    "dashpot.brace",
+)
+"""Keys of the values of a story in the order of `story_numbers`. Parameters of the law follow."""
+
+MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 8)
+"""Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot."""
+
+FIRST_LAW_PARAMETER = len(STORY_KEYS)
+"""Index of the first parameter of the law in `story_numbers`."""
+
+
+class SpringColumns(NamedTuple):
+    """Indices of the values of a spring in `story_numbers`.
+
+    Attributes
+    ----------
+    first, end : int
+        Index of the first parameter of its law, and index after the last parameter.
+    """
+
+    stiffness: int
+    first: int
+    end: int
+
+
+def spring_columns(story: Story) -> list[SpringColumns]:
+    """Return the indices of the values of the springs of a story in `story_numbers`."""
+    if not story.elements:
+        end = FIRST_LAW_PARAMETER + len(story.law.parameters)
+        return [SpringColumns(STIFFNESS, FIRST_LAW_PARAMETER, end)]
+    columns, first = [], FIRST_LAW_PARAMETER
+    for element in story.elements:
+        end = first + 1 + len(element.law.parameters)
+        columns.append(SpringColumns(first, first + 1, end))
+        first = end
+    return columns
+
+
+def column_name(name: str) -> str:
+    """Return the name of an element as a part of the name of a column: `moat wall` is
+    `moat_wall`."""
+    return re.sub(r"\W+", "_", name).strip("_")
+
+
+def spring_label(i: int, spring: Element) -> str:
+    """Return the name of a spring of the story with index `i` in messages."""
+    return f"element {spring.name!r} of story {i + 1}" if spring.name else f"story {i + 1}"
+
+
+def story_numbers(story: Story) -> tuple[float, ...]:
+    """Return the values of a story, SI units: first `STORY_KEYS`, then the parameters of its law,
+    or the stiffness and the parameters of each element.
+
+    The values of a missing height, power-law dashpot or brace are nan.
+    """
+    dashpot = (math.nan,) * 4
+    if power := story.power_dashpot:
+        brace = math.nan if power.brace is None else power.brace
+        dashpot = (power.coefficient, power.exponent, power.linear_below, brace)
+    height = math.nan if story.height is None else story.height
+    parameters = list(story.law.parameters)
+    for element in story.elements:
+        parameters += [element.stiffness, *element.law.parameters]
+    return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *parameters)

@@ -1,0 +1,262 @@
+"""Hysteretic laws by name, built-in and of plug-ins, and the law of a story with its parameters."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
+from functools import cache
+from typing import Any
+
+from tdint.errors import UsageError
+from tdint.kernels.laws import LAWS as _LAWS
+from tdint.kernels.laws.law import DriftLaw, LawParameter
+from tdint.model.plugins import (
+    Origin,
+    check_name,
+    declared,
+    faults_of,
+    home_of,
+    installed,
+    module_of,
+    require_version,
+    same_file,
+)
+
+CODES: dict[str, int] = {name: code for code, name in enumerate(_LAWS.names())}
+"""Number of each law in the tables of the kernels."""
+
+
+class _LawsByName(Mapping[str, DriftLaw]):
+    """Laws by name. A law is imported when it is first used."""
+
+    def __getitem__(self, name: str) -> DriftLaw:
+        """Return the law with a name, and import it if necessary."""
+        law: DriftLaw = _LAWS[CODES[name]]
+        return law
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(CODES)
+
+    def __len__(self) -> int:
+        return len(CODES)
+
+
+LAWS: Mapping[str, DriftLaw] = _LawsByName()
+"""Hysteretic laws by the name in a model file: laws of `tdint.kernels.laws` and of plug-ins."""
+
+
+def register_law(law: DriftLaw, where: str | Origin = "") -> None:
+    """Register a hysteretic law, so that models can use it.
+
+    The law is compiled into the time loops of the models that contain it, regardless of its
+    attribute `compiled_separately`. Its functions must be defined in a module with a file. The
+    module, or the module of the plug-in that lists the law, must contain the law as a variable, or
+    in a tuple, list, set or dictionary, so that the compiling process can import the law.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        See `tdint.kernels.laws.law`.
+    where : str or Origin
+        Origin of the law for messages. Default: its name.
+
+    Raises
+    ------
+    UsageError
+        The argument is not a law, its name is invalid or in use, it has no file, or a declaration
+        is missing: the force is not linear, and neither `curved` nor branches are declared.
+    """
+    if not isinstance(law, DriftLaw):
+        raise UsageError(
+            f"{where or law!r}: a law must be a tdint.plugin.DriftLaw, not {type(law).__name__}"
+        )
+    origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
+    where = origin.where
+    check_name(law.name, LAWS, "law", where)
+    module_name = law.functions.__module__
+    if module_name == "__main__" or getattr(sys.modules.get(module_name), "__file__", None) is None:
+        raise UsageError(
+            f"{where}: the law must be defined in a module file, so that other processes can "
+            "import it"
+        )
+    # Imported here, because commands without plug-ins do not need these checks.
+    from tdint.kernels.building.sources import OUTSIDE, module_of_law
+    from tdint.model.law_checks import verify_declaration
+
+    with faults_of(where):
+        verify_declaration(law, where)
+
+    # The compiling process imports the law from the module in `OUTSIDE`. The number of the
+    # law is its index in `_LAWS`.
+    compiled_with_building = replace(law, compiled_separately=False)
+    OUTSIDE[law.name] = module_of_law(law, (module_name, origin.module))
+    CODES[law.name] = len(_LAWS)
+    _LAWS.append(compiled_with_building)
+    origin.keep_code("law", law)
+
+
+@cache
+def laws() -> Mapping[str, DriftLaw]:
+    """Return all hysteretic laws by name, including those of entry points `tdint.laws`."""
+
+    def register(plugin: Any, origin: Origin) -> None:
+        """Register the laws of an entry point."""
+        for law in declared(plugin, "LAWS", DriftLaw, origin.where):
+            register_law(law, origin)
+
+    installed("tdint.laws", register)
+    return LAWS
+
+
+@dataclass(frozen=True)
+class Law:
+    """Hysteretic law of a story with its parameters.
+
+    Attributes
+    ----------
+    name : str
+        A key of `LAWS`.
+    parameters : tuple of float
+        Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
+        one and is flattened. The last parameters may be omitted if they have defaults.
+    """
+
+    name: str
+    parameters: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Append the defaults of parameters that are omitted at the end."""
+        declared_parameters = LAWS[self.name].parameters if self.name in LAWS else ()
+        if any(item.many or item.points for item in declared_parameters):
+            return
+        values = list(self.parameters)
+        by_name = {
+            item.name: value
+            for item, value in zip(declared_parameters, values, strict=False)
+            if not item.group
+        }
+        for item in declared_parameters[len(values) :]:
+            if item.default is None:
+                return
+            default = by_name[item.default] if isinstance(item.default, str) else item.default
+            values.append(default)
+        object.__setattr__(self, "parameters", tuple(values))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by the names that `vary` accepts after `stories[N].law.`, in SI units.
+
+        Names instead of numbers and points that the model does not specify are omitted.
+        """
+        return {
+            name: value
+            for (name, _, _, declaration), value in zip(
+                named_parameters(self), self.parameters, strict=True
+            )
+            if not (declaration.choices or (declaration.open_ended and math.isinf(value)))
+        }
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return the function that restores the pickled law in another process, and its arguments.
+
+        A law of a plug-in is pickled with the path and the SHA-256 of the plug-in, so that the
+        other process can load it.
+        """
+        plugin = home_of(LAWS.get(self.name), "LAWS")
+        if plugin:
+            path, digest = plugin
+            return _restore_law, (self.name, self.parameters, CODES[self.name], path, digest)
+        return Law, tuple(astuple(self))
+
+
+def _restore_law(
+    name: str, parameters: tuple[float, ...], code: int, file: str, digest: str
+) -> Law:
+    """Restore a law of a plug-in in another process, and load the plug-in (path `file`, SHA-256
+    `digest`) if necessary.
+
+    Raises
+    ------
+    UsageError
+        The plug-in is missing or has changed; this process uses another version of the law; or the
+        law does not have the number `code` in this process, because plug-ins were loaded in another
+        order.
+    """
+    if name in LAWS:
+        require_version(LAWS[name], "LAWS", file, digest)
+    else:
+        module = module_of(same_file(file, digest))
+        for law in declared(module, "LAWS", DriftLaw, file):
+            register_law(law, Origin(file, module.__name__))
+    if CODES[name] != code:
+        raise UsageError(
+            f"{file}: the law {name!r} of this plug-in is number {CODES[name]} of the laws in this "
+            f"process, but number {code} in the process that created the model; load all plug-ins "
+            "in the same order in every process"
+        )
+    return Law(name, parameters)
+
+
+LINEAR = Law("linear", ())
+
+SUM_OF_ELEMENTS = Law("elements", ())
+"""Value of `Story.law` of a story with several elements. It is not a law: its name is not a key of
+`LAWS`, so that a function that ignores the elements fails."""
+
+
+def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """Complete a backbone curve of two to four points to four points, without changing the curve.
+
+    The points are added as in the vulnerability toolkit of GEM: to two points, points at 1/3 and
+    2/3 between the two; to three points, the midpoint of the last two.
+
+    Parameters
+    ----------
+    points : sequence of (float, float)
+        Drift and force of each point, in any units.
+
+    Returns
+    -------
+    tuple of eight floats
+        Drift and force of the first point, of the second point, and so on.
+    """
+    (*first_points, second_last, last) = points
+    added_count = 4 - len(points)
+    fractions = [j / (added_count + 1) for j in range(1, added_count + 1)]
+    # Interpolate drift and force linearly between the last two points.
+    added_points = [
+        [a + fraction * (b - a) for a, b in zip(second_last, last, strict=True)]
+        for fraction in fractions
+    ]
+    return tuple(
+        number for point in (*first_points, second_last, *added_points, last) for number in point
+    )
+
+
+_POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and length
+
+
+def named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
+    """Return for each number in the parameters of a law its name, the exponents of force and length
+    in its unit, and the declaration of the parameter. Numbers of a list or of points have an index
+    in the name, such as `backbone[1].drift`.
+    """
+    numbers: list[tuple[str, int, int, LawParameter]] = []
+    for parameter in LAWS[law.name].parameters:
+        path = parameter.path
+        if parameter.points:
+            numbers += [
+                (f"{path}[{k}].{coordinate}", *dimension, parameter)
+                for k in range(1, parameter.points + 1)
+                for coordinate, dimension in _POINT_DIMENSIONS.items()
+            ]
+        elif parameter.many:
+            # A list is the last parameter, so that it contains all remaining numbers. Number k is
+            # the coefficient of drift^k and has the unit force / length^k.
+            count = len(law.parameters) - len(numbers)
+            numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
+        else:
+            numbers.append((path, parameter.force, parameter.length, parameter))
+    return numbers
