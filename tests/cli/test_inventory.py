@@ -219,3 +219,23 @@ def test_check_asks_for_the_times_that_a_run_requires(folder, tdint):
         file.write("analysis: {duration: 2}\n")
     assert "requires --duration" not in tdint("check", "m.yaml", code=0).stderr
     tdint("run", "m.yaml", "--no-check", code=0)
+
+
+def test_check_of_a_campaign_asks_only_for_times_that_the_campaign_does_not_specify(folder, tdint):
+    """Ground motions have a time step and a duration, tables of forces have a time step."""
+    (folder / "m.yaml").write_text(
+        "stories: [{mass: 2.0e+5, stiffness: 3.0e+8, height: 3}]\n"
+        "excitation: {forces: [{floor: 1, amplitude: 1, omega: 3}]}\n"
+    )
+    (folder / "blast.csv").write_text("time_s,roof_N\n0,0\n0.1,1000\n0.2,0\n")
+    text = "buildings: {models: [m.yaml]}\n"
+    forces = "forces: {files: [blast.csv], floors: {1: roof_N}}\n"
+    (folder / "study.yaml").write_text(text + forces)
+    printed = tdint("check", "study.yaml", code=0).stderr
+    assert "m.yaml: without a record, `tdint run` requires --duration, or analysis" in printed
+    (folder / "study.yaml").write_text(text + forces + "analysis: {duration: 2}\n")
+    assert "requires" not in tdint("check", "study.yaml", code=0).stderr
+    (folder / "study.yaml").write_text(text + "records: {files: [motion.mseed], units: m/s^2}\n")
+    assert "requires" not in tdint("check", "study.yaml", code=0).stderr
+    # The model alone needs both times.
+    assert "requires --dt and --duration" in tdint("check", "m.yaml", code=0).stderr

@@ -17,6 +17,7 @@ from tdint_cli.terminal import Failures, emit, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.overview import Overview
+    from tdint.campaign.definition import CampaignFile
     from tdint.units import OutputUnits
 
 _MODELS = Mode("with models", frozenset(("models", "output_units")))
@@ -90,7 +91,7 @@ def command(
             "no model file is specified; specify the file to check (tdint check MODEL.yaml), or "
             "write the schema of such files (tdint check --schema)"
         )
-    from tdint.analysis.overview import overview
+    from tdint.analysis.overview import overview_in_campaign
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import SI
@@ -100,21 +101,24 @@ def command(
     # replace it in the list.
     overviews: list[Overview] = []
     failures: list[TdintError] = []
-    waiting_files = deque(models)
+    # The times of analysis that a campaign specifies are not missing in its models.
+    waiting_files = deque((file, tuple[str, ...]()) for file in models)
     # A campaign may list a model many times. Every model is read once.
     read_files: set[str] = set()
     while waiting_files:
-        file = waiting_files.popleft()
+        file, given_times = waiting_files.popleft()
         if file in read_files:
             continue
         read_files.add(file)
         try:
-            campaign_models = _models_of_campaign(file)
-            if campaign_models is None:
-                overviews.append(overview(file))
+            campaign = _campaign_in(file)
+            if campaign is None:
+                overviews.append(overview_in_campaign(file, given_times))
                 failures += _law_errors(file, plugins)
             else:
-                waiting_files.extendleft(reversed(campaign_models))
+                times = _times_given_by(campaign)
+                models_of_campaign = [(model, times) for model in _models_of(campaign)]
+                waiting_files.extendleft(reversed(models_of_campaign))
         except (ModelError, RecordError) as error:
             failures.append(error)
     from tdint.model.plausibility import model_notes
@@ -178,19 +182,15 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
     ]
 
 
-def _models_of_campaign(file: str) -> tuple[str, ...] | None:
-    """Return the model files of a campaign file (none if the buildings are derived from an
-    inventory); None if the file is not a campaign file. ModelError lists all errors of the campaign
-    file and its inventory, RecordError those of its load cases. Warnings about unusual rows of the
-    inventory are printed.
-    """
+def _campaign_in(file: str) -> CampaignFile | None:
+    """Return the campaign of a file; None if the file is not a campaign file. ModelError lists all
+    errors of the file, RecordError those of its load cases."""
     if file == "-" or not is_file(file):
         return None
     from tdint.model.keys.document import read_source
 
     if not _CAMPAIGN.search(read_source(file).data):
         return None
-    from tdint.campaign.definition import ModelFiles
     from tdint.campaign.inputs import check_load_cases
     from tdint.campaign.load_cases import LoadFiles
     from tdint.campaign.reader import load_campaign
@@ -199,6 +199,15 @@ def _models_of_campaign(file: str) -> tuple[str, ...] | None:
     say(f"{file}: valid campaign file")
     if isinstance(campaign.records, LoadFiles):
         check_load_cases(campaign)
+    return campaign
+
+
+def _models_of(campaign: CampaignFile) -> tuple[str, ...]:
+    """Return the model files of a campaign; none if the buildings are derived from an inventory,
+    which is checked: ModelError lists its errors, and warnings about unusual rows are printed.
+    """
+    from tdint.campaign.definition import ModelFiles
+
     if isinstance(campaign.buildings, ModelFiles):
         return campaign.buildings.files
     from tdint.campaign.inputs import read_rows
@@ -209,3 +218,14 @@ def _models_of_campaign(file: str) -> tuple[str, ...] | None:
     if errors:
         raise errors[0]
     return ()
+
+
+def _times_given_by(campaign: CampaignFile) -> tuple[str, ...]:
+    """Return `dt` and `duration` if the runs of a campaign have them without their models.
+
+    Both are those of the ground motions. Load cases have the time step of their table only.
+    """
+    from tdint.campaign.load_cases import LoadFiles
+
+    is_missing = isinstance(campaign.records, LoadFiles) and campaign.settings.duration is None
+    return ("dt",) if is_missing else ("dt", "duration")

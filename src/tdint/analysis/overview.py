@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -101,6 +102,17 @@ def overview(source: str | Path) -> Overview:
     RecordError
         The record that the model specifies cannot be read.
     """
+    return overview_in_campaign(source)
+
+
+def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) -> Overview:
+    """Read and summarize a model, like `overview`, for a campaign that uses it.
+
+    Parameters
+    ----------
+    given_times : collection of str
+        `dt` and `duration` if the campaign specifies them, so that the model does not need them.
+    """
     # The model layer has no access to the methods and does not open records. These checks are added
     # by the key of the entry, so that errors are reported at its line.
     model = load_with_checks(
@@ -133,7 +145,7 @@ def overview(source: str | Path) -> Overview:
         # Imported here, because most models have a record.
         from tdint.analysis.run.load_notes import missing_times
 
-        warnings += missing_times(model)
+        warnings += missing_times(model, given_times)
     return Overview(
         model,
         float(building.mass.sum()),

@@ -340,12 +340,19 @@ def _check_combinations(section: Section) -> None:
         value = section.get(section_name)
         return value.peek(name) if value else None
 
+    # The events of fields, or of a grid with the key `events`, have a scale factor for each site.
+    are_events = value_of("records", "fields") or value_of("records", "events")
     for name in ("measure", "factors"):
         entry = value_of("intensity", name)
         if entry and forces:
             entry.fault(
                 "cannot be used with `forces`, which have no ground motion; use `scales` to "
                 "multiply the forces"
+            )
+        if entry and are_events:
+            entry.fault(
+                "cannot be used with events, because their files specify scale factors; use "
+                "`scales` to multiply these factors"
             )
     # The key `pair` of the intensity requires pairs of components. The files of a grid always
     # contain both components, so that the key `pairs` is not needed.
@@ -360,15 +367,6 @@ def _check_combinations(section: Section) -> None:
             "cannot be used with `sequences`, because all events are analyzed to their end; remove "
             "it (the key `rest` sets the time between events)"
         )
-    # The events of fields, or of a grid with the key `events`, have a scale factor for each site.
-    are_events = value_of("records", "fields") or value_of("records", "events")
-    for name in ("measure", "factors"):
-        entry = value_of("intensity", name)
-        if entry and are_events:
-            entry.fault(
-                "cannot be used with events, because their files specify scale factors; use "
-                "`scales` to multiply these factors"
-            )
 
 
 def _read_analysis(section: Section) -> AnalysisOverrides:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -83,15 +83,18 @@ def table_name(force: TableForce) -> str:
     return Path(force.table.source).name or f"points on floor {force.floor}"
 
 
-def missing_times(model: Model) -> tuple[str, ...]:
+def missing_times(model: Model, given: Collection[str] = ()) -> tuple[str, ...]:
     """Return a sentence about the time step and the duration that a run of a model without a record
-    requires and the file does not contain; empty if nothing is missing."""
+    requires and the file does not contain; empty if nothing is missing.
+
+    `given` contains `dt` and `duration` if a campaign specifies them.
+    """
     # Tables of forces have a default time step.
     missing = {
         "dt": model.analysis.dt is None and not model.excitation.tables,
         "duration": model.analysis.duration is None,
     }
-    names = [name for name, is_missing in missing.items() if is_missing]
+    names = [name for name, is_missing in missing.items() if is_missing and name not in given]
     if not names:
         return ()
     options, keys = (
