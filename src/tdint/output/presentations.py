@@ -45,6 +45,8 @@ class Presentation:
     alone : bool
         True if a figure shows a single result. `picture` and `on_axes` then receive this result
         instead of a sequence of results.
+    only_si : str
+        Reason why the units of the table cannot be selected; empty if they can be selected.
     """
 
     table: Callable[[Any], Table | list[tuple[Column, Any]]] | None = None
@@ -52,6 +54,7 @@ class Presentation:
     picture: Callable[[Any, OutputUnits], Figure] | None = None
     on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
     alone: bool = False
+    only_si: str = ""
 
 
 def _columns(find: Callable[[], Sequence[Column]]) -> Callable[[Any], list[tuple[Column, Any]]]:
@@ -166,6 +169,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         ),
         picture=lambda result, units: figures.many_runs.gradient_picture(result, units),
         alone=True,
+        only_si="derivatives are in SI units: units cannot be selected for a gradient",
     ),
     "History": Presentation(lambda result: tables.values.history_columns(result)),
     "IdaStudy": Presentation(

@@ -53,14 +53,14 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     """
     # The table of several results has one row for each result if their class has the function
     # `rows`. Otherwise each result has a table, and these tables are joined.
-    if isinstance(result, list | tuple | ResultList):
-        first = result[0] if len(result) else None
-        known = PRESENTATIONS.get(type(first).__name__)
-        if known is None or known.rows is None:
-            return _joined([to_dict(item, units) for item in result])
+    is_sequence = isinstance(result, list | tuple | ResultList)
+    first = (result[0] if len(result) else None) if is_sequence else result
+    known = PRESENTATIONS.get(type(first).__name__)
+    if is_sequence and (known is None or known.rows is None):
+        return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
-    if units and type(result).__name__ == "Gradient":
-        raise UsageError("derivatives are in SI units: units cannot be selected for a gradient")
+    if units and known is not None and known.only_si:
+        raise UsageError(known.only_si)
     values = _values(result, output_units)
     row_count = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     columns: dict[str, Any] = {}
