@@ -91,6 +91,13 @@ def modules():
     return [Path(*Path(path).parts[1:]) for _, path, _ in trees()]
 
 
+def test_directories_are_flat():
+    found = [module for module in modules() if module.name != "__init__.py"]
+    assert [
+        module for module in found if len(module.parts) > 5
+    ] == []  # the package and three directories
+
+
 def imported(name, parts, known):
     """Yield the modules that a module imports: by statements (also for types and in functions), by
     `import_module` and by a module-level `__getattr__`."""

@@ -5,7 +5,10 @@ its numbers are read from the page, and its verdict follows from the measured va
 """
 
 import re
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
 import paper_claims
@@ -13,6 +16,7 @@ import readmes
 from as_printed import ENTRIES, MISPRINTS, corrected
 from paper_claims import ROUNDING, ROWS, Below
 from selection import every
+from tdint import read_horizontals, rotated_spectrum
 from tdint.methods import impulse
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w])")
@@ -173,3 +177,47 @@ def test_measured_numbers_have_date_or_test():
         numbers = NUMBER.findall(re.sub(r"`[^`]*`|\]\([^)]*\)", "", text))
         measured = re.search(r"\*Measured once, 20\d\d-\d\d-\d\d( to 20\d\d-\d\d-\d\d)?\.\*", text)
         assert measured or "pytest" in text or not numbers, heading
+
+
+# ---- Numbers of pages that the program computes
+
+
+def numbers_in_sentence(name, pattern):
+    """Return the numbers in a sentence of a page in their order."""
+    text = " ".join((readmes.ROOT / name).read_text().split())
+    (sentence,) = re.finditer(pattern, text)
+    return [float(number) for number in sentence.groups()]
+
+
+def test_underestimation_of_rotd50_at_samples():
+    pair = read_horizontals(readmes.ROOT / "records/kaikoura/WTMC.mseed", units="m/s^2")
+    least, exact = (
+        rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa
+        for maxima in ("samples", None)
+    )
+    missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(exact))
+    text = r"`--maxima samples` would underestimate RotD50 by up to (\d+) %"
+    assert numbers_in_sentence("src/tdint/analysis/spectra/README.md", text) == [
+        pytest.approx(float(missed), abs=0.5)
+    ]
+
+
+@pytest.mark.slow
+def test_table_of_moment4_with_unresolved_modes():
+    """The command prints the L2 errors of the table."""
+    command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    section = (
+        (readmes.ROOT / "tests/MEASUREMENTS.md")
+        .read_text()
+        .partition("(`stiff`):")[2]
+        .partition("## ")[0]
+    )
+    lines = re.findall(r"^\| ([a-z]\S+) \| (\S+e-.*) \|$", section, re.MULTILINE)
+    assert len(lines) == 5
+    for method, numbers in lines:
+        (line,) = re.findall(rf"^{re.escape(method)} +(.*)$", printed, re.MULTILINE)
+        measured = [float(cell.partition("/")[0]) for cell in line.split()]
+        assert measured == pytest.approx(
+            [float(number) for number in numbers.split(" | ")], rel=0.05
+        ), method

@@ -45,6 +45,17 @@ def index_readme(monkeypatch):
     return readmes.program("index_readme")
 
 
+def test_first_run_for_index_needs_no_checkout(monkeypatch):
+    text = index_readme(monkeypatch).for_index((ROOT / "README.md").read_text(encoding="utf-8"))
+    begin = text[: text.index("\n## ")]
+    assert re.findall(r"^\$ (\w+ \w+)", begin, re.MULTILINE) == [
+        "pip install",
+        "tdint init",
+        "tdint run",
+    ]
+    assert "checkout" not in begin
+
+
 def test_source_archive_contains_checkout():
     listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
     if listing.returncode:
@@ -181,6 +192,17 @@ def test_licenses_are_consistent():
     assert f"  license: {PROJECT['project']['license']}\n" in recipe
 
 
+def test_license_files_of_code_and_data_are_separate():
+    assert PROJECT["project"]["license"] == "BSD-3-Clause AND LicenseRef-CC-BY-3.0-NZ"
+    code, data = (
+        (ROOT / name).read_text(encoding="utf-8") for name in PROJECT["project"]["license-files"]
+    )
+    assert code.startswith("BSD 3-Clause License") and code.rstrip().endswith(
+        "POSSIBILITY OF SUCH DAMAGE."
+    )
+    assert "LicenseRef-CC-BY-3.0-NZ" in data and "GeoNet" in data
+
+
 @pytest.mark.parametrize(
     "file", sorted((ROOT / ".github" / "workflows").iterdir()), ids=lambda file: file.stem
 )
@@ -196,3 +218,28 @@ def test_workflows_pin_actions_and_limit_permissions(file):
             assert set(job.get("permissions", {"id-token": "write"})) - {"pages"} == {"id-token"}
     used = re.findall(r"uses: (?!\$/)(\S+)", text)
     assert [action for action in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", action)] == []
+
+
+def test_paper_has_required_length_sections_and_references():
+    head, _, body = (
+        (ROOT / ".github/paper/paper.md").read_text(encoding="utf-8").partition("\nbibliography")
+    )
+    assert head.startswith("---\ntitle")
+    assert 750 <= len(body.split()) <= 1750
+    required = (
+        "Summary|Statement of need|State of the field|Software design|Research impact statement|AI "
+        "usage disclosure"
+    )
+    assert len(re.findall(rf"\n# (?:{required})", body)) == 6
+    entries = re.findall(
+        r"@\w+\{(?:.|\n)*?\n\}", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8")
+    )
+    assert [entry for entry in entries if "  year = {" not in entry] == []
+    entries = set(
+        re.findall(r"@\w+\{(\w+),", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8"))
+    )
+    assert set(re.findall(r"\[@(\w+)", body)) == entries
+    pictures = re.findall(r"!\[(.*?)\]\((.*?)\)", body, re.DOTALL)
+    assert pictures and all(
+        (ROOT / ".github/paper" / file).is_file() and "`" in text for text, file in pictures
+    )

@@ -12,6 +12,7 @@ import pytest
 
 from tdint.analysis.chart.profiles import (
     PARTS,
+    PEAKS,
     STANDARD,
     Measured,
     PeakErrors,
@@ -62,6 +63,20 @@ def made_up(name="linear", motion="near-fault", lines=("impulse4", "newmark-aver
         "moment4",
         PeakErrors(1e-9, 1e-9, 1e-9),
         tuple(points),
+    )
+
+
+@pytest.mark.long
+def test_page_of_made_up_points():
+    entries = [run.Entry(made_up(), "2026-01-01", 0.5, 1.0)]
+    shown = [(f"{name}.png", name) for name in (*PEAKS, *(name for name, _ in run.CHARTS))]
+    page = run.page(entries, 36, shown, run.conditions_of(entries))
+    assert "35 of 36 problems were not measured" in page
+    assert "|`impulse4`|1/1.00/1.0/0|" in page  # as dear as the other one at each tolerance
+    assert "load 0.5 to 0.5" in page
+    assert (
+        "|peak total shear, 3 %|linear, near-fault|1.0|1|1 %|2.0|5.00|`impulse4`|1|1 %|2.0|5.00|"
+        in page
     )
 
 

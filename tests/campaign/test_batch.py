@@ -165,6 +165,13 @@ def test_errors_of_events_in_sequence(fixed: int) -> None:
     )
 
 
+def test_run_does_not_depend_on_other_runs() -> None:
+    runs = batch("ten-story-bilinear", "impulse4")
+    together = rows_by_run(runs.results(RUNS).runs)
+    backwards = rows_by_run(runs.results(RUNS[::-1]).runs)
+    assert together == backwards == rows_by_run([runs.results([run]).runs[0] for run in RUNS])
+
+
 def test_failed_run_is_repeated_with_finer_steps() -> None:
     """The repeated run has the largest of the smaller time steps for which the run does not
     fail."""

@@ -3,6 +3,7 @@ with the expected checksum are accepted."""
 
 import dataclasses
 import math
+import sys
 
 import fetch
 import manufactured
@@ -107,3 +108,13 @@ def test_failed_download_reports_remedy(tmp_path, monkeypatch):
     )
     monkeypatch.setitem(fetch.SOURCES, "elcentro", there)
     assert fetch.fetch("elcentro").read_bytes() == b"1\n"
+
+
+def test_fetch_command_lists_files(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["fetch.py"])
+    assert fetch.main() == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(fetch.SOURCES)
+    monkeypatch.setattr(sys, "argv", ["fetch.py", "nothing"])
+    with pytest.raises(SystemExit, match="2"):
+        fetch.main()
+    assert "no file is called 'nothing'; the names are elcentro" in capsys.readouterr().err

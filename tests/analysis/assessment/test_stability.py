@@ -246,14 +246,3 @@ def test_false_stability_limit_is_reported():
     assert states(false_limit(explicit, 1.9), "2, ... 1.9")
     assert states(false_limit(explicit, math.inf), "no limit up to 10000")
     assert states(false_limit(implicit, 3.5), "inf, ... 3.5")
-
-
-@pytest.mark.parametrize("damping", (0.0, 0.02, 0.2))
-def test_damping_raises_limit_of_newmark_with_gamma_above_one_half(damping):
-    """The closed form is given by Hughes (1987), section 9.1."""
-    gamma = 0.6
-    lead = damping * (gamma - 0.5)
-    limit = (lead + math.sqrt(0.5 * gamma + lead**2)) / (0.5 * gamma)
-    assert critical_step(parse(f"newmark:beta=0:gamma={gamma}"), damping) == pytest.approx(
-        limit, rel=1e-6
-    )

@@ -299,6 +299,18 @@ def test_short_steps_without_record_are_compared_with_half_step():
         assert response.check.time_steps == pytest.approx((0.5 * period / part,))
 
 
+def test_half_of_long_step_underestimates_error_of_contact():
+    """The true error is more than twice the estimate from half of the step, which is why the
+    sampling interval is used."""
+    building, record = building_with_a_gap()
+    peaks = [
+        run(building, record, dt=dt, duration=10.0, check=False).stories.peak_absolute_acceleration
+        for dt in (10 * record.dt, 5 * record.dt, record.dt / 16)
+    ]
+    true, estimated = np.abs(peaks[0] - peaks[2]), 4.0 / 3.0 * np.abs(peaks[0] - peaks[1])
+    assert np.max(true / estimated) > 2.0
+
+
 def test_accidental_agreement_of_one_story_is_corrected():
     """The first of three stories does not change, while the neighbouring stories change by a
     tenth."""
@@ -316,6 +328,9 @@ def test_exact_estimates_its_own_errors():
     assert response.check.method == "exact" and response.check.drift_error < 1e-3
     forced = oscillator(2.0 * np.pi, displacement=(1.0,), forces=[Force(1, 1e3, 0.0, 3.0)])
     assert run(forced, method="exact", dt=0.05, duration=2.0).check.method.startswith("impulse4")
+
+
+BOUC_WEN = Law("bouc-wen", (1e6, 0.05, 2.0, 0.5))
 
 
 def dashpots(exponent):

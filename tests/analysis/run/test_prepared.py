@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from building_cases import Force, model, noise, ten_bilinear, ten_linear
-from tdint import prepare, run_case
+from tdint import prepare, run, run_case
 from tdint.analysis.run import compiled_steps, prepared
+from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.time_steps import Steps
-from tdint.errors import UsageError
+from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.methods.catalogue import parse
 from tdint.model import modes
 
@@ -106,6 +107,19 @@ def test_cases_and_responses_are_picklable():
     assert same(case.prepared, travelled(case).prepared)
     assert same(replace(travelled(here), solver_time=0.0), replace(there, solver_time=0.0))
     assert same(travelled(here), here)
+
+
+def test_exceptions_are_picklable():
+    with pytest.raises(FailedRun) as caught:
+        run(ten_linear(), noise(samples=51), method="central-difference", dt=0.05)
+    failure = caught.value
+    again = travelled(failure)
+    assert type(again) is FailedRun
+    assert (str(again), vars(again)) == (str(failure), vars(failure))
+    assert again.largest_stable_dt > 0.0
+    fault = ModelFault("a.yaml", 1, 2, "stories", "bad")
+    assert travelled(ModelError([fault])).faults == (fault,)
+    assert str(travelled(ModelError("all bad"))) == "all bad"
 
 
 def test_cached_instability_agrees_with_modes_of_building():
