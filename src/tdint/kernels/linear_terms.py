@@ -311,6 +311,19 @@ def power_damper(linear_terms, i, rate):
     return 0.0, 0.0
 
 
+@inline
+def observed_power_damper(linear_terms, i, rate):
+    """Return the result of `power_damper`, for the observer.
+
+    Also the variant without dashpots contains this call. Without it, the compiled loop over the
+    floors takes up to 1.3 times as long with three stories, depending on the addresses of the
+    kernels.
+    """
+    if linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        return _power_damper(linear_terms, i, rate)
+    return 0.0, 0.0
+
+
 @outlined
 def _power_damper(linear_terms, i, rate):
     """Return force (N) and derivative (N s/m) of the power-law dashpot of story `i`."""

@@ -29,6 +29,7 @@ from tdint.kernels.linear_terms import (
     add_modal_force,
     force_rate,
     force_value,
+    observed_power_damper,
     power_damper,
 )
 from tdint.kernels.peaks_between_steps import (
@@ -179,7 +180,7 @@ def observe(scene, span, slope, memory, seen):
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
         rate = v - link * v_below
-        dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
+        dashpot_force, dashpot_tangent = observed_power_damper(linear_terms, i, rate)
         story_damping = linear_terms[rows.STORY_DAMPER, i] * rate
         floor_damping = linear_terms[rows.FLOOR_DAMPER, i] * v
         story_force = (
