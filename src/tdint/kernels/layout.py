@@ -143,7 +143,8 @@ COMMITTED = 0
 FIRST_TRIAL = LAW_STATE_ROWS
 SECOND_TRIAL = 2 * LAW_STATE_ROWS
 THIRD_TRIAL = 3 * LAW_STATE_ROWS
-# State at the start of the last observed step or substep, if flags[KEEPS_START] is 1
+# State at the start of the last observed step or substep, if flags[KEEPS_START] is 1, or if a
+# method with parabolic displacements has set STEP_PEAKS
 STEP_START = 4 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 5
 ADDRESS = LAW_STATE_BLOCKS * LAW_STATE_ROWS  # address of a separately compiled law; 0 for others

@@ -32,6 +32,7 @@ from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import brace_force_within
+from tdint.kernels.stories.law_state import copy_step_start
 
 # Bound of the deviation of a story force from its linear least-squares fit over the step, divided
 # by stiffness times change of drift. It is reached if the story loses all stiffness at the middle
@@ -136,7 +137,9 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     The law follows the parabola in the trial state SECOND_TRIAL. If `no_reversal`, an extremum of
     the parabola is ignored, because the parabola only approximates the drift. The peaks are not
     raised at a reversal: the observer evaluates the law at the reversal of its interpolant, which
-    is more accurate than the extremum of the parabola.
+    is more accurate than the extremum of the parabola. The laws move there from their states at
+    the start of the step: the reversal of the parabola can be farther, and the way back from it is
+    stiffer.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
@@ -701,6 +704,7 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     if scratch[ROW.CORNERS, 0] == 0.0:
         return
     step_status[rows.STEP_PEAKS] = step_status[rows.RUN_PEAKS] = ROW.PEAKS
+    copy_step_start(law_state)
     _update_peaks_between_corners(coefficients, scene, h, load, memory)
 
 

@@ -429,11 +429,11 @@ def store_step_start(flags, law_state):
     the start of the step.
     """
     if flags[rows.KEEPS_START] != 0.0:
-        _copy_step_start(law_state)
+        copy_step_start(law_state)
 
 
 @outlined
-def _copy_step_start(law_state):
+def copy_step_start(law_state):
     """Copy the committed states of all stories to block STEP_START.
 
     Compiled into the time loop, this function would increase the time of all runs by 5 %.
@@ -447,14 +447,18 @@ def _copy_step_start(law_state):
 
 
 @inline
-def step_start(flags):
+def step_start(flags, follows_reversal=False):
     """Return the first row of the block from which a law moves to a reversal within the last step.
 
-    It is STEP_START, if the state at the start of the step is kept. Otherwise it is the committed
-    state at the end of the step: a piecewise-linear law reloads on the branch on which it unloads,
-    so that the way back to the reversal ends at the force of the reversal.
+    It is STEP_START, if the state at the start of the step is kept, by flags[KEEPS_START] or
+    because the law has followed a reversal within the step (`follows_reversal`). Otherwise it is
+    the committed state at the end of the step: a piecewise-linear law reloads on the branch on
+    which it unloads, so that the way back to the reversal ends at the force of the reversal. If the
+    law has unloaded within the step, this is only valid for the drift of its own reversal.
     """
-    return rows.STEP_START if flags[rows.KEEPS_START] != 0.0 else rows.COMMITTED
+    if follows_reversal or flags[rows.KEEPS_START] != 0.0:
+        return rows.STEP_START
+    return rows.COMMITTED
 
 
 @inline

@@ -132,7 +132,7 @@ def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
         raise_peaks_in_parts(scene, points, span, memory, seen)
     # The laws are evaluated only at reversals that may cause a new peak shear.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
-        update_reversal_shears(update_shear_peaks, scene, memory, seen)
+        update_reversal_shears(update_shear_peaks, scene, span, memory, seen)
     store_step_start(scene.flags, memory.law_state)
 
 

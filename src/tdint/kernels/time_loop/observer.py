@@ -875,14 +875,18 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
 
 
 @inline
-def update_reversal_shears(update_shear_peaks, scene, memory, seen):
+def update_reversal_shears(update_shear_peaks, scene, span, memory, seen):
     """Update the peak shears at the reversals in row REVERSAL_DRIFT, by the address of
-    `update_shear_peaks`."""
+    `update_shear_peaks`.
+
+    A method with parabolic displacements (`span.on_path`) follows reversals. In a step with peaks
+    of its own (`span.cornered`), it has stored the states of the laws at the start.
+    """
     _call_update_shear_peaks(
         update_shear_peaks,
         scene.law_parameters,
         memory.law_state,
-        step_start(scene.flags),
+        step_start(scene.flags, span.on_path and span.cornered),
         seen.observer_state,
         rows.REVERSAL_DRIFT,
         seen.peaks,
