@@ -448,6 +448,20 @@ def test_total_shear_at_yielding_is_near_the_strength():
     assert found.peak_absolute_acceleration[0] == pytest.approx(strength / mass, rel=1e-4)
 
 
+@pytest.mark.parametrize("method", ["impulse4", "moment4", "newmark-average"])
+def test_peak_shear_of_bilinear_law_is_on_its_backbone_at_the_peak_drift(method):
+    """The peak drift is a reversal on a line of yielding, also if the reversal of the interpolant
+    in a step is not that of the method. An unloading branch there is up to 5e-5 lower."""
+    strength, hardening = 1e5, 0.03
+    definition = model([story(1e5, STIFFNESS, Law("bilinear", (strength, hardening, strength)))])
+    for seed in range(12):
+        found = run(
+            definition, noise(samples=201, seed=seed, peak=6.0), method=method, check=False
+        ).stories
+        expected = (1.0 - hardening) * strength + hardening * STIFFNESS * found.peak_drift[0]
+        assert found.peak_shear[0] == pytest.approx(expected, rel=1e-9), seed
+
+
 def bouc_wen_peak(velocity):
     """Return a Bouc-Wen oscillator in free vibration, and its peak shear by DOP853, N.
 
