@@ -169,9 +169,8 @@ def explicit_step(
             scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
     if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
-        scene = Scene(linear_terms, modal, law_parameters, forces, flags)
         memory = Memory(state, law_state, scratch, step_status)
-        _store_explicit_damping(scene, h, memory, stages)
+        _store_explicit_damping(linear_terms, law_parameters, h, memory, stages)
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]
         state[rows.VELOCITY, i] = scratch[_EXPLICIT.V + stages, i]
@@ -203,7 +202,7 @@ def _subtract_damping_impulse(linear_terms, law_state, scratch, velocity):
 
 
 @outlined
-def _store_explicit_damping(scene, h, memory, stages):
+def _store_explicit_damping(linear_terms, law_parameters, h, memory, stages):
     """Store force and work of tangent damping at the end of the step, and subtract the force from
     the accelerations of the last stage.
 
@@ -211,7 +210,6 @@ def _store_explicit_damping(scene, h, memory, stages):
     and their means. A parabola with the mean m, the change c and the mean of both ends m + e has
     the product m m' + c c' / 12 + e e' / 5 with a second parabola, on average.
     """
-    linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     velocity = _EXPLICIT.V + stages
     for i in range(linear_terms.shape[1] - 1):
@@ -223,7 +221,7 @@ def _store_explicit_damping(scene, h, memory, stages):
         rate_0 = scratch[_EXPLICIT.V, i] - link * scratch[_EXPLICIT.V, below]
         rate_1 = scratch[velocity, i] - link * scratch[velocity, below]
         tangent = restoring_force_outlined(
-            scene.law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift
+            law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift
         )
         force_0 = state[rows.DAMPING_FORCE, i]
         force_1 = coefficient * tangent * rate_1
