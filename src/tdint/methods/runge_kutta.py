@@ -21,15 +21,6 @@ so the law evaluates each stage, and the end of the step, directly from the star
 stages of gauss4 are ordered in time, so the path leads from the start through both stages to the
 end of the step.
 
-With Rayleigh damping with the tangent stiffness, the force b f' of a story is the rate of b times
-the force f of its law, with the coefficient b of the stiffness. The methods integrate the momentum
-w = M v + b f(u) instead of the velocity:
-
-    u' = M^-1 (w - b f(u)),    w' = p(t) - C v - f(u)
-
-The impulse of the damping over a step is therefore b (f1 - f0) exactly, and no tangent enters the
-equations. The force is continuous at branch changes, the damping force is not.
-
 References
 ----------
 Dormand, J. R., Prince, P. J. (1980). A family of embedded Runge-Kutta formulae. Journal of
@@ -71,7 +62,6 @@ from tdint.kernels.equations.tridiagonal import (
 from tdint.kernels.laws.selection import HAS_CURVED_LAW
 from tdint.kernels.linear_terms import (
     BRACES,
-    TANGENT_DAMPING,
     add_modal_force,
     finite,
     floor_load,
@@ -81,12 +71,7 @@ from tdint.kernels.linear_terms import (
 from tdint.kernels.stepping import STEP, Factors, Memory, Scene
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, commit_brace, follow_brace
-from tdint.kernels.stories.law_state import (
-    accumulate_dissipation,
-    commit,
-    restoring_force,
-    restoring_force_outlined,
-)
+from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
 from tdint.methods.method import GAUSS_MEAN, SIMPSON_MEAN, Family, Method
 
 Table = tuple[tuple[float, ...], ...]
@@ -103,8 +88,7 @@ class _ExplicitRows(NamedTuple):
     STORY_FORCE: int = 1  # story force including P-delta and dashpots, N
     U: int = 1  # displacement of the current stage, m
     V: int = _MAX_STAGES + 1  # velocities of all stages and of the end of the step, m/s
-    # Accelerations of all stages and of the end of the step without tangent damping, m/s^2
-    A: int = _MAX_STAGES + 1
+    A: int = _MAX_STAGES + 1  # accelerations of all stages and of the end of the step, m/s^2
 
 
 _EXPLICIT, _EXPLICIT_ROWS = rows.chained(_ExplicitRows)
@@ -135,8 +119,6 @@ def explicit_step(
     for i in range(n):
         scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
         scratch[_EXPLICIT.A, i] = state[rows.ACCELERATION, i]
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
-        _add_tangent_damping(1.0, linear_terms, state, scratch, _EXPLICIT.A)
     stages = int(coefficients[0])
     node_index = 1  # index of the node c of the current stage in `coefficients`
     for stage in range(1, stages + 1):
@@ -153,8 +135,6 @@ def explicit_step(
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
             restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
             u_below = scratch[_EXPLICIT.U, i]
-        if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
-            _subtract_damping_impulse(linear_terms, law_state, scratch, _EXPLICIT.V + stage)
         c = coefficients[node_index]
         ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
         floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, _EXPLICIT.LOAD)
@@ -168,71 +148,12 @@ def explicit_step(
             unbalanced = scratch[_EXPLICIT.LOAD, i] - scratch[acceleration, i]
             scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
-    if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
-        memory = Memory(state, law_state, scratch, step_status)
-        _store_explicit_damping(linear_terms, law_parameters, h, memory, stages)
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]
         state[rows.VELOCITY, i] = scratch[_EXPLICIT.V + stages, i]
         state[rows.ACCELERATION, i] = scratch[_EXPLICIT.A + stages, i]
         commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
     return 1 if finite(state, n) else rows.NOT_FINITE
-
-
-@outlined
-def _add_tangent_damping(factor, linear_terms, state, scratch, row):
-    """Add `factor` times the accelerations that the forces of tangent damping at the end of a step
-    require (DAMPING_FORCE divided by the masses) to a row, m/s^2."""
-    for i in range(linear_terms.shape[1] - 1):
-        force = state[rows.DAMPING_FORCE, i]
-        force -= linear_terms[rows.LINK, i + 1] * state[rows.DAMPING_FORCE, i + 1]
-        scratch[row, i] += factor * linear_terms[rows.INVERSE_MASS, i] * force
-
-
-@outlined
-def _subtract_damping_impulse(linear_terms, law_state, scratch, velocity):
-    """Subtract the impulses of tangent damping from the start of the step to a stage, divided by
-    the masses, from the velocities of the stage. The laws are at the stage in block FIRST_TRIAL."""
-    impulse_above = 0.0
-    for i in range(linear_terms.shape[1] - 2, -1, -1):
-        change = law_state[rows.FIRST_TRIAL + rows.FORCE, i] - law_state[rows.FORCE, i]
-        impulse = linear_terms[rows.TANGENT_DAMPING, i] * change
-        scratch[velocity, i] -= linear_terms[rows.INVERSE_MASS, i] * (impulse - impulse_above)
-        impulse_above = linear_terms[rows.LINK, i] * impulse
-
-
-@outlined
-def _store_explicit_damping(linear_terms, law_parameters, h, memory, stages):
-    """Store force and work of tangent damping at the end of the step, and subtract the force from
-    the accelerations of the last stage.
-
-    The work is the integral of b f' d' for parabolas of f' and d' with their values at both ends
-    and their means. A parabola with the mean m, the change c and the mean of both ends m + e has
-    the product m m' + c c' / 12 + e e' / 5 with a second parabola, on average.
-    """
-    state, law_state, scratch, _ = memory
-    velocity = _EXPLICIT.V + stages
-    for i in range(linear_terms.shape[1] - 1):
-        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
-        if coefficient == 0.0:
-            continue
-        link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
-        drift = scratch[_EXPLICIT.U, i] - link * scratch[_EXPLICIT.U, below]
-        rate_0 = scratch[_EXPLICIT.V, i] - link * scratch[_EXPLICIT.V, below]
-        rate_1 = scratch[velocity, i] - link * scratch[velocity, below]
-        tangent = restoring_force_outlined(
-            law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift
-        )
-        force_0 = state[rows.DAMPING_FORCE, i]
-        force_1 = coefficient * tangent * rate_1
-        mean = coefficient / h
-        mean *= law_state[rows.FIRST_TRIAL + rows.FORCE, i] - law_state[rows.FORCE, i]
-        mean_rate = (drift - law_state[rows.DRIFT, i]) / h
-        power = mean * mean_rate + (force_1 - force_0) * (rate_1 - rate_0) / 12.0
-        power += 0.2 * (0.5 * (force_0 + force_1) - mean) * (0.5 * (rate_0 + rate_1) - mean_rate)
-        state[rows.DAMPING_FORCE, i] = force_1
-        state[rows.DAMPING_WORK, i] += h * power
-    _add_tangent_damping(-1.0, linear_terms, state, scratch, _EXPLICIT.A + stages)
 
 
 def explicit_coefficients(table: Table) -> tuple[float, ...]:
@@ -348,8 +269,6 @@ class _ImplicitRows(NamedTuple):
     BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace`
     # Derivatives of mean and moment of the forces of dampers with braces in the factorization, N/m
     FACTORED_BRACE: int = 4
-    # Impulse of tangent damping in the equations of the stages minus the exact impulse, N s
-    EXCESS_IMPULSE: int = 1
     BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization, row by row
     COUPLING: int = COUPLING_ROWS  # off-diagonal blocks of the factorization
 
@@ -453,10 +372,7 @@ def implicit_step(
             break  # one solve is exact in a linear building
     if HAS_CURVED_LAW and _is_curved(flags):
         _store_internal_forces(linear_terms, h, scratch)
-    has_tangent_damping = flags[rows.HAS_TANGENT_DAMPING] != 0.0
-    if TANGENT_DAMPING and has_tangent_damping:
-        _commit_tangent_damping(coefficients, scene, h, memory)
-    _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters, h, memory)
+    _commit_step(coefficients, linear_terms, law_parameters, h, memory)
     return max(iterations, 1) if finite(state, n) else rows.NOT_FINITE
 
 
@@ -607,131 +523,7 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
         for i in range(n):
             if linear_terms[rows.BRACE, i] != 0.0:
                 is_stale = _add_brace(linear_terms, law_parameters, i, h, memory) or is_stale
-    if TANGENT_DAMPING:
-        for i in range(n):
-            if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
-                _add_tangent_damping_at_stages(coefficients, linear_terms, i, h, memory)
     return is_stale
-
-
-@inline
-def _inverse_entry(coefficients, entry):
-    """Return an entry of the inverse of the Butcher matrix, row by row."""
-    determinant = (
-        coefficients[_A] * coefficients[_A + 3] - coefficients[_A + 1] * coefficients[_A + 2]
-    )
-    cofactor = coefficients[_A + (3 - entry if entry == 0 or entry == 3 else entry)]
-    return (cofactor if entry == 0 or entry == 3 else -cofactor) / determinant
-
-
-@outlined
-def _add_tangent_damping_at_stages(coefficients, linear_terms, i, h, memory):
-    """Add the forces of tangent damping of story `i` to the story forces at both stages.
-
-    The momentum w at stage i is w0 + h sum_j A_ij w'_j. With M v = w - b f, the equation of a stage
-    contains the damping force (b / h) sum_j (A^-1)_ij (f_j - f0): b times the rate, at the stage,
-    of the parabola of the law's force through the start and both stages.
-    """
-    _, law_state, scratch, _ = memory
-    factor = linear_terms[rows.TANGENT_DAMPING, i] / h
-    force_0 = law_state[rows.FORCE, i]
-    change_1 = law_state[rows.FIRST_TRIAL + rows.FORCE, i] - force_0
-    change_2 = law_state[rows.SECOND_TRIAL + rows.FORCE, i] - force_0
-    rounding_1 = scratch[_IMPLICIT.FORCE_SCALE, i] - abs(scratch[_IMPLICIT.STORY_FORCE, i])
-    rounding_2 = scratch[_IMPLICIT.FORCE_SCALE + 1, i] - abs(scratch[_IMPLICIT.STORY_FORCE + 1, i])
-    for stage in range(2):
-        by_1 = factor * _inverse_entry(coefficients, 2 * stage)
-        by_2 = factor * _inverse_entry(coefficients, 2 * stage + 1)
-        force = by_1 * change_1 + by_2 * change_2
-        scratch[_IMPLICIT.STORY_FORCE + stage, i] += force
-        scratch[_IMPLICIT.FORCE_SCALE + stage, i] += (
-            abs(force) + abs(by_1) * rounding_1 + abs(by_2) * rounding_2
-        )
-
-
-@outlined
-def _tangent_damping_entry(coefficients, linear_terms, h, scratch, i, entry):
-    """Return the derivative of the force of tangent damping at a stage with respect to the drift
-    acceleration of a stage, kg; `entry` is the index in the 2 x 2 block, row by row."""
-    row, column = 2 * (entry // 2), entry % 2
-    total = 0.0
-    for stage in range(2):
-        tangent = scratch[_IMPLICIT.TANGENT + stage, i]
-        by_acceleration = coefficients[_A_SQUARED + 2 * stage + column]
-        total += _inverse_entry(coefficients, row + stage) * tangent * by_acceleration
-    return h * linear_terms[rows.TANGENT_DAMPING, i] * total
-
-
-@outlined
-def _commit_tangent_damping(coefficients, scene, h, memory):
-    """Store force and work of tangent damping at the end of the step, and in row EXCESS_IMPULSE the
-    excess of its impulse in the equations of the stages.
-
-    The velocity at the end follows from the momentum at the end and the force of the law at the
-    end: it receives the excess in addition. The work is the sum over both stages minus the work of
-    the excess.
-    """
-    linear_terms = scene.linear_terms
-    state, law_state, scratch, _ = memory
-    n = linear_terms.shape[1] - 1
-    b_1, b_2 = coefficients[_B], coefficients[_B + 1]
-    by_1 = b_1 * _inverse_entry(coefficients, 0) + b_2 * _inverse_entry(coefficients, 2)
-    by_2 = b_1 * _inverse_entry(coefficients, 1) + b_2 * _inverse_entry(coefficients, 3)
-    u_below = 0.0
-    for i in range(n):
-        a1, a2 = scratch[_IMPLICIT.STAGE_A, i], scratch[_IMPLICIT.STAGE_A + 1, i]
-        u = state[rows.DISPLACEMENT, i] + h * state[rows.VELOCITY, i]
-        u += h * h * (coefficients[_B_A] * a1 + coefficients[_B_A + 1] * a2)
-        drift = u - linear_terms[rows.LINK, i] * u_below
-        u_below = u
-        # The slope at the end, N/m, until the velocities at the end are known
-        state[rows.DAMPING_FORCE, i] = restoring_force_outlined(
-            scene.law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL, drift
-        )
-        force_0 = law_state[rows.FORCE, i]
-        change_1 = law_state[rows.FIRST_TRIAL + rows.FORCE, i] - force_0
-        change_2 = law_state[rows.SECOND_TRIAL + rows.FORCE, i] - force_0
-        change = law_state[rows.THIRD_TRIAL + rows.FORCE, i] - force_0
-        scratch[_IMPLICIT.EXCESS_IMPULSE, i] = linear_terms[rows.TANGENT_DAMPING, i] * (
-            by_1 * change_1 + by_2 * change_2 - change
-        )
-    scratch[_IMPLICIT.EXCESS_IMPULSE, n] = 0.0
-    rate_end_below = last_rate_below = 0.0
-    for i in range(n):
-        link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
-        a1, a2 = scratch[_IMPLICIT.STAGE_A, i], scratch[_IMPLICIT.STAGE_A + 1, i]
-        v_stages = state[rows.VELOCITY, i] + h * (b_1 * a1 + b_2 * a2)
-        v = v_stages + _excess_velocity(linear_terms, scratch, i)
-        coefficient = linear_terms[rows.TANGENT_DAMPING, i]
-        if coefficient != 0.0:
-            excess = scratch[_IMPLICIT.EXCESS_IMPULSE, i]
-            rate = v - link * rate_end_below
-            mean_rate = 0.5 * (rate + v_stages - link * last_rate_below)
-            state[rows.DAMPING_FORCE, i] *= coefficient * rate
-            work = 0.0
-            for stage in range(2):
-                force = 0.0
-                for other in range(2):
-                    change = (
-                        law_state[(other + 1) * rows.FIRST_TRIAL + rows.FORCE, i]
-                        - law_state[rows.FORCE, i]
-                    )
-                    force += _inverse_entry(coefficients, 2 * stage + other) * change
-                stage_rate = scratch[_IMPLICIT.STAGE_V + stage, i]
-                stage_rate -= link * scratch[_IMPLICIT.STAGE_V + stage, below]
-                work += coefficients[_B + stage] * coefficient * force * stage_rate
-            state[rows.DAMPING_WORK, i] += work - excess * mean_rate
-        else:
-            state[rows.DAMPING_FORCE, i] = 0.0
-        rate_end_below, last_rate_below = v, v_stages
-
-
-@inline
-def _excess_velocity(linear_terms, scratch, i):
-    """Return the velocity of floor `i` by the row EXCESS_IMPULSE, m/s."""
-    excess = scratch[_IMPLICIT.EXCESS_IMPULSE, i]
-    excess -= linear_terms[rows.LINK, i + 1] * scratch[_IMPLICIT.EXCESS_IMPULSE, i + 1]
-    return linear_terms[rows.INVERSE_MASS, i] * excess
 
 
 @outlined
@@ -860,8 +652,6 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
             story = k_factor * stiffness + c_factor * damper
             if BRACES and linear_terms[rows.BRACE, i] != 0.0:
                 story += _brace_entry(coefficients, h, scratch, i, entry)
-            if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
-                story += _tangent_damping_entry(coefficients, linear_terms, h, scratch, i, entry)
             scratch[_IMPLICIT.COUPLING + entry, i] = story
             scratch[_IMPLICIT.BLOCKS + entry, i] = (
                 m_factor * linear_terms[rows.MASS, i]
@@ -884,7 +674,7 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
 
 
 @inline
-def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters, h, memory):
+def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     """Update the state and commit the hysteretic laws at the end of the step, on the path through
     both stages.
 
@@ -904,8 +694,6 @@ def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters
         u1 = u0 + h * v0 + h * h * (coefficients[_B_A] * a1 + coefficients[_B_A + 1] * a2)
         state[rows.DISPLACEMENT, i] = u1
         state[rows.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
-        if TANGENT_DAMPING and has_tangent_damping:
-            state[rows.VELOCITY, i] += _excess_velocity(linear_terms, scratch, i)
         state[rows.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
         accumulate_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
@@ -973,7 +761,6 @@ METHODS = (
         implicit=lambda: False,
         stability_limit=lambda: imaginary_stability_limit(DORMAND_PRINCE),
         rho_inf=lambda: math.nan,  # unstable for large omega h
-        tangent_damping=lambda: True,
         source="Dormand and Prince (1980), the fifth-order weights at a fixed step",
     ),
     Method(
@@ -983,7 +770,6 @@ METHODS = (
         order=lambda: 4,
         rho_inf=lambda: 1.0,
         braces=True,
-        tangent_damping=lambda: True,
         source="two-stage Gauss method, Kuntzmann (1961) and Butcher (1964)",
     ),
 )
