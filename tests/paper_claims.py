@@ -595,14 +595,10 @@ ROWS = {
     ),
     "Section 3.4, Wilson": Row(
         lambda: powers("wilson")[:2],
-        lambda displacement, velocity: [
-            abs(displacement - 2.0) < 0.01,
-            abs(velocity - 2.0) < 0.01,
-        ],
+        lambda displacement, velocity: [abs(displacement - 2.0) < 0.01, abs(velocity - 2.0) < 0.01],
     ),
     "Section 3.4, criterion": Row(
-        lambda: [approach(1.0), approach(0.2)],
-        lambda *values: [power < 0.0 for power in values],
+        lambda: [approach(1.0), approach(0.2)], lambda *values: [power < 0.0 for power in values]
     ),
     "Conclusion 8": Row(
         lambda: [relative_error(number) for number in (1, 2, 3)],
@@ -720,10 +716,7 @@ ROWS = {
         ],
     ),
     "Example 2": Row(
-        lambda: [
-            example_error(2, "rk5"),
-            example_error(2, "rk5", "load constant in each step"),
-        ],
+        lambda: [example_error(2, "rk5"), example_error(2, "rk5", "load constant in each step")],
         lambda rk5, held: [rk5 > example_error(2, "impulse")],
     ),
     "Example 3": Row(

@@ -358,7 +358,7 @@ NAMED_ELSEWHERE = {
     "methods and laws that another program provides, too": {
         "src/tdint/analysis/chart/peers.py": (
             "bilinear bouc-wen gap generalized-alpha hht linear newmark-average polynomial tanh"
-        ),
+        )
     },
     "lines of a figure, in their order": {
         "cli/tdint_cli/commands/overshoot.py": "central-difference",
@@ -382,7 +382,7 @@ NAMED_ELSEWHERE = {
         ),
     },
     "format of files that no other format recognizes": {
-        "src/tdint/ground_motion/reading/contents.py": "TEXT",
+        "src/tdint/ground_motion/reading/contents.py": "TEXT"
     },
 }
 """Modules outside of the directories of `HOMES_OF_NAMES` with names, by the reason."""

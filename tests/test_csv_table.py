@@ -212,12 +212,7 @@ def test_excessive_numbers_are_refused(tmp_path, reader, cell):
             ModelError,
             r"site\.csv:2: factor must not be zero, got '0'",
         ),
-        (
-            "site.csv,-122,37",
-            "TH_file,factor\nm,x\n",
-            ModelError,
-            r"site\.csv:2: factor .*got 'x'",
-        ),
+        ("site.csv,-122,37", "TH_file,factor\nm,x\n", ModelError, r"site\.csv:2: factor .*got 'x'"),
         (
             "site.csv,-122,37",
             "TH-file,factor\nm,1\n",
@@ -256,10 +251,7 @@ def test_cells_of_table(tmp_path):
         table.check("c", [True, False, True], "must be even")
     with pytest.raises(ModelError, match=r"t\.csv:5: c must .*got '5'"):
         table.truths("c")
-    with pytest.raises(
-        ModelError,
-        match=r"t\.csv: column b .*same .*got 2, -3e1, 4; keep",
-    ):
+    with pytest.raises(ModelError, match=r"t\.csv: column b .*same .*got 2, -3e1, 4; keep"):
         table.only("b")
 
 

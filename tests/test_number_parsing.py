@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from tdint.errors import UsageError
-from tdint.number_parsing import (
-    MAX_GRID_POINTS,
-    Grid,
-    number_text,
-    parse_grid,
-    parse_ratio,
-)
+from tdint.number_parsing import MAX_GRID_POINTS, Grid, number_text, parse_grid, parse_ratio
 from tdint.units import parse_output_units
 
 

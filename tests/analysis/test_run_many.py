@@ -38,10 +38,7 @@ RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
 def test_histories_exceeding_memory_are_refused_with_size(monkeypatch):
     """The histories of three runs with 150 rows of 2 stories have 8 bytes per number."""
     monkeypatch.setattr("tdint.analysis.run.many_results.available_memory", lambda: 1e3)
-    with pytest.raises(
-        AnalysisError,
-        match=r"3 runs .*7\.2e-06 GB .* 1e-06 GB",
-    ):
+    with pytest.raises(AnalysisError, match=r"3 runs .*7\.2e-06 GB .* 1e-06 GB"):
         tdint.run_many(
             two_stories(),
             RECORDS[0],

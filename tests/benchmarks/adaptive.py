@@ -346,9 +346,7 @@ def max_absolute(values: np.ndarray) -> np.ndarray:
     # The vertex is used only if it is between the neighbors of the middle value.
     with np.errstate(all="ignore"):
         vertex = np.where(
-            (bend != 0.0) & (np.abs(slope) < np.abs(bend)),
-            middle - slope**2 / (2.0 * bend),
-            middle,
+            (bend != 0.0) & (np.abs(slope) < np.abs(bend)), middle - slope**2 / (2.0 * bend), middle
         )
     return np.asarray(np.maximum(np.max(size, axis=0), np.abs(vertex)))
 

@@ -18,13 +18,7 @@ import numpy as np
 
 from tdint.analysis.arguments import model_of
 from tdint.analysis.chart.problem import pose
-from tdint.analysis.chart.profiles import (
-    METHODS,
-    PEAKS,
-    Measured,
-    crossed,
-    measure_problem,
-)
+from tdint.analysis.chart.profiles import METHODS, PEAKS, Measured, crossed, measure_problem
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
 

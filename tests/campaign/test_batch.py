@@ -253,8 +253,7 @@ def test_number_of_repetitions_of_failing_run(
     def failing(subject: Subject, motions: Motions, runs: list[Any], **named: Any) -> Outcomes:
         steps.extend(run[2].h for run in runs)
         return replace(
-            run_batch(subject, motions, runs, **named),
-            failures={0: FailedRun("", status, "", 0.1)},
+            run_batch(subject, motions, runs, **named), failures={0: FailedRun("", status, "", 0.1)}
         )
 
     monkeypatch.setattr("tdint.campaign.batch.run_batch", failing)

@@ -149,10 +149,7 @@ def test_levels_count_ground_motions_instead_of_runs() -> None:
     assert [
         (level_counts.pairs, level_counts.collapsed, level_counts.failed)
         for level_counts in (first, second)
-    ] == [
-        (3, 0, 0),
-        (3, 2, 2),
-    ]
+    ] == [(3, 0, 0), (3, 2, 2)]
     assert second.completed == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
     assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
     (level_counts,) = SuiteRules(PairRule("larger", {1: 1, 2: 2}), [], False, ("", "")).levels(

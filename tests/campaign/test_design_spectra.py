@@ -115,10 +115,7 @@ def test_ec8_spectrum_beyond_four_seconds(damping):
         ("ASCE7:sds=1,sd1=x,tl=8", "sd1 must be a positive number, got 'x'"),
         ("asce7:sds=1,sd1=0.5,tl=0.5", "tl must be longer than TS = sd1/sds = 0.5 s"),
         ("asce7:sds=1,sds=2,sd1=0.6,tl=8", "sds is specified twice"),
-        (
-            "asce7:sds=9.80665,sd1=5.9,tl=8",
-            "at most 5 g, got 9.80665; ",
-        ),
+        ("asce7:sds=9.80665,sd1=5.9,tl=8", "at most 5 g, got 9.80665; "),
         ("ec9:type=1", "unknown design spectrum 'ec9' (known: asce7, mcer, ec8"),
         ("ec8:type=3,soil=B,ag=0.25g", "type must be 1 or 2"),
         ("ec8:type=1,soil=F,ag=0.25g", "one of A, B, C, D, E"),

@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 
 from facts import each_states, states
-from tdint.campaign.fragility.fit_table import (
-    FragilityRequest,
-    fit_table,
-    fragility,
-)
+from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table, fragility
 from tdint.campaign.fragility.fit_types import TypeRuns, fit_states
 from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
 from tdint.campaign.fragility.fragility_function import Fragility

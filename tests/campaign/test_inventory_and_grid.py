@@ -168,10 +168,7 @@ def test_unreadable_motions_are_omitted_and_reported(study: Path) -> None:
     ("text", "message"),
     [
         ("[" * 100_000, "m00.json: not JSON"),
-        (
-            '{"dT": 0.01, "data_x": [1%s, 2]}' % ("0" * 400),
-            "m00.json: .* inf for sample 0",
-        ),
+        ('{"dT": 0.01, "data_x": [1%s, 2]}' % ("0" * 400), "m00.json: .* inf for sample 0"),
         (
             '{"dT": 1%s, "data_x": [1, 2]}' % ("0" * 400),
             "m00.json: dT must be a sampling interval, .* got inf",

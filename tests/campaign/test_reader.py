@@ -235,7 +235,6 @@ def test_pairs_and_component_exclude_each_other(tmp_path: Path, source: str) -> 
             load_campaign(file)
         else:
             with pytest.raises(
-                ModelError,
-                match=r"records\.component: cannot be used with `pairs`",
+                ModelError, match=r"records\.component: cannot be used with `pairs`"
             ):
                 load_campaign(file)

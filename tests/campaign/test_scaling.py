@@ -290,10 +290,7 @@ def test_target_tables_are_read(tmp_path):
         ("sa_g\n1\n", "1: no column period_s"),
         ("period_s,sa_g,psa_g\n1,2,x\n2,1,1\n", "2: psa_g must be a positive number, got 'x'"),
         ("period_s,sa_g,sa_m_s2\n1,2,3\n", "the table contains several spectra, sa_g, sa_m_s2"),
-        (
-            "period_s,sa_g\n1,2\n0.5,2\n",
-            r"3: .*periods .* increase, got 0\.5 s",
-        ),
+        ("period_s,sa_g\n1,2\n0.5,2\n", r"3: .*periods .* increase, got 0\.5 s"),
         ("period_s,sa_g\n-1,2\n0.5,2\n", "t.csv:2: the periods"),
         ("period_s,sa_g\n0,2\n0.5,2\n", "at least two positive periods"),
         ("period_s,sa_g\n1,0\n2,1\n", "2: sa_g must be a positive number, got '0'"),

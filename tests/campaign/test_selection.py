@@ -104,10 +104,7 @@ def test_rule_applies_to_selected_motions(pool):
         ({"count": 0}, "number .* at least 1"),
         ({"factors": (2.0, 1.0)}, "limits .* positive"),
         ({"per_event": 0}, "per_event must be at least 1"),
-        (
-            {"events": ["one"] * 17, "per_event": 2},
-            "3 motions .* 2 of 17 .*at most 2 of an event",
-        ),
+        ({"events": ["one"] * 17, "per_event": 2}, "3 motions .* 2 of 17 .*at most 2 of an event"),
         ({"scatter": -1.0}, "target standard deviation must be"),
         ({"rule": "usual"}, "unknown rule 'usual'"),
     ],

@@ -169,13 +169,7 @@ CASES = {
         is_stated=False,
     ),
     "no header": Case(
-        lines(E14, 5, "%15.7E"),
-        E14,
-        0.02,
-        METERS,
-        "m/s^2",
-        {"step": 0.02},
-        is_stated=False,
+        lines(E14, 5, "%15.7E"), E14, 0.02, METERS, "m/s^2", {"step": 0.02}, is_stated=False
     ),
     "numbered lines": Case(
         "ACCELERATION IN GAL, DT=0.01 SEC\n"
@@ -188,9 +182,7 @@ CASES = {
         is_stated=False,
     ),
     "one line": Case(
-        "number of samples = 1187, units: gal, dt = 0.01 s\n" + lines(F8, 2000, "%9.2f"),
-        F8,
-        0.01,
+        "number of samples = 1187, units: gal, dt = 0.01 s\n" + lines(F8, 2000, "%9.2f"), F8, 0.01
     ),
     "count and step": Case("1000 0.01\n" + column(G), G, 0.01, **IN_G),
     "step and count": Case("0.01 1000\n" + column(G), G, 0.01, **IN_G),

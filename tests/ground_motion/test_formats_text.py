@@ -58,10 +58,7 @@ class TestOneColumn:
             ("# dt = 0 s", "dt .* header states '0 s'"),
             ("# dt = 0.01 h", "dt .* header states '0.01 h'"),
             ("# dt = 0.01, fs = 200", "sampling intervals, 0.01 s and 0.005 s"),
-            (
-                "# dt = 0.01, units = cm/s",
-                "unit of acceleration, .*'cm/s'",
-            ),
+            ("# dt = 0.01, units = cm/s", "unit of acceleration, .*'cm/s'"),
             ("# dt = 0.01, samples = 121", "states 121 samples, but the file has 120"),
             ("# dt = 0.01\n# units = g\n# acceleration (gal)", "states units twice, 'g' and 'gal'"),
         ],

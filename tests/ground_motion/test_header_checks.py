@@ -61,11 +61,7 @@ class TestSac:
     @pytest.mark.parametrize(
         ("word", "value", "match"),
         [
-            (
-                0,
-                0.02,
-                r"time of the last sample\) of 9.98\d* s, .* 19.9",
-            ),
+            (0, 0.02, r"time of the last sample\) of 9.98\d* s, .* 19.9"),
             (2, 9.81 * 3.0, r"largest sample\) of 29.4\d*, .* 3"),
             (1, -3.1, "smallest sample"),
             (56, 1.0, "mean of 1, "),

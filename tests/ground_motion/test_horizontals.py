@@ -116,10 +116,7 @@ def test_names_without_direction_are_paired_with_note():
 @pytest.mark.parametrize(
     ("records", "message"),
     [
-        (
-            [record("HNZ")],
-            "two horizontal components .* 0: none",
-        ),
+        ([record("HNZ")], "two horizontal components .* 0: none"),
         ([record("HNE"), record("HNN"), record("HN1")], "the source contains 3: HNE, HNN, HN1"),
         ([record("67"), record("90")], "the directions 67 and 90 differ by 23 degrees"),
         ([record("EW"), record("EW", seed=1)], "the directions EW and EW differ by 0 degrees"),
@@ -136,10 +133,7 @@ def test_names_without_direction_are_paired_with_note():
             ],
             "the components start 0.25 s apart",
         ),
-        (
-            [record("HNE"), record("HNN", samples=90)],
-            "100 and 90 samples",
-        ),
+        ([record("HNE"), record("HNN", samples=90)], "100 and 90 samples"),
     ],
 )
 def test_invalid_pairs_are_refused(records, message):

@@ -172,22 +172,10 @@ class TestUnusualRecords:
     @pytest.mark.parametrize(
         ("samples", "notes"),
         [
-            (
-                [0] * 30 + [1, -2, 1] * 20 + [0],
-                ["first 30 of 91 samples are zero; "],
-            ),
-            (
-                [0, 1, -2, 1] * 10 + [0] * 30,
-                ["last 30 of 70 samples are zero; "],
-            ),
-            (
-                [1, -0.5, 0, 1, -2, 1, 0],
-                ["first sample is 1 m/s^2, 50 % of the peak; "],
-            ),
-            (
-                [0, 1, 1, 0],
-                ["velocity at the end is 1 m/s, 100 % of its peak; "],
-            ),
+            ([0] * 30 + [1, -2, 1] * 20 + [0], ["first 30 of 91 samples are zero; "]),
+            ([0, 1, -2, 1] * 10 + [0] * 30, ["last 30 of 70 samples are zero; "]),
+            ([1, -0.5, 0, 1, -2, 1, 0], ["first sample is 1 m/s^2, 50 % of the peak; "]),
+            ([0, 1, 1, 0], ["velocity at the end is 1 m/s, 100 % of its peak; "]),
             ([0, 1, -2, 1, 0], []),
         ],
     )

@@ -41,16 +41,8 @@ class TestMiniSeed:
             [
                 # libmseed would read these samples from the memory after the record, with different
                 # values each time.
-                (
-                    30,
-                    b"\x0b\xb8",
-                    r"record 1: .*3000 samples, .* \d+",
-                ),
-                (
-                    -512 + 30,
-                    b"\x0b\xb8",
-                    r"record \d+: .*3000 samples, .* \d+",
-                ),
+                (30, b"\x0b\xb8", r"record 1: .*3000 samples, .* \d+"),
+                (-512 + 30, b"\x0b\xb8", r"record \d+: .*3000 samples, .* \d+"),
                 # libmseed would drop the record without a word.
                 (44, b"\0\0", "at byte 0|states byte 0"),
                 (44, b"\0\x2f", "at byte 47|states byte 47"),
@@ -58,16 +50,8 @@ class TestMiniSeed:
                 (512 + 44, b"\x40\x40", "at byte 16448|states byte 16448"),
                 # A record that becomes a control header
                 (6, b"T", "at byte 0, where record .* must start|unknown format"),
-                (
-                    512 + 6,
-                    b"T",
-                    "at byte 512, where record .* must start|unknown format",
-                ),
-                (
-                    -512 + 6,
-                    b"T",
-                    r"at byte \d+, where record .* must start|unknown format",
-                ),
+                (512 + 6, b"T", "at byte 512, where record .* must start|unknown format"),
+                (-512 + 6, b"T", r"at byte \d+, where record .* must start|unknown format"),
                 # A record of text
                 (-512 + 52, b"\0", r"XX.ABC.00.HNE have different encodings, \[0, \d+\]"),
                 # The first record under another name; the station's code is padded with blanks.
@@ -175,13 +159,7 @@ class TestMiniSeedByHand:
             first_header.samples,
             first_header.length,
             first_header.data,
-        ) == (
-            1,
-            "XX.ABC.00.HNE",
-            20,
-            512,
-            64,
-        )
+        ) == (1, "XX.ABC.00.HNE", 20, 512, 64)
         assert (
             second_header.number,
             second_header.id,

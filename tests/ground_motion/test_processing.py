@@ -250,20 +250,11 @@ def test_resampling_keeps_constant_and_duration(new):
             r"x.mseed: TD.X..HNE: trim must be within the record, .* 19.99 s, got 0:20.1 s",
         ),
         ({"trim": (30.0, None)}, "trim must be within the record"),
-        (
-            {"trim": (1.001, 1.009)},
-            "trim .*two samples .* 0.01 s, got 1.001:1.009 s",
-        ),
+        ({"trim": (1.001, 1.009)}, "trim .*two samples .* 0.01 s, got 1.001:1.009 s"),
         ({"lowpass": 50.0}, "lowpass .*50 Hz, got 50 Hz"),
         ({"highpass": 60.0}, "highpass .*50 Hz, got 60 Hz"),
-        (
-            {"highpass": 1e-4},
-            "highpass .*0.001 Hz .*0.01 s, got 0.0001 Hz",
-        ),
-        (
-            {"resample": 20.0},
-            "at least two samples; .*20 s",
-        ),
+        ({"highpass": 1e-4}, "highpass .*0.001 Hz .*0.01 s, got 0.0001 Hz"),
+        ({"resample": 20.0}, "at least two samples; .*20 s"),
         ({"resample": 1e-9}, "must have at most 50000000 samples"),
         ({"pad": 1e9}, "pad must add at most 50000000 samples, got 200000000000"),
         ({"pad": 8e307}, "pad must add at most 50000000 samples, got 2000000000000000000"),

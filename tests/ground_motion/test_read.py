@@ -157,17 +157,9 @@ class TestKnet:
     @pytest.mark.parametrize(
         ("old", "new", "message"),
         [
-            (
-                b"4.383",
-                b"5.000",
-                r"peak of 5 gal, .* 4\.383",
-            ),
+            (b"4.383", b"5.000", r"peak of 5 gal, .* 4\.383"),
             *(
-                (
-                    b"Time(s)  59",
-                    b"Time(s)  " + length,
-                    "invalid number of samples|read have 5900",
-                )
+                (b"Time(s)  59", b"Time(s)  " + length, "invalid number of samples|read have 5900")
                 for length in (b"1e308", b"nan", b"1e12", b"-5", b"58", b"60")
             ),
         ],

@@ -181,11 +181,7 @@ class TestColumn:
         [
             (["t,a,a"], {"column": "a"}, "columns 2 and 3 .*'a'; .*number"),
             ([], {"column": "a"}, "no column names; .*number"),
-            (
-                ["s,P1,P2"],
-                {"step": 0.02},
-                "acceleration; .*`column`: P1, P2",
-            ),
+            (["s,P1,P2"], {"step": 0.02}, "acceleration; .*`column`: P1, P2"),
         ],
     )
     def test_ambiguous_and_missing_names_are_refused(self, file, names, layout, message):

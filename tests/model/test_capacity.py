@@ -9,12 +9,7 @@ from scipy.linalg import eigh
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
-from tdint.model.capacity import (
-    CapacityCurve,
-    CapacityFacts,
-    derive_capacity,
-    read_classes,
-)
+from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity, read_classes
 from tdint.model.inventory import derive_all, model_text, read_inventory
 
 DEMO = CapacityCurve(

@@ -163,10 +163,7 @@ def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> No
     """A mass of 200 with forces in kN would be 200 kg, which gives a period of 0.01 s. The unit of
     a weight is the unit of force."""
     stories = "stories: [{mass: 0.25, stiffness: 1000}]"
-    with pytest.raises(
-        ModelError,
-        match=r"stories\[1\]\.mass: .*add mass to `units`.*weight",
-    ):
+    with pytest.raises(ModelError, match=r"stories\[1\]\.mass: .*add mass to `units`.*weight"):
         load(f"units: {{length: {units}}}\n{stories}")
     model = load(f"units: {{length: {units}, mass: kip*s^2/in}}\n{stories}")
     assert model.stories[0].mass == pytest.approx(0.25 * 4448.2216152605 / 0.0254)

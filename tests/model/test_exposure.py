@@ -169,10 +169,7 @@ def test_mapping_by_structural_type_without_costs() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            in_xml().replace("CR/H:3", "CR/H:9"),
-            "1 taxonomy of e.xml not found; ... 'CR/H:9'",
-        ),
+        (in_xml().replace("CR/H:3", "CR/H:9"), "1 taxonomy of e.xml not found; ... 'CR/H:9'"),
         (in_xml().replace('number="5"', 'number="-5"'), "e.xml:14:1: number: must be zero or a"),
         (in_xml().replace('number="5"', ""), "e.xml:14:1: number: is missing"),
         (in_xml().replace('value="900"', 'value="x"'), "e.xml:19:1: structural: must be zero or"),

@@ -338,18 +338,8 @@ def test_scatter_is_sampled_by_building_id(tmp_path):
         ("PlanArea", (1e-3, 1e9), (0, -1), "positive"),
         ("height", (1e-3, 1e3), (0, -3), "positive"),
         ("DampingRatio", (0, 0.99), (-0.01, 1), "at least 0 and below 1"),
-        (
-            "Latitude",
-            (-90, 90),
-            (-90.01, 90.01),
-            "at least -90 ... at most 90",
-        ),
-        (
-            "Longitude",
-            (-360, 360),
-            (-360.01, 360.01),
-            "at least -360 ... at most 360",
-        ),
+        ("Latitude", (-90, 90), (-90.01, 90.01), "at least -90 ... at most 90"),
+        ("Longitude", (-360, 360), (-360.01, 360.01), "at least -360 ... at most 360"),
     ],
 )
 def test_bounds_of_numbers_in_rows(tmp_path, column, sound, wrong, message):

@@ -93,12 +93,7 @@ def test_memory_of_history_chunks_does_not_grow_with_steps() -> None:
         assert peak < 6e7, every
 
 
-def test_history_exceeding_memory_is_refused_with_size(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_history_exceeding_memory_is_refused_with_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tdint.methods.workspace.available_memory", lambda: 1e6)
-    with pytest.raises(
-        AnalysisError,
-        match=r"1000001 rows .*0\.24 GB .*0\.001 GB",
-    ):
+    with pytest.raises(AnalysisError, match=r"1000001 rows .*0\.24 GB .*0\.001 GB"):
         run(model(ONE), MOTION, dt=1e-5, duration=10.0, history=True, method="newmark-average")

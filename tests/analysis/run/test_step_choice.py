@@ -173,8 +173,5 @@ def test_failed_runs_end_search_for_tolerance(monkeypatch, threshold):
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])
 def test_tolerance_must_be_between_0_and_1(tolerance):
-    with pytest.raises(
-        UsageError,
-        match=r"tolerance .* (0 and 1|nan)",
-    ):
+    with pytest.raises(UsageError, match=r"tolerance .* (0 and 1|nan)"):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=tolerance)

@@ -155,10 +155,7 @@ def test_five_stories_under_el_centro_agree_with_chopra():
         ({"story_height": math.nan}, "story height .* positive"),
         ({"periods": [100.0]}, "from 1 to 1000, got 4339"),
         ({"height_period": HeightPeriod(0.1, 1e-4)}, "height .* zero or too large"),
-        (
-            {"height_period": HeightPeriod(10.0, 1e-4), "beam": True},
-            "height .* zero or too large",
-        ),
+        ({"height_period": HeightPeriod(10.0, 1e-4), "beam": True}, "height .* zero or too large"),
     ],
 )
 def test_invalid_arguments_are_refused(arguments, message):
@@ -170,10 +167,7 @@ def test_invalid_arguments_are_refused(arguments, message):
 def test_too_short_and_too_long_periods_are_refused():
     with pytest.raises(AnalysisError, match=r"too many modes .* 200 s"):
         drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
-    with pytest.raises(
-        AnalysisError,
-        match=r"period 9e-06 s .* at least 1e-05 s",
-    ):
+    with pytest.raises(AnalysisError, match=r"period 9e-06 s .* at least 1e-05 s"):
         drift_spectrum(noise(samples=21), np.array([9e-6, 1.0]))
 
 

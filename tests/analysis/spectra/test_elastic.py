@@ -133,8 +133,5 @@ def test_result_reports_method_maxima_and_interpolation(choices, expected):
 
 
 def test_period_far_below_sampling_interval_is_refused():
-    with pytest.raises(
-        AnalysisError,
-        match=r"period 0\.0004 s .* 0\.05 .* 0\.01 s",
-    ):
+    with pytest.raises(AnalysisError, match=r"period 0\.0004 s .* 0\.05 .* 0\.01 s"):
         spectrum(noise(samples=21), np.array([1.0, 4e-4]))

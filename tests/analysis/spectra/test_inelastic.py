@@ -241,10 +241,7 @@ def test_unreachable_ductility_is_refused():
 
 def test_too_short_periods_are_refused():
     for function, levels in ((constant_ductility, [2.0]), (constant_strength, [0.1])):
-        with pytest.raises(
-            AnalysisError,
-            match=r"period 9e-06 s .* at least 1e-05 s",
-        ):
+        with pytest.raises(AnalysisError, match=r"period 9e-06 s .* at least 1e-05 s"):
             function(NOISE, np.array([1.0, 9e-6]), levels)
         assert np.isfinite(
             function(replace(NOISE, acceleration=NOISE.acceleration[:9]), [1e-5], levels)[0].sd[0]

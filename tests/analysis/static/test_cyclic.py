@@ -209,7 +209,6 @@ def test_number_of_points_is_limited(monkeypatch):
     assert len(path.drift) == 121
     for more in ({"cycles": 3, "points": 4}, {"cycles": 2, "points": 6}):
         with pytest.raises(
-            UsageError,
-            match=f"{3 * more['cycles']} cycles of {4 * more['points']} points exceed",
+            UsageError, match=f"{3 * more['cycles']} cycles of {4 * more['points']} points exceed"
         ):
             cyclic_test(building, 1, sizes, **more)

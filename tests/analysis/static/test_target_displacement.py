@@ -287,12 +287,7 @@ def test_loss_of_strength_is_noted(tmp_path):
     ("drift", "options", "error", "message"),
     [
         ("30mm", {}, AnalysisError, "exceeds the end of the pushover curve"),
-        (
-            "200mm",
-            {"site_class": "X"},
-            UsageError,
-            "C, D, E, F, got 'X'",
-        ),
+        ("200mm", {"site_class": "X"}, UsageError, "C, D, E, F, got 'X'"),
         (
             "200mm",
             {"mass_factor": 2.0},
