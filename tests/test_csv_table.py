@@ -177,54 +177,27 @@ def test_excessive_numbers_are_refused(tmp_path, reader, cell):
     )
 
 
-@pytest.mark.parametrize(
-    ("point", "motions", "error", "message"),
-    [
-        (
-            "site.csv,-122,90.5",
-            "TH_file\nm\n",
-            ModelError,
-            r"grid\.csv:2: Latitude must be from -90 to 90 degrees",
-        ),
-        (
-            "site.csv,37,-90.5",
-            "TH_file\nm\n",
-            ModelError,
-            r"grid\.csv:2: Latitude must be .*, got '-90.5'",
-        ),
-        (
-            "site.csv,361,37",
-            "TH_file\nm\n",
-            ModelError,
-            r"grid\.csv:2: Longitude must be from -360 to 360 degrees",
-        ),
-        ("site.csv,,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude is missing"),
-        (",-122,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: GP_file is missing"),
-        (
-            "site.csv,-122,37",
-            "TH_file,factor\n,2\n",
-            ModelError,
-            r"site\.csv:2: TH_file is missing",
-        ),
-        (
-            "site.csv,-122,37",
-            "TH_file,factor\nm,0\n",
-            ModelError,
-            r"site\.csv:2: factor must not be zero, got '0'",
-        ),
-        ("site.csv,-122,37", "TH_file,factor\nm,x\n", ModelError, r"site\.csv:2: factor .*got 'x'"),
-        (
-            "site.csv,-122,37",
-            "TH-file,factor\nm,1\n",
-            ModelError,
-            "no column TH_file; rename the column 'th-file'",
-        ),
-        ("site.csv,-122,37", "TH_file, factor\nm,\n", RecordError, r"m\.json: cannot be read"),
-    ],
-)
-def test_invalid_grids_are_refused(tmp_path, point, motions, error, message):
+# Row of the grid, motions of its site, error
+GRIDS = r"""
+site.csv,-122,90.5 -> TH_file;m -> grid\.csv:2: Latitude must be from -90 to 90 degrees
+site.csv,37,-90.5 -> TH_file;m -> grid\.csv:2: Latitude must be .*, got '-90.5'
+site.csv,361,37 -> TH_file;m -> grid\.csv:2: Longitude must be from -360 to 360 degrees
+site.csv,,37 -> TH_file;m -> grid\.csv:2: Longitude is missing
+,-122,37 -> TH_file;m -> grid\.csv:2: GP_file is missing
+site.csv,-122,37 -> TH_file,factor;,2 -> site\.csv:2: TH_file is missing
+site.csv,-122,37 -> TH_file,factor;m,0 -> site\.csv:2: factor must not be zero, got '0'
+site.csv,-122,37 -> TH_file,factor;m,x -> site\.csv:2: factor .*got 'x'
+site.csv,-122,37 -> TH-file,factor;m,1 -> no column TH_file; rename the column 'th-file'
+site.csv,-122,37 -> TH_file, factor;m, -> m\.json: cannot be read
+"""
+
+
+@pytest.mark.parametrize("line", GRIDS.strip().splitlines())
+def test_invalid_grids_are_refused(tmp_path, line):
+    point, motions, message = line.split(" -> ")
     (tmp_path / "grid.csv").write_text(f"GP_file,Longitude,Latitude\n{point}\n")
-    (tmp_path / "site.csv").write_text(motions)
+    (tmp_path / "site.csv").write_text(motions.replace(";", "\n") + "\n")
+    error = RecordError if "json" in message else ModelError
     with pytest.raises(error, match=message):
         grid(str(tmp_path / "grid.csv"))
 

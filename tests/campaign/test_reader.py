@@ -128,69 +128,29 @@ VALUES = {
 }
 
 
-@pytest.mark.parametrize(
-    ("section", "sound_keys", "refused", "message"),
-    [
-        (
-            "buildings",
-            "models: [a.yaml]",
-            "rules classes as_published units damping stiffness_scatter damping_scatter seed",
-            "can only be used with an `inventory`",
-        ),
-        (
-            "buildings",
-            "inventory: a.csv, units: {length: m}",
-            "classes as_published",
-            "can only be used with the rules capacity",
-        ),
-        (
-            "buildings",
-            "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
-            "damping stiffness_scatter damping_scatter seed",
-            "cannot be used with the rules capacity",
-        ),
-        (
-            "records",
-            "grid: g.csv, units: g, neighbors: 4, samples: 3",
-            "files pairs component fields sites sequences rest",
-            "can only be used with `files`, `sequences` or `fields`, not with a `grid`",
-        ),
-        (
-            "records",
-            "grid: g.csv, units: g, events: true",
-            "neighbors samples seed",
-            "cannot be used with `events`",
-        ),
-        (
-            "records",
-            "files: [a.csv]",
-            "neighbors samples seed events",
-            "can only be used with a `grid`",
-        ),
-        ("records", "files: [a.csv]", "sites", "can only be used with `fields`"),
-        ("records", "files: [a.csv]", "distance", "can only be used with `fields` or a `grid`"),
-        ("records", "files: [a.csv]", "rest", "can only be used with `sequences`"),
-        ("records", "fields: f.csv", "files sequences rest", "cannot be used with `fields`"),
-        ("records", "fields: f.csv", "distance", "has no effect without `sites`"),
-        ("records", "sequences: q.csv", "files pairs", "cannot be used with `sequences`"),
-        (
-            "intensity",
-            "scales: [1]",
-            "period damping levels pair",
-            "can only be used with a `measure`",
-        ),
-        (
-            "intensity",
-            "factors: f.csv",
-            "period damping levels pair",
-            "can only be used with a `measure`",
-        ),
-    ],
-)
-def test_keys_of_other_inputs_are_refused(
-    tmp_path: Path, section: str, sound_keys: str, refused: str, message: str
-) -> None:
+# Section, its valid keys, refused keys, message
+REFUSED = """
+buildings -> models: [a.yaml] -> rules classes as_published units damping stiffness_scatter damping_scatter seed -> can only be used with an `inventory`
+buildings -> inventory: a.csv, units: {length: m} -> classes as_published -> can only be used with the rules capacity
+buildings -> inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv -> damping stiffness_scatter damping_scatter seed -> cannot be used with the rules capacity
+records -> grid: g.csv, units: g, neighbors: 4, samples: 3 -> files pairs component fields sites sequences rest -> can only be used with `files`, `sequences` or `fields`, not with a `grid`
+records -> grid: g.csv, units: g, events: true -> neighbors samples seed -> cannot be used with `events`
+records -> files: [a.csv] -> neighbors samples seed events -> can only be used with a `grid`
+records -> files: [a.csv] -> sites -> can only be used with `fields`
+records -> files: [a.csv] -> distance -> can only be used with `fields` or a `grid`
+records -> files: [a.csv] -> rest -> can only be used with `sequences`
+records -> fields: f.csv -> files sequences rest -> cannot be used with `fields`
+records -> fields: f.csv -> distance -> has no effect without `sites`
+records -> sequences: q.csv -> files pairs -> cannot be used with `sequences`
+intensity -> scales: [1] -> period damping levels pair -> can only be used with a `measure`
+intensity -> factors: f.csv -> period damping levels pair -> can only be used with a `measure`
+"""  # noqa: E501
+
+
+@pytest.mark.parametrize("line", REFUSED.strip().splitlines())
+def test_keys_of_other_inputs_are_refused(tmp_path: Path, line: str) -> None:
     """Each of these keys is refused at its position; without them, the input is accepted."""
+    section, sound_keys, refused, message = line.split(" -> ")
     sections = {
         "buildings": "models: [model.yaml]",
         "records": "files: [a.csv]",
