@@ -41,20 +41,10 @@ def test_text_of_grid_is_parsed_to_same_grid():
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "1:2",
-        "2:1:5",
-        "0:1:5",
-        "-1:1:5",
-        "1:2:1",
-        "a:b:c",
-        "1:2:3:4",
-        "1:inf:5",
-        "nan",
-        "0",
+        "", "1:2", "2:1:5", "0:1:5", "-1:1:5", "1:2:1", "a:b:c", "1:2:3:4", "1:inf:5", "nan", "0",
         "1:2:1e3",
     ],
-)
+)  # fmt: skip
 def test_invalid_grids_are_refused(text):
     with pytest.raises(UsageError, match="FIRST"):
         parse_grid(text)

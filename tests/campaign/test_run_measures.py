@@ -53,20 +53,10 @@ def test_cav_above_threshold_agrees_with_fine_grid(threshold):
 @pytest.mark.parametrize(
     "name",
     [
-        "pga",
-        "pgv",
-        "pgd",
-        "arias",
-        "cav",
-        "cav5",
-        "d5-75",
-        "d5-95",
-        "sa",
-        "sa:0.5",
-        "sa-avg",
+        "pga", "pgv", "pgd", "arias", "cav", "cav5", "d5-75", "d5-95", "sa", "sa:0.5", "sa-avg",
         "sa-avg:0.2:2:9",
     ],
-)
+)  # fmt: skip
 def test_measure_of_scaled_motion(name):
     """The measure is multiplied by a power of the factor, as for the scaled motion."""
     record, measure = noise(2), run_measure(name)
@@ -109,18 +99,13 @@ def test_inelastic_displacement_agrees_with_constant_strength_spectrum():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("pgx", "'pgx'; did you mean 'pg"),
-        ("pga:1", "unknown intensity measure"),
-        ("sa:0", "must be a positive number"),
-        ("sa:x", "expected sa"),
-        ("sdi", "expected sdi"),
-        ("sdi:1", "expected sdi"),
-        ("sdi:1:-1", "must be positive"),
-        ("sdi:1:0", "must be positive"),
-        ("sa-avg:1", "expected sa-avg"),
+        ("pgx", "'pgx'; did you mean 'pg"), ("pga:1", "unknown intensity measure"),
+        ("sa:0", "must be a positive number"), ("sa:x", "expected sa"), ("sdi", "expected sdi"),
+        ("sdi:1", "expected sdi"), ("sdi:1:-1", "must be positive"),
+        ("sdi:1:0", "must be positive"), ("sa-avg:1", "expected sa-avg"),
         ("sa-avg:2:1", "expected sa-avg"),
     ],
-)
+)  # fmt: skip
 def test_unknown_measures_are_refused(text, message):
     with pytest.raises(UsageError, match=message):
         run_measure(text)

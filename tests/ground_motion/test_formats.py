@@ -499,14 +499,10 @@ class TestNumbersOfSmc:
     @pytest.mark.parametrize(
         ("vertical", "azimuth", "name"),
         [
-            (90, 0, "0"),
-            (90, 270, "270"),
-            (90, -99, ""),
-            (0, -99, "UP"),
-            (180, 45, "DOWN"),
+            (90, 0, "0"), (90, 270, "270"), (90, -99, ""), (0, -99, "UP"), (180, 45, "DOWN"),
             (-99, 45, "45"),
         ],
-    )
+    )  # fmt: skip
     def test_component_from_azimuths(self, vertical, azimuth, name):
         assert only(files.smc(integers={0: -99, 12: vertical, 13: azimuth})).stats.channel == name
         assert only(files.smc(integers={0: 0, 12: 0, 13: 30})).stats.channel == "30"

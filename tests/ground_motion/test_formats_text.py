@@ -149,19 +149,12 @@ class TestOtherText:
     @pytest.mark.parametrize(
         "other",
         [
-            "period_s,psa_m_s2\n0.1,2\n0.2,3\n",
-            "time_s,temperature\n0.1,2\n0.2,3\n",
-            "0.2 2 3\n0.1 3 4\n",
-            "one\n0.1 2\n0.2 3\n",
-            "0.1\n",
-            "1,,2\n2,,3\n",
-            "1 2\n2 3\n3 4 5\n",
-            "1 2\n2 3\nend\n",
-            "3 1\n2 1\n1 1\n",
-            "mass: 5\n1\n2\n",
+            "period_s,psa_m_s2\n0.1,2\n0.2,3\n", "time_s,temperature\n0.1,2\n0.2,3\n",
+            "0.2 2 3\n0.1 3 4\n", "one\n0.1 2\n0.2 3\n", "0.1\n", "1,,2\n2,,3\n",
+            "1 2\n2 3\n3 4 5\n", "1 2\n2 3\nend\n", "3 1\n2 1\n1 1\n", "mass: 5\n1\n2\n",
             "nan\nnan\n",
         ],
-    )
+    )  # fmt: skip
     def test_other_text_is_refused(self, other):
         refused(other, "unknown format")
 

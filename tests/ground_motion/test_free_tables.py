@@ -94,18 +94,12 @@ class TestStatements:
     @pytest.mark.parametrize(
         "line",
         [
-            "Delta: 5.3 km",
-            "EPICENTRAL DISTANCE DT 12 KM",
-            "8 values per line",
-            "POINTS PER LINE: 8",
-            "NO DATA AFTER 300",
-            "corner frequency 100 Hz",
-            "time step of the response spectrum 12",
-            "acceleration of station G12",
-            "UNITS ARE SEC AND G/10",
-            "COMPONENT 090, DEPTH 11 KM, MAGNITUDE 5.1",
+            "Delta: 5.3 km", "EPICENTRAL DISTANCE DT 12 KM", "8 values per line",
+            "POINTS PER LINE: 8", "NO DATA AFTER 300", "corner frequency 100 Hz",
+            "time step of the response spectrum 12", "acceleration of station G12",
+            "UNITS ARE SEC AND G/10", "COMPONENT 090, DEPTH 11 KM, MAGNITUDE 5.1",
         ],
-    )
+    )  # fmt: skip
     def test_other_numbers_are_no_statements(self, line):
         found = statements([line])
         assert not (found.counts or found.intervals or found.units or found.peak[0])

@@ -33,29 +33,12 @@ def record(component, samples=100, *, dt=0.01, station="N.STA", start="", source
 @pytest.mark.parametrize(
     ("name", "degrees"),
     [
-        ("000", 0.0),
-        ("67", 67.0),
-        ("337", 337.0),
-        ("360", 360.0),
-        ("N00W", 0.0),
-        ("S16W", 196.0),
-        ("S74E", 106.0),
-        ("N45E", 45.0),
-        ("N45W", 315.0),
-        ("NS", 0.0),
-        ("N-S", 0.0),
-        ("EW2", 90.0),
-        ("HNN", 0.0),
-        ("hne", 90.0),
-        ("E", 90.0),
-        ("HN1", None),
-        ("1", None),
-        ("2", None),
-        ("", None),
-        ("X", None),
-        ("UP", None),
+        ("000", 0.0), ("67", 67.0), ("337", 337.0), ("360", 360.0), ("N00W", 0.0), ("S16W", 196.0),
+        ("S74E", 106.0), ("N45E", 45.0), ("N45W", 315.0), ("NS", 0.0), ("N-S", 0.0), ("EW2", 90.0),
+        ("HNN", 0.0), ("hne", 90.0), ("E", 90.0), ("HN1", None), ("1", None), ("2", None),
+        ("", None), ("X", None), ("UP", None),
     ],
-)
+)  # fmt: skip
 def test_azimuth_of_component_name(name, degrees):
     assert azimuth(name) == degrees
 
@@ -87,20 +70,14 @@ def test_vertical_components_are_recognized():
 @pytest.mark.parametrize(
     ("names", "found"),
     [
-        (("HNE", "HNN", "HNZ"), "HNN+HNE"),
-        (("HN1", "HN2"), "HN1+HN2"),
-        (("BHZ00", "BH100", "BH200"), "BH100+BH200"),
-        (("HHE10", "HHN10"), "HHN10+HHE10"),
-        (("HNZ", "HN2", "HN1"), "HN2+HN1"),
-        (("EW", "NS", "UD"), "NS+EW"),
-        (("67", "UP", "337"), "337+67"),
-        (("360", "90"), "360+90"),
-        (("S16W", "S74E"), "S74E+S16W"),
-        (("0", "270"), "270+0"),
-        (("93", "0"), "0+93"),
+        (("HNE", "HNN", "HNZ"), "HNN+HNE"), (("HN1", "HN2"), "HN1+HN2"),
+        (("BHZ00", "BH100", "BH200"), "BH100+BH200"), (("HHE10", "HHN10"), "HHN10+HHE10"),
+        (("HNZ", "HN2", "HN1"), "HN2+HN1"), (("EW", "NS", "UD"), "NS+EW"),
+        (("67", "UP", "337"), "337+67"), (("360", "90"), "360+90"),
+        (("S16W", "S74E"), "S74E+S16W"), (("0", "270"), "270+0"), (("93", "0"), "0+93"),
         (("X", "Y", "Z"), "X+Y"),
     ],
-)
+)  # fmt: skip
 def test_horizontal_components_are_paired(names, found):
     """The azimuth of the second component is 90 degrees clockwise from the first."""
     pair = find_horizontals([record(name) for name in names])

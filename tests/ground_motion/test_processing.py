@@ -268,27 +268,14 @@ def test_incompatible_processing_is_refused(options, message):
 @pytest.mark.parametrize(
     "options",
     [
-        {"trim": (2.0, 1.0)},
-        {"trim": (-1.0, 1.0)},
-        {"trim": (math.nan, 1.0)},
-        {"trim": [None, None]},
-        {"baseline": "cubic"},
-        {"pad": -1.0},
-        {"pad": 0.0},
-        {"pad": (1.0, -0.5)},
-        {"pad": math.nan},
-        {"pad": math.inf},
-        {"highpass": 0.0},
-        {"lowpass": -1.0},
-        {"lowpass": math.inf},
-        {"highpass": 5.0, "lowpass": 5.0},
-        {"highpass": 1.0, "filter_order": 0},
-        {"highpass": 1.0, "filter_order": 11},
-        {"filter_order": 4},
-        {"resample": 0.0},
-        {"resample": math.nan},
+        {"trim": (2.0, 1.0)}, {"trim": (-1.0, 1.0)}, {"trim": (math.nan, 1.0)},
+        {"trim": [None, None]}, {"baseline": "cubic"}, {"pad": -1.0}, {"pad": 0.0},
+        {"pad": (1.0, -0.5)}, {"pad": math.nan}, {"pad": math.inf}, {"highpass": 0.0},
+        {"lowpass": -1.0}, {"lowpass": math.inf}, {"highpass": 5.0, "lowpass": 5.0},
+        {"highpass": 1.0, "filter_order": 0}, {"highpass": 1.0, "filter_order": 11},
+        {"filter_order": 4}, {"resample": 0.0}, {"resample": math.nan},
     ],
-)
+)  # fmt: skip
 def test_invalid_processing_values_are_refused(options):
     (name, *_), message = options, "(filter_order|trim|baseline|pad|highpass|lowpass|resample)"
     with pytest.raises(UsageError, match=message) as error:

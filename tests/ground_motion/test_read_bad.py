@@ -81,14 +81,10 @@ class TestNoRecord:
     @pytest.mark.parametrize(
         "data",
         [
-            b"x",
-            b"name: ten-story office\n",
-            b"\0" * 4096,
-            b"0.1 0.2 0.3\n" * 100,
-            bytes(range(256)) * 20,
-            b"D" * 600,
+            b"x", b"name: ten-story office\n", b"\0" * 4096, b"0.1 0.2 0.3\n" * 100,
+            bytes(range(256)) * 20, b"D" * 600,
         ],
-    )
+    )  # fmt: skip
     def test_unknown_format_is_refused(self, data):
         refused(
             data,

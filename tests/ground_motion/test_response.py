@@ -168,15 +168,10 @@ def test_acceleration_in_any_unit(tmp_path, units, value):
 @pytest.mark.parametrize(
     ("text", "derivatives", "value"),
     [
-        ("M", 0, 1.0),
-        ("nm", 0, 1e-9),
-        ("M/S", 1, 1.0),
-        ("m s-1", 1, 1.0),
-        ("CM/SEC", 1, 1e-2),
-        ("millimeters per second", 1, 1e-3),
-        ("feet/s", 1, 0.3048),
+        ("M", 0, 1.0), ("nm", 0, 1e-9), ("M/S", 1, 1.0), ("m s-1", 1, 1.0), ("CM/SEC", 1, 1e-2),
+        ("millimeters per second", 1, 1e-3), ("feet/s", 1, 0.3048),
     ],
-)
+)  # fmt: skip
 def test_units_of_velocity_and_displacement(text, derivatives, value):
     unit = parse_input_unit(text)
     assert (unit.derivatives, unit.value, unit.text) == (derivatives, value, text)

@@ -323,15 +323,10 @@ class TestModelFile:
     @pytest.mark.parametrize(
         "wrong",
         [
-            "step: 0",
-            "step: a",
-            "step: [1]",
-            "column: [2]",
-            "column: ''",
-            "skip_lines: -1",
+            "step: 0", "step: a", "step: [1]", "column: [2]", "column: ''", "skip_lines: -1",
             "skip_lines: 1.5",
         ],
-    )
+    )  # fmt: skip
     def test_invalid_layout_keys_are_refused(self, wrong):
         with pytest.raises(
             ModelError, match=rf":2:\d+: excitation.record.{wrong.partition(':')[0]}: "

@@ -15,30 +15,14 @@ class TestTexts:
     @pytest.mark.parametrize(
         ("text", "scale"),
         [
-            ("m/s^2", 1.0),
-            ("m/s2", 1.0),
-            ("m/s**2", 1.0),
-            ("M/S**2", 1.0),
-            ("m/s/s", 1.0),
-            ("m/sec^2", 1.0),
-            ("m/s²", 1.0),
-            ("cm/s^2", 0.01),
-            ("CM/SEC/SEC", 0.01),
-            ("gal", 0.01),
-            ("Gal", 0.01),
-            ("gals", 0.01),
-            ("mm/s2", 0.001),
-            ("g", STANDARD_GRAVITY),
-            ("G", STANDARD_GRAVITY),
-            ("2.38e-6 m/s^2", 2.38e-6),
-            ("2.38E-6m/s2", 2.38e-6),
-            (" .5 g ", 0.5 * STANDARD_GRAVITY),
-            ("1. gal", 0.01),
-            ("3*mm/s^2", 0.003),
-            ("in/s^2", 0.0254),
-            ("ft/sec2", 0.3048),
+            ("m/s^2", 1.0), ("m/s2", 1.0), ("m/s**2", 1.0), ("M/S**2", 1.0), ("m/s/s", 1.0),
+            ("m/sec^2", 1.0), ("m/s²", 1.0), ("cm/s^2", 0.01), ("CM/SEC/SEC", 0.01), ("gal", 0.01),
+            ("Gal", 0.01), ("gals", 0.01), ("mm/s2", 0.001), ("g", STANDARD_GRAVITY),
+            ("G", STANDARD_GRAVITY), ("2.38e-6 m/s^2", 2.38e-6), ("2.38E-6m/s2", 2.38e-6),
+            (" .5 g ", 0.5 * STANDARD_GRAVITY), ("1. gal", 0.01), ("3*mm/s^2", 0.003),
+            ("in/s^2", 0.0254), ("ft/sec2", 0.3048),
         ],
-    )
+    )  # fmt: skip
     def test_spellings_of_acceleration_units(self, text, scale):
         units = parse_units(text)
         assert (units.scale, units.quantity) == (pytest.approx(scale, rel=1e-15), "acceleration")

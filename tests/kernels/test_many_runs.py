@@ -12,14 +12,10 @@ from tdint import load_model, run, run_many
 @pytest.mark.parametrize(
     ("name", "method"),
     [
-        ("bilinear", "impulse4"),
-        ("bouc-wen", "moment4"),
-        ("forces", "newmark-average"),
-        ("failure", "impulse4"),
-        ("forces", "houbolt"),
-        ("isolated", "generalized-alpha"),
+        ("bilinear", "impulse4"), ("bouc-wen", "moment4"), ("forces", "newmark-average"),
+        ("failure", "impulse4"), ("forces", "houbolt"), ("isolated", "generalized-alpha"),
     ],
-)
+)  # fmt: skip
 def test_runs_of_one_kernel_agree_with_single_runs(name, method):
     """Each run starts from the initial state, whatever the run before it has left. The motions
     have different lengths and scales."""

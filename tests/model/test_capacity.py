@@ -57,14 +57,10 @@ def test_published_example_is_reproduced():
 @pytest.mark.parametrize(
     ("n", "ordinary", "soft"),
     [
-        (1, 1.0, 1.0),
-        (2, 0.907, 0.821),
-        (3, 0.915, 0.747),
-        (5, 0.918, 0.674),
-        (8, 0.921, 0.628),
+        (1, 1.0, 1.0), (2, 0.907, 0.821), (3, 0.915, 0.747), (5, 0.918, 0.674), (8, 0.921, 0.628),
         (12, 0.924, 0.601),
     ],
-)
+)  # fmt: skip
 def test_published_factor_shortens_period(n, ordinary, soft):
     for is_soft, ratio in ((False, ordinary), (True, soft)):
         derived = derive_capacity(CapacityFacts(DEMO, n, soft_story=is_soft, as_published=True))

@@ -149,16 +149,10 @@ def test_cyclic_and_unsupported_values_are_refused() -> None:
 @pytest.mark.parametrize(
     "units",
     [
-        "in, force: kip",
-        "m, force: kip",
-        "ft",
-        "m, force: kN",
-        "m, force: MN",
-        "mm, force: N",
-        "mm, force: kN",
-        "cm, force: kN",
+        "in, force: kip", "m, force: kip", "ft", "m, force: kN", "m, force: MN", "mm, force: N",
+        "mm, force: kN", "cm, force: kN",
     ],
-)
+)  # fmt: skip
 def test_unit_of_mass_is_required_for_other_units_than_m_and_n(units: str) -> None:
     """A mass of 200 with forces in kN would be 200 kg, which gives a period of 0.01 s. The unit of
     a weight is the unit of force."""
@@ -235,15 +229,11 @@ _LB = 0.45359237 * STANDARD_GRAVITY
 @pytest.mark.parametrize(
     ("unit", "size"),
     [
-        ("lbf*s^2/in", _LB / 0.0254),
-        ("blob", _LB / 0.0254),
-        ("slug", _LB / 0.3048),
-        ("kN*s^2/m", 1e3),
-        ("N*s^2/mm", 1e3),
-        ("kgf*s^2/m", STANDARD_GRAVITY),
+        ("lbf*s^2/in", _LB / 0.0254), ("blob", _LB / 0.0254), ("slug", _LB / 0.3048),
+        ("kN*s^2/m", 1e3), ("N*s^2/mm", 1e3), ("kgf*s^2/m", STANDARD_GRAVITY),
         ("tonf*s^2/m", 1e3 * STANDARD_GRAVITY),
     ],
-)
+)  # fmt: skip
 def test_masses_may_be_in_products_of_force_and_length(unit: str, size: float) -> None:
     model = load(f"units: {{mass: {unit}}}\nstories: [{{mass: 2, stiffness: 1}}]")
     assert model.stories[0].mass == pytest.approx(2.0 * size, rel=1e-14)
@@ -260,24 +250,14 @@ def test_metric_gravitational_forces(unit: str, factor: float) -> None:
 @pytest.mark.parametrize(
     ("key", "text", "expected"),
     [
-        ("mass", "lb-sec²/in", "lbf*s^2/in"),
-        ("mass", "kips*s2/in", "kip*s^2/in"),
-        ("mass", "lbf*s**2/ft", "slug"),
-        ("mass", "N*s^2/m", "kg"),
-        ("mass", "kN-s^2/mm", None),
-        ("mass", "MN*s^2/m", None),
-        ("mass", "Mg", "t"),
-        ("mass", "mg", None),
-        ("mass", "ton", None),
-        ("force", "KN", "kN"),
-        ("force", "mN", None),
-        ("force", "kp", "kgf"),
-        ("force", "lbs", "lbf"),
-        ("force", "kNm", None),
-        ("length", "inches", "in"),
-        ("length", "km", None),
+        ("mass", "lb-sec²/in", "lbf*s^2/in"), ("mass", "kips*s2/in", "kip*s^2/in"),
+        ("mass", "lbf*s**2/ft", "slug"), ("mass", "N*s^2/m", "kg"), ("mass", "kN-s^2/mm", None),
+        ("mass", "MN*s^2/m", None), ("mass", "Mg", "t"), ("mass", "mg", None),
+        ("mass", "ton", None), ("force", "KN", "kN"), ("force", "mN", None),
+        ("force", "kp", "kgf"), ("force", "lbs", "lbf"), ("force", "kNm", None),
+        ("length", "inches", "in"), ("length", "km", None),
     ],
-)
+)  # fmt: skip
 def test_suggested_unit_has_the_size_of_the_unknown_unit(
     key: str, text: str, expected: str | None
 ) -> None:

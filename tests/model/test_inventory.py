@@ -75,26 +75,14 @@ def test_strength_follows_from_mass_of_first_mode(stories):
 @pytest.mark.parametrize(
     ("structure", "year", "zone", "level"),
     [
-        ("C1", 1976, "Z4", "high"),
-        ("C1", 1975, "Z4", "moderate"),
-        ("C1", 1941, "Z4", "moderate"),
-        ("C1", 1940, "Z4", "pre"),
-        ("W1", 1940, "Z4", "moderate"),
-        ("W1", 1990, "Z4", "high"),
-        ("C1", 1990, "Z3", "moderate"),
-        ("C1", 1940, "Z3", "pre"),
-        ("W1", 1900, "Z3", "moderate"),
-        ("C1", 1976, "Z2B", "moderate"),
-        ("C1", 1941, "Z2B", "low"),
-        ("W1", 1900, "Z2B", "low"),
-        ("C1", 1941, "Z2A", "low"),
-        ("C1", 1940, "Z2A", "pre"),
-        ("C1", 1976, "Z1", "low"),
-        ("C1", 1975, "Z1", "pre"),
-        ("W1", 2000, "Z0", "low"),
-        ("C1", 2000, "Z0", "pre"),
+        ("C1", 1976, "Z4", "high"), ("C1", 1975, "Z4", "moderate"), ("C1", 1941, "Z4", "moderate"),
+        ("C1", 1940, "Z4", "pre"), ("W1", 1940, "Z4", "moderate"), ("W1", 1990, "Z4", "high"),
+        ("C1", 1990, "Z3", "moderate"), ("C1", 1940, "Z3", "pre"), ("W1", 1900, "Z3", "moderate"),
+        ("C1", 1976, "Z2B", "moderate"), ("C1", 1941, "Z2B", "low"), ("W1", 1900, "Z2B", "low"),
+        ("C1", 1941, "Z2A", "low"), ("C1", 1940, "Z2A", "pre"), ("C1", 1976, "Z1", "low"),
+        ("C1", 1975, "Z1", "pre"), ("W1", 2000, "Z0", "low"), ("C1", 2000, "Z0", "pre"),
     ],
-)
+)  # fmt: skip
 def test_design_level_by_type_year_and_zone(structure, year, zone, level):
     assert design_level(structure, year, zone) == level
 

@@ -88,15 +88,12 @@ def test_period_is_compared_with_height_and_stories(
 @pytest.mark.parametrize(
     ("length", "force", "mass", "factor"),
     [
-        ("m", "kN", "t", 9.80665),
-        ("m", "N", "kg", 9.80665),
-        ("in", "kip", "kip*s^2/in", 386.0886),
-        ("ft", "kip", "kip*s^2/ft", 32.17405),
-        ("in", "lbf", "blob", 386.0886),
-        ("mm", "N", "N*s^2/mm", 9806.65),
+        ("m", "kN", "t", 9.80665), ("m", "N", "kg", 9.80665),
+        ("in", "kip", "kip*s^2/in", 386.0886), ("ft", "kip", "kip*s^2/ft", 32.17405),
+        ("in", "lbf", "blob", 386.0886), ("mm", "N", "N*s^2/mm", 9806.65),
         ("m", "kN", "kg", 0.00980665),
     ],
-)
+)  # fmt: skip
 def test_weights_entered_as_masses_are_named_with_the_resulting_period(
     length: str, force: str, mass: str, factor: float
 ) -> None:

@@ -27,15 +27,11 @@ def warnings_of(folder: Path, lines: list[str], length: float = 1.0) -> list[str
 @pytest.mark.parametrize(
     ("structure", "stories", "usual"),
     [
-        ("W1", 3, "1 to 2 stories"),
-        ("MH", 2, "one story"),
-        ("URM", 8, "1 to 7 stories"),
-        ("RM1", 9, "1 to 7 stories"),
-        ("S3", 8, "1 to 2 stories"),
-        ("PC1", 12, "1 to 3 stories"),
+        ("W1", 3, "1 to 2 stories"), ("MH", 2, "one story"), ("URM", 8, "1 to 7 stories"),
+        ("RM1", 9, "1 to 7 stories"), ("S3", 8, "1 to 2 stories"), ("PC1", 12, "1 to 3 stories"),
         ("W2", 20, "1 to 6 stories"),
     ],
-)
+)  # fmt: skip
 def test_number_of_stories_is_compared_with_the_type(
     tmp_path: Path, structure: str, stories: int, usual: str
 ) -> None:

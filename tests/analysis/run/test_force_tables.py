@@ -156,16 +156,10 @@ def test_triangular_pulse(duration, method):
 @pytest.mark.parametrize(
     ("duration", "strength", "ductility"),
     [
-        (0.1, 0.2, 1.706908),
-        (0.2, 0.5, 1.222973),
-        (0.5, 0.5, 3.870953),
-        (0.5, 0.8, 1.668926),
-        (1.0, 0.8, 3.140290),
-        (1.0, 1.0, 1.889015),
-        (2.0, 0.8, 6.304699),
-        (5.0, 1.2, 2.253947),
+        (0.1, 0.2, 1.706908), (0.2, 0.5, 1.222973), (0.5, 0.5, 3.870953), (0.5, 0.8, 1.668926),
+        (1.0, 0.8, 3.140290), (1.0, 1.0, 1.889015), (2.0, 0.8, 6.304699), (5.0, 1.2, 2.253947),
     ],
-)
+)  # fmt: skip
 def test_elastoplastic_ductility_under_triangular_pulse(
     duration, strength, ductility, method, dt, tolerance
 ):

@@ -130,18 +130,11 @@ def test_p_delta_is_reported_separately():
 @pytest.mark.parametrize(
     ("text", "meters"),
     [
-        ("0.02", 0.02 * HEIGHT),
-        ("2%", 0.02 * HEIGHT),
-        (" 2 % ", 0.02 * HEIGHT),
-        ("1", HEIGHT),
-        ("20mm", 0.02),
-        ("20 mm", 0.02),
-        ("1e1cm", 0.1),
-        (".5in", 0.0127),
-        ("2m", 2.0),
+        ("0.02", 0.02 * HEIGHT), ("2%", 0.02 * HEIGHT), (" 2 % ", 0.02 * HEIGHT), ("1", HEIGHT),
+        ("20mm", 0.02), ("20 mm", 0.02), ("1e1cm", 0.1), (".5in", 0.0127), ("2m", 2.0),
         ("3dy", 3.0 * DY),
     ],
-)
+)  # fmt: skip
 def test_amplitude_units(text, meters):
     test = imposed(Law("bilinear", (FY, 0.1)), text, points=1)
     assert test.cycles[0].amplitude == pytest.approx(meters, rel=1e-14)
