@@ -76,16 +76,6 @@ def noise(samples=801, dt=0.01, seed=7, peak=4.0):
 
 
 __all__ = [
-    "LINEAR",
-    "Force",
-    "Law",
-    "ModalDamping",
-    "RayleighCoefficients",
-    "RayleighRatio",
-    "model",
-    "noise",
-    "oscillator",
-    "story",
-    "ten_bilinear",
-    "ten_linear",
-]
+    "LINEAR", "Force", "Law", "ModalDamping", "RayleighCoefficients", "RayleighRatio", "model",
+    "noise", "oscillator", "story", "ten_bilinear", "ten_linear",
+]  # fmt: skip

@@ -184,15 +184,9 @@ def shaken_building(rng, laws=tuple(SMOOTH), samples=601):
 
 
 METHODS = (
-    "impulse4",
-    "newmark-average",
-    "bathe",
-    "generalized-alpha",
-    "gauss4",
-    "impulse",
-    "park",
+    "impulse4", "newmark-average", "bathe", "generalized-alpha", "gauss4", "impulse", "park",
     "wilson",
-)
+)  # fmt: skip
 LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
 
 

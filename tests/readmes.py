@@ -350,15 +350,10 @@ def _line_of_name(name):
 
 
 PARTS = {
-    "columns": column_tables,
-    "commands": command_list,
-    "layers": layer_table,
-    "laws": law_table,
-    "methods": method_table,
-    "models": model_table,
-    "plugin": plugin_names,
+    "columns": column_tables, "commands": command_list, "layers": layer_table, "laws": law_table,
+    "methods": method_table, "models": model_table, "plugin": plugin_names,
     "problems": problem_table,
-}
+}  # fmt: skip
 """What each generated part is made by; a part stands in one file."""
 
 

@@ -32,14 +32,10 @@ def _multilinear(rule, drifts, forces):
 
 
 _IMK = {
-    "type": "imk",
-    "yield_force": STRENGTH,
-    "plastic_drift": 3.0 * YIELD_DRIFT,
-    "post_capping_drift": 9.0 * YIELD_DRIFT,
-    "capping_ratio": 1.1,
-    "residual_ratio": 0.2,
+    "type": "imk", "yield_force": STRENGTH, "plastic_drift": 3.0 * YIELD_DRIFT,
+    "post_capping_drift": 9.0 * YIELD_DRIFT, "capping_ratio": 1.1, "residual_ratio": 0.2,
     "ultimate_drift": 60.0 * YIELD_DRIFT,
-}
+}  # fmt: skip
 _PINCHING4 = {
     "type": "multilinear-pinching",
     "backbone": _backbone((1.0, 3.0, 6.0, 30.0), (1.0, 1.2, 1.1, 0.3)),

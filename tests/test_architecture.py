@@ -70,18 +70,9 @@ def test_columns_are_declared_in_table_modules():
     """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     subjects = {
-        "buildings",
-        "responses",
-        "spectra",
-        "methods",
-        "campaign",
-        "damage_states",
-        "studies",
-        "exports",
-        "differences",
-        "loads",
-        "transfer",
-    }
+        "buildings", "responses", "spectra", "methods", "campaign", "damage_states", "studies",
+        "exports", "differences", "loads", "transfer",
+    }  # fmt: skip
     assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects | {"table"}}
 
 

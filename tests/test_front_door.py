@@ -341,13 +341,8 @@ def test_mypy_accepts_program_of_all_public_names(tmp_path):
     named = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     assert set(tdint.__all__) - {"__version__"} <= named
     command = [
-        sys.executable,
-        "-m",
-        "mypy",
-        "--strict",
-        f"--cache-dir={tmp_path}",
-        "--config-file=",
-    ]
+        sys.executable, "-m", "mypy", "--strict", f"--cache-dir={tmp_path}", "--config-file=",
+    ]  # fmt: skip
     faults, output = faults_of_program(tmp_path, *command)
     assert len(faults) == 2, output
     assert 'has no attribute "no_such_name"' in faults[0], output

@@ -15,20 +15,9 @@ from tdint.campaign.store_schema import refuse_network
 from tdint.errors import TdintError
 
 ODD = (
-    None,
-    "",
-    "no such thing",
-    -1,
-    float("nan"),
-    1e400,
-    [],
-    {},
-    {"a": None},
-    object(),
-    b"x",
-    np.empty(0),
-    np.ones((2, 2)),
-)
+    None, "", "no such thing", -1, float("nan"), 1e400, [], {}, {"a": None}, object(), b"x",
+    np.empty(0), np.ones((2, 2)),
+)  # fmt: skip
 FUNCTIONS = {
     name: function
     for name in tdint.__all__

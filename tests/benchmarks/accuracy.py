@@ -18,14 +18,9 @@ from tdint import load_model, run
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01  # s; sampling interval of the record
 METHODS = (
-    "newmark-average",
-    "generalized-alpha",
-    "bathe",
-    "impulse",
-    "gauss4",
-    "impulse4:rho_inf=0.5",
+    "newmark-average", "generalized-alpha", "bathe", "impulse", "gauss4", "impulse4:rho_inf=0.5",
     "impulse4",
-)
+)  # fmt: skip
 STEPS_PER_SAMPLE = (1, 2, 4)
 REPEATS = 9
 

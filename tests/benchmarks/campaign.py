@@ -108,14 +108,9 @@ def measure_engine(method: str) -> None:
         scales = ",".join(f"{scale:g}" for scale in SCALES)
         start = time.perf_counter()
         command = [
-            "tdint",
-            "-q",
-            "run",
-            "configs/ten-story-bilinear.yaml",
-            "records/",
-            "--units",
+            "tdint", "-q", "run", "configs/ten-story-bilinear.yaml", "records/", "--units",
             "m/s^2",
-        ]
+        ]  # fmt: skip
         command += ["--scale", scales, "--method", method, "-o", directory]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         # The records have six horizontal components.

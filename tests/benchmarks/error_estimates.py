@@ -50,13 +50,9 @@ from tdint.ground_motion.reading.read import read_records
 
 # Columns of the tables: quantities, and their titles.
 NAMES = (
-    "peak_drift",
-    "peak_absolute_acceleration",
-    "peak_total_shear",
-    "peak_damper_force",
-    "residual_drift",
-    "peak_shear",
-)
+    "peak_drift", "peak_absolute_acceleration", "peak_total_shear", "peak_damper_force",
+    "residual_drift", "peak_shear",
+)  # fmt: skip
 HEADS = ("drift", "acceleration", "total shear", "damper force", "residual", "story shear")
 METHODS = (
     *("impulse4", "moment4", "gauss4", "newmark-average"),

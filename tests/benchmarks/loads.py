@@ -30,16 +30,8 @@ QUANTITIES = (PEAKS[0], PEAKS[1])
 """Peaks of the table of the page: drift and absolute acceleration."""
 TOLERANCES = (0.03, 0.003, 0.0001)
 COLUMNS = (
-    "problem",
-    "quantity",
-    "tolerance",
-    "method",
-    "dt_s",
-    "error",
-    "time_s",
-    "interval_s",
-    "gap",
-)
+    "problem", "quantity", "tolerance", "method", "dt_s", "error", "time_s", "interval_s", "gap",
+)  # fmt: skip
 
 DRAG = 0.5 * 1.25 * 1.3 * 105.0 / 1000.0
 """Force on a floor per square of the wind speed, kN s^2/m^2."""

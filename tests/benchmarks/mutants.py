@@ -34,25 +34,11 @@ SECONDS = 60.0
 """Time limit of a test, s. The slowest test of the suite takes 10 s; a longer test has no end."""
 
 OTHER = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Mult: ast.Div,
-    ast.Div: ast.Mult,
-    ast.FloorDiv: ast.Mult,
-    ast.Mod: ast.Mult,
-    ast.Lt: ast.LtE,
-    ast.LtE: ast.Lt,
-    ast.Gt: ast.GtE,
-    ast.GtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.And: ast.Or,
-    ast.Or: ast.And,
-    ast.Is: ast.IsNot,
-    ast.IsNot: ast.Is,
-    ast.In: ast.NotIn,
-    ast.NotIn: ast.In,
-}
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.And: ast.Or, ast.Or: ast.And,
+    ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+}  # fmt: skip
 """Operator that replaces each operator."""
 
 
@@ -117,16 +103,8 @@ def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
         "faulthandler_exit_on_timeout=true",
     )
     command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-x",
-        "-p",
-        "no:cacheprovider",
-        *time_limit,
-        *tests,
-    ]
+        sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *time_limit, *tests,
+    ]  # fmt: skip
     try:
         return not subprocess.run(
             command, cwd=ROOT, env=environment, capture_output=True

@@ -156,14 +156,9 @@ def cost_of_tolerances(chart: FieldChart, method: str = "impulse4") -> str:
                 ]
             )
     heads = [
-        "error",
-        "tolerance",
-        "median, cheapest method",
-        f"median, {method}",
-        f"largest, {method}",
-        "at most 4",
-        "beyond the tolerance",
-    ]
+        "error", "tolerance", "median, cheapest method", f"median, {method}", f"largest, {method}",
+        "at most 4", "beyond the tolerance",
+    ]  # fmt: skip
     return f"{TOLERANCE_NOTE}\n{table(heads, rows)}"
 
 

@@ -25,34 +25,14 @@ DIGITS = 5
 """Significant digits of numbers. Times scatter by 10 %."""
 
 POINT_COLUMNS = (
-    "problem",
-    "motion",
-    "method",
-    "line",
-    "dt_s",
-    "steps",
-    "iterations",
-    *(f"{name}_error" for name in PEAKS),
-    "time_min_s",
-    "times",
-    "status",
-)
+    "problem", "motion", "method", "line", "dt_s", "steps", "iterations",
+    *(f"{name}_error" for name in PEAKS), "time_min_s", "times", "status",
+)  # fmt: skip
 PROBLEM_COLUMNS = (
-    "problem",
-    "motion",
-    "stories",
-    "interval_s",
-    "duration_s",
-    "ductility",
-    "changes",
-    "confirmed_by",
-    *(f"{name}_gap" for name in PEAKS),
-    "peer_gap",
-    "peer_note",
-    "day",
-    "load",
+    "problem", "motion", "stories", "interval_s", "duration_s", "ductility", "changes",
+    "confirmed_by", *(f"{name}_gap" for name in PEAKS), "peer_gap", "peer_note", "day", "load",
     "seconds",
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -438,13 +438,8 @@ def problems(chart: FieldChart) -> str:
     purposes = {problem.name: problem.reason for problem in chart.measured}
     reasons = "\n".join(f"- **{name}**: {reason}." for name, reason in purposes.items())
     heads = [
-        "building",
-        "motion",
-        "stories",
-        "ductility",
-        "changes of branch",
-        "reference known to",
-    ]
+        "building", "motion", "stories", "ductility", "changes of branch", "reference known to",
+    ]  # fmt: skip
     return f"{reasons}\n\n{table(heads, rows)}"
 
 

@@ -56,13 +56,8 @@ MASKS = (
 )
 """Patterns of texts that may differ, with the words that replace them."""
 MASKED_KEYS = {
-    "wall_time_s",
-    "time_loop_s",
-    "processor_time_s",
-    "timing",
-    "versions",
-    "tdint_version",
-}
+    "wall_time_s", "time_loop_s", "processor_time_s", "timing", "versions", "tdint_version",
+}  # fmt: skip
 """Keys of JSON files that are ignored."""
 MASKED_COLUMNS = {"seconds"}
 """Columns of a database of results that are ignored."""

@@ -17,15 +17,8 @@ import numpy as np
 import tdint
 
 IGNORED_FIELDS = {
-    "wall_time",
-    "solver_time",
-    "time_loop",
-    "model",
-    "case",
-    "record",
-    "method",
-    "building",
-}
+    "wall_time", "solver_time", "time_loop", "model", "case", "record", "method", "building",
+}  # fmt: skip
 """Fields of results that contain times or arguments of the call."""
 MAIN = "from tdint_cli.main import main; main()"
 PERIODS = np.geomspace(0.05, 5.0, 40)  # s

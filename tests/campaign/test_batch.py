@@ -124,13 +124,9 @@ def test_errors_equal_errors_of_single_runs(
         response = single(batch(model, method), run, check=True, until_rest=until_rest)
         own = {item.name: item.error(response.stories, response.check.errors) for item in DEMANDS}
         named = (
-            "drift_ratio",
-            "drift",
-            "residual_drift_ratio",
-            "acceleration",
-            "roof_displacement",
+            "drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement",
             "base_shear",
-        )
+        )  # fmt: skip
         assert row.errors == tuple(own[name] for name in named)
         for number, quantity in enumerate(STORY_QUANTITIES):
             np.testing.assert_array_equal(

@@ -128,19 +128,11 @@ def test_components_of_motion_are_identified_by_names() -> None:
     """Two perpendicular components with the same name are a pair. A single component, three
     components, and parallel or unnamed components are not."""
     records = {
-        1: ("a_N.at2", "N", 0),
-        2: ("a_E.at2", "E", 0),
-        3: ("b_N.at2", "N", 0),
-        4: ("c.mseed", "HN1", 0),
-        5: ("c.mseed", "HN2", 0),
-        6: ("d.mseed", "HNE", 0),
-        7: ("d.mseed", "270", 0),
-        8: ("e.csv", "000", 0),
-        9: ("e.csv", "090", 0),
-        10: ("e.csv", "180", 0),
-        11: ("f+g", "x", 1),
-        12: ("f+g", "x", 2),
-    }
+        1: ("a_N.at2", "N", 0), 2: ("a_E.at2", "E", 0), 3: ("b_N.at2", "N", 0),
+        4: ("c.mseed", "HN1", 0), 5: ("c.mseed", "HN2", 0), 6: ("d.mseed", "HNE", 0),
+        7: ("d.mseed", "270", 0), 8: ("e.csv", "000", 0), 9: ("e.csv", "090", 0),
+        10: ("e.csv", "180", 0), 11: ("f+g", "x", 1), 12: ("f+g", "x", 2),
+    }  # fmt: skip
     alone = {number: number for number in records}
     assert recording_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
 

@@ -103,29 +103,12 @@ def test_reader_refuses_values_that_schema_refuses(tmp_path: Path, text: str) ->
 
 
 VALUES = {
-    "rules": "mdof-lu",
-    "classes": "a.csv",
-    "as_published": "true",
-    "units": "{length: m}",
-    "damping": "full",
-    "stiffness_scatter": "0.1",
-    "damping_scatter": "0.1",
-    "seed": "1",
-    "files": "[a.csv]",
-    "pairs": "true",
-    "component": "HNE",
-    "fields": "f.csv",
-    "sites": "s.csv",
-    "distance": "5 km",
-    "sequences": "q.csv",
-    "rest": "5",
-    "neighbors": "4",
-    "samples": "3",
-    "events": "true",
-    "period": "1",
-    "levels": "[0.1 g]",
-    "pair": "rotd50",
-}
+    "rules": "mdof-lu", "classes": "a.csv", "as_published": "true", "units": "{length: m}",
+    "damping": "full", "stiffness_scatter": "0.1", "damping_scatter": "0.1", "seed": "1",
+    "files": "[a.csv]", "pairs": "true", "component": "HNE", "fields": "f.csv", "sites": "s.csv",
+    "distance": "5 km", "sequences": "q.csv", "rest": "5", "neighbors": "4", "samples": "3",
+    "events": "true", "period": "1", "levels": "[0.1 g]", "pair": "rotd50",
+}  # fmt: skip
 
 
 # Section, its valid keys, refused keys, message

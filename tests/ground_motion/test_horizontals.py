@@ -45,21 +45,9 @@ def test_azimuth_of_component_name(name, degrees):
 
 def test_vertical_components_are_recognized():
     vertical = [
-        "U",
-        "UP",
-        "DOWN",
-        "DWN",
-        "UD",
-        "U-D",
-        "UD2",
-        "HNZ",
-        "BNZ",
-        "BHZ00",
-        "Z",
-        "V",
-        "VERT",
+        "U", "UP", "DOWN", "DWN", "UD", "U-D", "UD2", "HNZ", "BNZ", "BHZ00", "Z", "V", "VERT",
         "vertical",
-    ]
+    ]  # fmt: skip
     assert [
         name
         for name in (*vertical, "HNE", "HN1", "NS", "360", "", "N00W", "X")
@@ -151,17 +139,11 @@ SAME_MOTION = [
     ("site.N.txt", "site.Z.txt"),
 ]
 OTHER_MOTION = [
-    ("a/x.EW", "b/x.NS"),
-    ("x.EW1", "x.NS2"),
-    ("record001.mseed", "record002.mseed"),
-    ("A.AT2", "B.AT2"),
-    ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"),
-    ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
-    ("site_N.csv", "site_E.txt"),
-    ("site_N.csv", "site.csv"),
-    ("record_000.csv", "record_090.csv"),
-    ("one.N", "one.E"),
-]
+    ("a/x.EW", "b/x.NS"), ("x.EW1", "x.NS2"), ("record001.mseed", "record002.mseed"),
+    ("A.AT2", "B.AT2"), ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"),
+    ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"), ("site_N.csv", "site_E.txt"),
+    ("site_N.csv", "site.csv"), ("record_000.csv", "record_090.csv"), ("one.N", "one.E"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -175,13 +157,9 @@ def test_files_of_one_motion_are_recognized(first, second, same):
 def test_pairs_by_file_name_patterns():
     names = PairNames.parse("{}_long.txt, {}_tran.txt")
     files = [
-        "r/a_long.txt",
-        "r/b_long.txt",
-        "r/a_tran.txt",
-        "r/b_tran.txt",
-        "s/a_tran.txt",
+        "r/a_long.txt", "r/b_long.txt", "r/a_tran.txt", "r/b_tran.txt", "s/a_tran.txt",
         "r/a_up.txt",
-    ]
+    ]  # fmt: skip
     motions, others = files_of_motions(files, names)
     assert motions == [
         ("r/a_long.txt", "r/a_tran.txt"),

@@ -56,14 +56,9 @@ def gain(corner, frequency, corners, dt=DT):
 
 
 EVERYTHING = {
-    "trim": (2.0, 15.0),
-    "baseline": "linear",
-    "pad": (3.0, 5.0),
-    "highpass": 0.2,
-    "lowpass": 20.0,
-    "filter_order": 3,
-    "resample": 0.02,
-}
+    "trim": (2.0, 15.0), "baseline": "linear", "pad": (3.0, 5.0), "highpass": 0.2, "lowpass": 20.0,
+    "filter_order": 3, "resample": 0.02,
+}  # fmt: skip
 
 
 def test_order_of_processing_steps_is_fixed():

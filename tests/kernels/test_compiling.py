@@ -338,16 +338,9 @@ def test_compilation_is_reproducible(tmp_path):
 
 
 HARMS = [
-    "cut off",
-    "changed",
-    "open to others",
-    "of another",
-    "a folder",
-    "a pipe",
-    "nothing",
-    "deep",
+    "cut off", "changed", "open to others", "of another", "a folder", "a pipe", "nothing", "deep",
     "symbol",
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -569,15 +562,11 @@ def test_compilation_error_of_other_module_has_reason_and_line():
     own = compilation.request[1]
     name = Path(own).name
     text = [
-        "Traceback",
-        f'  File "/a/b/{name}", line 3, in scaled',
+        "Traceback", f'  File "/a/b/{name}", line 3, in scaled',
         f'  File "C:\\a\\{name}", line 17, in scaled',
-        '  File "/a/b/other.py", line 99, in scaled',
-        "Failed in nopython mode pipeline",
-        "  ",
-        "  cannot unify float64 and int64  ",
-        "During: typing of assignment",
-    ]
+        '  File "/a/b/other.py", line 99, in scaled', "Failed in nopython mode pipeline", "  ",
+        "  cannot unify float64 and int64  ", "During: typing of assignment",
+    ]  # fmt: skip
     assert compilation.reason(text) == f"{own}:17: cannot unify float64 and int64"
     assert compilation.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
     assert (

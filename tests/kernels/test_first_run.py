@@ -36,13 +36,9 @@ for file, method in json.loads(sys.argv[1]):
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_absolute_acceleration.tolist()]))
 """  # noqa: E501
 LAWS = (
-    "ten-story-bilinear",
-    "base-isolated",
-    "three-story-concrete",
-    "collapse-prone-frame",
-    "softening",
-    "hardening",
-)
+    "ten-story-bilinear", "base-isolated", "three-story-concrete", "collapse-prone-frame",
+    "softening", "hardening",
+)  # fmt: skip
 CASES = [(str(CONFIGS / "ten-story.yaml"), name) for name in catalogue()]
 CASES += [
     (str(CONFIGS / f"{model}.yaml"), name)

@@ -21,13 +21,9 @@ from tdint_cli.commands.compile import TARGETS
 
 TESTS = Path(__file__).parents[1]
 NAMES = [
-    "linux-x86-64-v2",
-    "linux-aarch64",
-    "macos-x86-64-v2",
-    "macos-aarch64",
-    "windows-x86-64-v2",
+    "linux-x86-64-v2", "linux-aarch64", "macos-x86-64-v2", "macos-aarch64", "windows-x86-64-v2",
     "windows-x86-64",
-]
+]  # fmt: skip
 MAGIC = {"linux": b"\x7fELF", "darwin": b"\xcf\xfa\xed\xfe", "win32": b"\x64\x86"}
 
 

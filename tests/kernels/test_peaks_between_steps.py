@@ -224,13 +224,9 @@ def test_largest_extremum_of_cubic(seed):
 
 
 QUANTITIES = (
-    rows.PEAK_DRIFT,
-    rows.PEAK_DISPLACEMENT,
-    rows.PEAK_VELOCITY,
-    rows.PEAK_DRIFT_RATE,
-    rows.PEAK_ACCELERATION,
-    rows.PEAK_TOTAL_SHEAR,
-)
+    rows.PEAK_DRIFT, rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_DRIFT_RATE,
+    rows.PEAK_ACCELERATION, rows.PEAK_TOTAL_SHEAR,
+)  # fmt: skip
 
 
 def peaks_of_one_floor(h, start, end, recorded):

@@ -15,13 +15,9 @@ from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue
 
 METHODS = [
-    *catalogue(),
-    "bathe:gamma=0.5",
-    "bathe:rho_inf=0.5",
-    "kr-alpha:rho_inf=0",
-    "impulse4:rho_inf=0.5",
-    "moment4:rho_inf=0.5",
-]
+    *catalogue(), "bathe:gamma=0.5", "bathe:rho_inf=0.5", "kr-alpha:rho_inf=0",
+    "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("damping", every(2, ["rayleigh", "modal"]))

@@ -31,13 +31,9 @@ H, STEPS = 0.0025, 240  # s: 80 steps to the period
 # m/s^2: 2 to 4 times the resistance of the laws
 GROUND = 9.0 * np.sin(14.0 * np.arange(STEPS + 1) * H)
 PARAMETERS = {
-    "linear": (),
-    "tanh": (4.0,),
-    "bilinear": (4.0, 0.05),
-    "bouc-wen": (4.0, 0.05, 1.7, 0.6),
-    "gap": (0.004, 3.0 * K),
-    "peak-oriented": (4.0, 0.05, 0.3),
-}
+    "linear": (), "tanh": (4.0,), "bilinear": (4.0, 0.05), "bouc-wen": (4.0, 0.05, 1.7, 0.6),
+    "gap": (0.004, 3.0 * K), "peak-oriented": (4.0, 0.05, 0.3),
+}  # fmt: skip
 FINER = 16  # ratio of the step of the methods to the step of central differences
 CLOSE = 0.1
 """Allowed error over the largest drift: houbolt has 0.083 at the stops, and all of the others less

@@ -377,13 +377,9 @@ def turns_from_rest(monkeypatch, damping):
     state, step_status, h = np.zeros((3, 3)), np.zeros(rows.STEP_STATUS_SIZE), 0.02
     forces = np.zeros((0, rows.FORCE_COLUMNS))
     scene = (
-        np.array(moment4.coefficients(1.0)),
-        built.linear_terms,
-        built.modal,
-        built.law_parameters,
-        forces,
-        flags,
-    )
+        np.array(moment4.coefficients(1.0)), built.linear_terms, built.modal, built.law_parameters,
+        forces, flags,
+    )  # fmt: skip
     for k in range(10):
         load = np.array([k * h, k * h, (k + 1) * h, 0.0, 0.0])
         assert moment4.step.function(*scene, h, load, state, law_state, scratch, step_status) >= 0

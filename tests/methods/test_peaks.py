@@ -212,13 +212,9 @@ def test_peaks_are_continuous_in_strength():
 
 STRENGTH = 4e5
 IMK = {
-    "type": "imk",
-    "yield_force": STRENGTH,
-    "plastic_drift": 0.02,
-    "post_capping_drift": 0.2,
-    "capping_ratio": 1.2,
-    "residual_ratio": 0.2,
-}
+    "type": "imk", "yield_force": STRENGTH, "plastic_drift": 0.02, "post_capping_drift": 0.2,
+    "capping_ratio": 1.2, "residual_ratio": 0.2,
+}  # fmt: skip
 
 
 def capped():

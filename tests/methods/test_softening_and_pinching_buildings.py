@@ -40,14 +40,9 @@ def trilinear(random, strength, dy):
 
 def imk(random, strength, dy):
     side = (
-        strength,
-        dy * random.uniform(3.0, 6.0),
-        dy * random.uniform(8.0, 20.0),
-        1.15,
-        0.15,
-        60.0 * dy,
-        1.0,
-    )
+        strength, dy * random.uniform(3.0, 6.0), dy * random.uniform(8.0, 20.0), 1.15, 0.15,
+        60.0 * dy, 1.0,
+    )  # fmt: skip
     pinching = (0.3, 0.5) if random.random() < 0.5 else (1.0, 1.0)
     return Law(
         "imk",

@@ -38,14 +38,9 @@ UNDER_EL_CENTRO = [
     (STIFFNESS, (1.2e5, 0.02, 8e4), 0.0, COEFFICIENT, (0.0223388, -0.111755, -0.0488777)),
 ]
 CASES = [
-    "equal sides",
-    "ideally plastic",
-    "hardening",
-    "long period",
-    "mass part",
-    "short period",
+    "equal sides", "ideally plastic", "hardening", "long period", "mass part", "short period",
     "two sides",
-]
+]  # fmt: skip
 # Maximum absolute drift (m) of the same stories with the damping of the initial stiffness
 WITH_INITIAL_STIFFNESS = [0.0464958, 0.0556369, 0.0417071, 0.102058, 0.102257, 0.0198912, 0.0951827]
 

@@ -60,22 +60,9 @@ NOT_NUMBERS = [
 ]
 KEYS = sorted({*re.findall(r"(\w+):", EVERYTHING), "modal"})
 ATOMS = [
-    "",
-    "0",
-    "-1",
-    "3",
-    "0.5",
-    "1e9",
-    "1e999",
-    "012",
-    "1:30",
-    "true",
-    "no",
-    "null",
-    "none",
-    "linear",
-    "bilinear",
-]
+    "", "0", "-1", "3", "0.5", "1e9", "1e999", "012", "1:30", "true", "no", "null", "none",
+    "linear", "bilinear",
+]  # fmt: skip
 ATOMS += ["polynomial", "m", "kN", "t", "cos", "sin", "'1'", "99999999999999999999"]
 SIGNS = [*"-:,[]{}#&*!|>'\"%@`?~", "---", "...", "<<", "*a", "&a ", "!!int ", "!x "]
 

@@ -198,13 +198,9 @@ type: multilinear, rule: isotropic, backbone: [[1, 1], [2, 2]] -> law: rule isot
 type: multilinear, rule: peak, <backbone>, negative: {backbone: [[20, 7]]} -> law: the first point of negative.backbone must be on the line of ... 400000 N/m
 """  # noqa: E501
 SHORT = {
-    "<trilinear>": TRILINEAR,
-    "<imk>": IMK,
-    "<pinching>": MULTILINEAR,
-    "<points>": POINTS,
-    "<backbone>": BACKBONE,
-    "<numbers>": NUMBERS,
-}
+    "<trilinear>": TRILINEAR, "<imk>": IMK, "<pinching>": MULTILINEAR, "<points>": POINTS,
+    "<backbone>": BACKBONE, "<numbers>": NUMBERS,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("line", ERRORS.strip().splitlines())

@@ -24,19 +24,10 @@ from tdint.model.definition import Excitation
 
 NONLINEAR = [name for name in catalogue() if not parse(name).family.linear_only]
 MEMBERS = (
-    "newmark:beta=0.3025:gamma=0.6",
-    "generalized-alpha:rho_inf=0",
-    "hht:alpha=-1/3",
-    "u0v0:r=0",
-    "collocation:beta=0.18",
-    "bathe:rho_inf=0.5",
-    "bathe:gamma=0.5",
-    "kr-alpha:rho_inf=0.5",
-    "impulse4:rho_inf=0.5",
-    "impulse4:rho_inf=0",
-    "moment4:rho_inf=0.5",
-    "moment4:rho_inf=0",
-)
+    "newmark:beta=0.3025:gamma=0.6", "generalized-alpha:rho_inf=0", "hht:alpha=-1/3", "u0v0:r=0",
+    "collocation:beta=0.18", "bathe:rho_inf=0.5", "bathe:gamma=0.5", "kr-alpha:rho_inf=0.5",
+    "impulse4:rho_inf=0.5", "impulse4:rho_inf=0", "moment4:rho_inf=0.5", "moment4:rho_inf=0",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -63,14 +63,9 @@ POWERS = {
     "gauss4": NONE,
 }
 WORDS = {
-    NONE: "none",
-    ALL_LEFT: "none",
-    POWERS["exact"]: "none",
-    VELOCITY: "velocity",
-    BOTH: "displacement and velocity",
-    DISPLACEMENT: "displacement",
-    POWERS["cr"]: "displacement",
-}
+    NONE: "none", ALL_LEFT: "none", POWERS["exact"]: "none", VELOCITY: "velocity",
+    BOTH: "displacement and velocity", DISPLACEMENT: "displacement", POWERS["cr"]: "displacement",
+}  # fmt: skip
 UNSTABLE = (
     *(method for method in POWERS if math.isfinite(parse(method).stability_limit)),
     "wilson:theta=1.36",

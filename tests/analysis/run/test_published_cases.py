@@ -10,17 +10,8 @@ from tdint.model.building import assemble
 
 # A. K. Chopra, Dynamics of Structures, 4th ed., example 5.3
 AVERAGE_A = [
-    17.4666,
-    23.1801,
-    12.3719,
-    -11.5175,
-    -38.1611,
-    -54.6722,
-    -33.6997,
-    -2.1211,
-    28.4423,
-    47.3701,
-]
+    17.4666, 23.1801, 12.3719, -11.5175, -38.1611, -54.6722, -33.6997, -2.1211, 28.4423, 47.3701,
+]  # fmt: skip
 
 
 def test_average_acceleration_agrees_with_published_table():
