@@ -47,6 +47,18 @@ def test_messages_contain_stiffness_yield_drift_and_cycles(folder, tdint):
     ]
 
 
+def test_rule_of_a_multilinear_story_is_reported(tdint):
+    text = """
+name: joint
+stories:
+  - {mass: 1, height: 3, law: {type: multilinear, rule: origin, backbone: [[0.01, 1], [0.03, 1.5]]}}
+"""
+    result = tdint("law", "-", "--drift", "20mm", "--points", "1", stdin=text.encode(), code=0)
+    first = result.stderr.splitlines()[0]
+    assert first.startswith("joint, story 1, multilinear law: backbone through ")
+    assert first.endswith(" (rule origin)")
+
+
 def test_a_linear_story_from_standard_input(folder, tdint):
     text = (folder / "forced.yaml").read_text().replace(", height: 3", "")
     result = tdint("law", "-", "--drift", "10mm", "--points", "1", stdin=text.encode(), code=0)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tdint.analysis.cyclic import Cycle, CyclicTest
+    from tdint.model.story_laws import Law
     from tdint.units import DriftSize, OutputUnits
 
 _CYCLES = Mode("without --path", frozenset(("drifts", "cycles", "points")))
@@ -130,6 +131,20 @@ def command(request: Request) -> None:
     _report(test, request.element, last_cycles, units)
 
 
+def _formula(law: Law) -> str:
+    """Return the formula of a law, with the parameters of the story that are names, such as the
+    rule of `multilinear`. These parameters precede all lists of numbers."""
+    from tdint.model.story_laws import LAWS
+
+    declared = LAWS[law.name]
+    names = [
+        f"{parameter.path} {parameter.choices[int(value)]}"
+        for parameter, value in zip(declared.parameters, law.parameters, strict=False)
+        if parameter.choices
+    ]
+    return f"{declared.formula} ({', '.join(names)})" if names else declared.formula
+
+
 def _report(
     test: CyclicTest, element: str | None, cycles: Sequence[Cycle], units: OutputUnits
 ) -> None:
@@ -137,9 +152,8 @@ def _report(
 
     `cycles` is the last cycle of each amplitude; empty with --path.
     """
-    from tdint.model.story_laws import LAWS
-
-    formulas = "; ".join(LAWS[name].formula for name in test.law.split(" + "))
+    springs = test.model.stories[test.story - 1].springs
+    formulas = "; ".join(_formula(spring.law) for spring in springs)
     subject = f"element {element}, " if element else ""
     text = f"{test.model.name}, story {test.story}, {subject}{test.law} law: {formulas}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
