@@ -192,10 +192,8 @@ def test_collapsed_sample_has_status_of_single_run():
 @pytest.mark.parametrize(
     ("vary", "message"),
     [
-        (
-            {"stories[2].law.hardning": [0.1]},
-            r"stories\[2\]\.law\.hardning.*did you mean 'law\.hardening'",
-        ),
+        ({"stories[2].law.hardning": [0.1]},
+         r"stories\[2\]\.law\.hardning.*did you mean 'law\.hardening'"),
         ({"stories[4].mass": [1.0]}, "has 3 stories"),
         ({"storeys[2].mass": [1.0]}, "unknown parameter"),
         ({"stories[2].mas": [1.0]}, r"did you mean 'stories\[2\]\.mass'"),
@@ -203,17 +201,15 @@ def test_collapsed_sample_has_status_of_single_run():
         ({"stories.mass": [1e5, -1e5]}, "positive"),
         ({"stories.mass": [1e5, np.nan]}, "must be"),
         ({"damping": [0.1, 1.2]}, "damping"),
-        (
-            {"damping": [0.1, 0.2], "stories.mass": [1e5, 2e5, 3e5]},
-            "2 of damping, 3 of stories.mass",
-        ),
+        ({"damping": [0.1, 0.2], "stories.mass": [1e5, 2e5, 3e5]},
+         "2 of damping, 3 of stories.mass"),
         ({"damping": []}, "0 of damping"),
         ({"record.scale": [0.0]}, "other than zero"),
         ({"stories[1].law.coefficients[1]": [1.0]}, "law.coefficients"),
         ({3: [1.0]}, "unknown parameter"),
         (5, "vary"),
     ],
-)
+)  # fmt: skip
 def test_invalid_vary_is_refused_before_first_run(vary, message):
     with pytest.raises(TdintError, match=message):
         tdint.run_many(model(BILINEAR), RECORD, vary=vary)

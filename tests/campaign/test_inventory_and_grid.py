@@ -169,31 +169,21 @@ def test_unreadable_motions_are_omitted_and_reported(study: Path) -> None:
     [
         ("[" * 100_000, "m00.json: not JSON"),
         ('{"dT": 0.01, "data_x": [1%s, 2]}' % ("0" * 400), "m00.json: .* inf for sample 0"),
-        (
-            '{"dT": 1%s, "data_x": [1, 2]}' % ("0" * 400),
-            "m00.json: dT must be a sampling interval, .* got inf",
-        ),
-        (
-            '{"dT": "0.01", "data_x": [1, 2]}',
-            "m00.json: dT must be a sampling interval, .* got '0.01'",
-        ),
-        (
-            '{"dT": 20, "data_x": [1, 2]}',
-            "m00.json: dT must be a sampling interval, .* 1e-06 to 10 s, got 20",
-        ),
+        ('{"dT": 1%s, "data_x": [1, 2]}' % ("0" * 400),
+         "m00.json: dT must be a sampling interval, .* got inf"),
+        ('{"dT": "0.01", "data_x": [1, 2]}',
+         "m00.json: dT must be a sampling interval, .* got '0.01'"),
+        ('{"dT": 20, "data_x": [1, 2]}',
+         "m00.json: dT must be a sampling interval, .* 1e-06 to 10 s, got 20"),
         ('{"dT": 0.01, "data_x": [1, "2"]}', "m00.json: data_x must be a list of numbers"),
         ('{"dT": 0.01, "data_x": [1, null]}', "m00.json: data_x must be a list of numbers"),
         ('{"dT": 0.01, "data_x": [[1, 2], [3, 4]]}', "m00.json: data_x must be a list of numbers"),
-        (
-            '{"dT": 0.01, "data_x": [1, 1e9]}',
-            "m00.json: data_x: the peak acceleration must be at most .*, got 9.807e.09 m/s",
-        ),
-        (
-            '{"dT": 0.01, "data_x": [1, 2], "data_y": [1, 2, 3]}',
-            "m00.json: data_x and data_y must have the same number",
-        ),
+        ('{"dT": 0.01, "data_x": [1, 1e9]}',
+         "m00.json: data_x: the peak acceleration must be at most .*, got 9.807e.09 m/s"),
+        ('{"dT": 0.01, "data_x": [1, 2], "data_y": [1, 2, 3]}',
+         "m00.json: data_x and data_y must have the same number"),
     ],
-)
+)  # fmt: skip
 def test_invalid_grid_motions_are_reported(study: Path, text: str, message: str) -> None:
     (study / "m00.json").write_text(text)
     (failure,) = plan(study).failures

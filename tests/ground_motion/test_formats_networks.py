@@ -18,36 +18,16 @@ def ids(text):
 @pytest.mark.parametrize(
     ("write", "units", "dt", "names", "start"),
     [
-        (
-            files.afad,
-            "cm/s^2",
-            0.01,
-            [".0921..NS", ".0921..EW", ".0921..UD"],
-            "2017-07-20T22:30:58.500000Z",
-        ),
-        (
-            files.cwb,
-            "cm/s^2",
-            0.02,
-            [".ECU..U", ".ECU..N", ".ECU..E"],
-            "2018-02-06T15:50:29.000000Z",
-        ),
-        (
-            files.unam,
-            "cm/s^2",
-            0.004,
-            [".CUP5..V", ".CUP5..N90E", ".CUP5..N00E"],
-            "2004-01-02T00:00:01.000000Z",
-        ),
-        (
-            files.bhrc,
-            "0.1 g",
-            0.005,
-            [".Avin..50", ".Avin..V", ".Avin..140"],
-            "1970-01-01T00:00:00.000000Z",
-        ),
+        (files.afad, "cm/s^2", 0.01, [".0921..NS", ".0921..EW", ".0921..UD"],
+         "2017-07-20T22:30:58.500000Z"),
+        (files.cwb, "cm/s^2", 0.02, [".ECU..U", ".ECU..N", ".ECU..E"],
+         "2018-02-06T15:50:29.000000Z"),
+        (files.unam, "cm/s^2", 0.004, [".CUP5..V", ".CUP5..N90E", ".CUP5..N00E"],
+         "2004-01-02T00:00:01.000000Z"),
+        (files.bhrc, "0.1 g", 0.005, [".Avin..50", ".Avin..V", ".Avin..140"],
+         "1970-01-01T00:00:00.000000Z"),
     ],
-)
+)  # fmt: skip
 def test_components_of_network_formats(write, units, dt, names, start):
     found = contents(write())
     expected = files.components(decimals=6 if write is files.bhrc else 3)

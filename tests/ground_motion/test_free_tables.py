@@ -48,13 +48,8 @@ class TestStatements:
     @pytest.mark.parametrize(
         ("line", "counts", "intervals", "units", "peak"),
         [
-            (
-                "NO. OF POINTS:  4003  EQUALLY SPACED INTERVALS OF:  0.005  SEC",
-                {4003},
-                (0.005,),
-                (),
-                "",
-            ),
+            ("NO. OF POINTS:  4003  EQUALLY SPACED INTERVALS OF:  0.005  SEC", {4003}, (0.005,), (),
+             ""),
             ("Number of Data                : 3000", {3000}, (), (), ""),
             ("NUMBER OF POINTS 2411", {2411}, (), (), ""),
             ("NPTS = 1200", {1200}, (), (), ""),
@@ -85,7 +80,7 @@ class TestStatements:
             ("Abtastrate: 100 Hz, Einheit: m/s^2", set(), (0.01,), ("m/s^2",), ""),
             ("Anzahl der Werte 1200", {1200}, (), (), ""),
         ],
-    )
+    )  # fmt: skip
     def test_statements(self, line, counts, intervals, units, peak):
         found = statements([line])
         assert (found.counts, found.units, found.peak[0]) == (frozenset(counts), units, peak)

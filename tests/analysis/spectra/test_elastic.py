@@ -90,30 +90,16 @@ def test_unstable_method_is_refused():
         ([1.0], 1.0, {}, "damping must be a ratio"),
         ([1.0], -0.1, {}, "damping must be a ratio"),
         ([1.0], 0.05, {"maxima": "best"}, "maxima .*exact, peer, samples, got 'best'"),
-        (
-            [1.0],
-            0.05,
-            {"interpolation": "cubic"},
-            "interpolation .*linear, band-limited, got 'cubic'",
-        ),
-        (
-            [1.0],
-            0.05,
-            {"method": "newmark", "maxima": "exact"},
-            "cannot be selected for the method newmark",
-        ),
-        (
-            [1.0],
-            0.05,
-            {"method": "newmark", "interpolation": "band-limited"},
-            "cannot be selected for the method newmark",
-        ),
-        (
-            *([1.0], 0.05, {"maxima": "peer", "interpolation": "band-limited"}),
-            "maxima peer require the interpolation linear",
-        ),
+        ([1.0], 0.05, {"interpolation": "cubic"},
+         "interpolation .*linear, band-limited, got 'cubic'"),
+        ([1.0], 0.05, {"method": "newmark", "maxima": "exact"},
+         "cannot be selected for the method newmark"),
+        ([1.0], 0.05, {"method": "newmark", "interpolation": "band-limited"},
+         "cannot be selected for the method newmark"),
+        (*([1.0], 0.05, {"maxima": "peer", "interpolation": "band-limited"}),
+         "maxima peer require the interpolation linear"),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_are_refused(periods, damping, choices, message):
     with pytest.raises(UsageError, match=message):
         spectrum(noise(samples=21), np.array(periods), damping, **choices)
