@@ -194,15 +194,22 @@ def check_json_file(
     assert all(f"{Path(name).name}: the same, " in again.stderr for name in tables)
 
 
-QUICK = ("run", "spectrum", "scale", "campaign", "stability")
+@pytest.mark.parametrize("name", WRITING)
+def test_overwrite_replaces_an_existing_file(study: Path, tdint: Command, name: str) -> None:
+    """Without the option the file is kept."""
+    if name == "merge":
+        tdint("campaign", "study.yaml", "-o", "part", code=0)
+    arguments, file = arguments_of(WRITING[name][0]), study / WRITING[name][1].split()[0]
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(b"mine")
+    tdint(*arguments, code=6)
+    assert file.read_bytes() == b"mine"
+    tdint(*arguments, "--overwrite", code=0)
+    assert file.read_bytes() != b"mine"
 
 
-@pytest.mark.parametrize(
-    "name",
-    every(
-        3, [pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK)) for name in WRITING]
-    ),
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", WRITING)
 def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, name: str) -> None:
     """A command lists the files that it wrote, and writes them again without --overwrite, with
     equal bytes except for times."""
@@ -436,13 +443,8 @@ def test_every_option_that_writes_a_file_is_tested() -> None:
                 assert (name, option.opts[0]) in tried | {("init", "file")}, name
     reading = {arguments[0] for arguments in lines}
     assert writing_commands() - reading == {
-        "overshoot",
-        "failures",
-        "examples",
-        "validate",
-        "compile",
-        "rerun",
-    }
+        "overshoot", "failures", "examples", "validate", "compile", "rerun",
+    }  # fmt: skip
 
 
 def lay_out(study: Path, file: str, read: Path, copy: str = "") -> None:
