@@ -150,10 +150,15 @@ class Command:
     (tests/kernels/test_compiling.py tests them)."""
 
     def __call__(
-        self, *arguments: object, stdin: bytes | None = None, code: int | None = None
+        self,
+        line: object = "",
+        *arguments: object,
+        stdin: bytes | None = None,
+        code: int | None = None,
     ) -> Result:
-        """Run the command and return its result; `code` is the required exit code."""
-        texts = [str(argument) for argument in arguments]
+        """Run the command and return its result. The words of `line` are the first arguments;
+        `code` is the required exit code."""
+        texts = [*str(line).split(), *map(str, arguments)]
         result = runner().invoke(cli, texts, input=stdin, prog_name="tdint")
         result.stderr_bytes = re.sub(rb"(?m)^note: compiling .*\n", b"", result.stderr_bytes or b"")
         assert code is None or result.exit_code == code, result.stderr

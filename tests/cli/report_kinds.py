@@ -91,10 +91,7 @@ KINDS = {
     "bilinear": Kind("run bilinear.yaml -o out --history --limit 2%"),
     "isolated": Kind("run isolated.yaml -o out --history", models=("isolated",)),
     "collapse": Kind("run older.yaml --scale 3 -o out --history --limit 2%", models=("older",)),
-    "kip": Kind(
-        f"run kip.yaml {ONE} -o out --history --limit 1.5%",
-        models=("kip",),
-    ),
+    "kip": Kind(f"run kip.yaml {ONE} -o out --history --limit 1.5%", models=("kip",)),
     "levels": Kind("run levels.yaml -o out --history", models=("levels",)),
     "suite": Kind(f"run bilinear.yaml {SUITE} -o out --limit 2%"),
     "suite of many": Kind("run bilinear.yaml pool -o out --limit 2% --pair-demand separate"),
@@ -162,12 +159,9 @@ def write_inputs(folder: Path) -> None:
     shutil.copy(ROOT / "configs/stripes.csv", folder)
     shutil.copy(ROOT / "configs/capacity-classes.csv", folder / "classes.csv")
     texts = {
-        "kip.yaml": KIP,
-        "study.yaml": CAMPAIGN,
-        "region.yaml": REGION,
-        "region.csv": BUILDINGS,
-        "recorded.yaml": RECORDED,
-    }
+        "kip.yaml": KIP, "study.yaml": CAMPAIGN, "region.yaml": REGION,
+        "region.csv": BUILDINGS, "recorded.yaml": RECORDED,
+    }  # fmt: skip
     for name, text in texts.items():
         (folder / name).write_text(text)
     write_pool(folder / "pool")

@@ -21,25 +21,10 @@ from tdint.units import STANDARD_GRAVITY
 
 INCH, KIP = 0.0254, 4448.2216152605
 FACTORS = {
-    "": 1.0,
-    "%": 0.01,
-    "m": 1.0,
-    "mm": 1e-3,
-    "in": INCH,
-    "s": 1.0,
-    "Hz": 1.0,
-    "g": STANDARD_GRAVITY,
-    "m/s²": 1.0,
-    "N": 1.0,
-    "kN": 1e3,
-    "kip": KIP,
-    "t": 1e3,
-    "kg": 1.0,
-    "kip·s²/in": KIP / INCH,
-    "kN/m": 1e3,
-    "kip/in": KIP / INCH,
-    "kN·m": 1e3,
-}
+    "": 1.0, "%": 0.01, "m": 1.0, "mm": 1e-3, "in": INCH, "s": 1.0, "Hz": 1.0,
+    "g": STANDARD_GRAVITY, "m/s²": 1.0, "N": 1.0, "kN": 1e3, "kip": KIP, "t": 1e3,
+    "kg": 1.0, "kip·s²/in": KIP / INCH, "kN/m": 1e3, "kip/in": KIP / INCH, "kN·m": 1e3,
+}  # fmt: skip
 """SI value of the units of reports."""
 
 NUMBER = re.compile(

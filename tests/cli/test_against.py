@@ -33,14 +33,9 @@ def test_a_spectrum_has_no_difference_to_itself(spectra, tdint):
         ).stdout
     )
     assert list(found[0]) == [
-        "record",
-        "component",
-        "damping",
-        "period_s",
-        "psa_m_s2",
-        "published_psa_m_s2",
+        "record", "component", "damping", "period_s", "psa_m_s2", "published_psa_m_s2",
         "relative_difference",
-    ]
+    ]  # fmt: skip
     assert [row["damping"] for row in found[::4]] == ["0.05", "0.02"]
     assert max(abs(float(row["relative_difference"])) for row in found) < 1e-11
 
@@ -91,12 +86,7 @@ def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):
     ("text", "options", "code", "message"),
     [
         ("period_s,psa_g\n1,1\n", (), 4, "at least 2 rows, got 1"),
-        (
-            "period,psa_g\n1,1\n2,1\n",
-            (),
-            4,
-            "column 'period' ... unit",
-        ),
+        ("period,psa_g\n1,1\n2,1\n", (), 4, "column 'period' ... unit"),
         ("f_hz,psa_g\n1,1\n2,1\n", (), 4, "no column of periods"),
         ("period_s,psa\n1,1\n2,1\n", (), 4, "must end with its units (psa_g)"),
         ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "cm is a unit of displacement, not of acceleration"),
@@ -106,12 +96,7 @@ def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):
         ("period_s,psa_g\n-1,1\n1,1\n", (), 4, "must not be negative"),
         ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "must not be negative"),
         ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is not a finite number"),
-        (
-            "period_s,psa_g\n1,1,2\n2,1\n",
-            (),
-            4,
-            "line 2: ... 3 cells, ... 2 columns",
-        ),
+        ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: ... 3 cells, ... 2 columns"),
         (
             "period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n",
             (),

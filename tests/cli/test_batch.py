@@ -93,11 +93,8 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
     good = tdint(*command, "motion.mseed", "other.mseed").stdout
     if into == "out/":
         assert sorted(contents(folder / "out")) == [
-            "motion.csv",
-            "motion.json",
-            "other.csv",
-            "other.json",
-        ]
+            "motion.csv", "motion.json", "other.csv", "other.json",
+        ]  # fmt: skip
     else:
         assert (result.stdout if into is None else (folder / "all.csv").read_text()) == good
 
@@ -117,12 +114,7 @@ def test_records_with_equal_stems_keep_their_suffix(folder, tdint):
 def test_output_names_that_still_clash_are_refused(tmp_path):
     assert [
         table.name for table in tables_of(["a/x.EW", "b/x.NS", "-", "stdin.at2"], tmp_path)
-    ] == [
-        "x.EW.csv",
-        "x.NS.csv",
-        "stdin.csv",
-        "stdin.at2.csv",
-    ]
+    ] == ["x.EW.csv", "x.NS.csv", "stdin.csv", "stdin.at2.csv"]
     for clash in (["x.EW", "x.NS", "x.EW.mseed"], ["a/x.EW", "b/x.EW"]):
         with pytest.raises(Exception, match="would be written to this file"):
             tables_of(clash, tmp_path)
@@ -193,12 +185,7 @@ def test_a_killed_process_loses_only_its_own_record():
     assert [
         item if isinstance(item, Exception) else item[0]
         for item in (found[0], *found[2::2], found[5])
-    ] == [
-        "aa",
-        "bb",
-        "cc",
-        "dd",
-    ]
+    ] == ["aa", "bb", "cc", "dd"]
     for failure in (found[1], found[3]):
         assert isinstance(failure, AnalysisError)
         assert states(str(failure), "dies: ... process ... ended unexpectedly")

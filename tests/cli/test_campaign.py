@@ -72,18 +72,8 @@ def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command)
         if name not in ("building", "record", "component", "scale", "story", "height_m")
     ]
     assert list(rows("checked/stories.csv")[0]) == [*own, *(f"{name}_error" for name in quantities)]
-    single_run = (
-        "run",
-        "shaken.yaml",
-        "motion.mseed",
-        "--units",
-        "m/s^2",
-        "--component",
-        "HNN",
-        "--method",
-        "moment4",
-    )
-    tdint(*single_run, "--scale", "0.25", "-o", "alone", code=0)
+    single_run = "run shaken.yaml motion.mseed --units m/s^2 --component HNN --method moment4"
+    tdint(single_run, "--scale", "0.25", "-o", "alone", code=0)
     errors = json.loads(Path("alone/summary.json").read_text())["check"]["errors"]
     run = found[3]
     assert (run["component"], run["scale"]) == ("HNN", "0.25")
@@ -105,7 +95,7 @@ def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command)
     unknown = [row for row in found if row["peak_drift_m"] and not row["peak_drift_m_error"]]
     assert summary["without_an_error"] == len(unknown) and summary["settings"]["check"] is True
     assert "peak_drift_m_error" in summary["columns"]
-    several = rows(tdint(*single_run, "--scale", "0.25,1", "--check").stdout)
+    several = rows(tdint(single_run, "--scale", "0.25,1", "--check").stdout)
     assert several[0]["peak_drift_m_error"] == run["peak_drift_m_error"]
 
 
@@ -156,19 +146,7 @@ def test_each_run_has_a_row(study: Path, tdint: Command) -> None:
     assert {
         (row["method"], row["dt_s"], row["status"], row["steps"], row["sample"]) for row in table
     } == {("newmark-average", "0.01", "done", "2399", "0")}
-    tdint(
-        "run",
-        "shaken.yaml",
-        "--component",
-        "HNN",
-        "--scale",
-        "2.5",
-        "--units",
-        "m/s^2",
-        "--no-check",
-        "-o",
-        "one",
-    )
+    tdint("run shaken.yaml --component HNN --scale 2.5 --units m/s^2 --no-check -o one")
     summary, stories = json.loads(Path("one/summary.json").read_text()), rows("one/stories.csv")
     row = table[5]
     assert np.isclose(float(row["sa_t1_m_s2"]), summary["building"]["sa_t1_m_s2"], rtol=1e-11)
@@ -277,42 +255,27 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
         (position for position, _ in found), key=lambda text: text.split(":")
     )
     assert [key for _, key in found] == [
-        "buildings.units",
-        "records.file",
-        "records.pairs",
-        "intensity.period",
-        "intensity.levels[1]",
-        "intensity.levels[2]",
-        "analysis.method",
-        "analysis.dt",
+        "buildings.units", "records.file", "records.pairs", "intensity.period",
+        "intensity.levels[1]", "intensity.levels[2]", "analysis.method", "analysis.dt",
         "outputs.stories",
-    ]
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         ("", "empty; ... `buildings` and `records`"),
-        (
-            "buildings: {models: []}\nrecords: {files: [motion.mseed]}\n",
-            "is empty; ... model file",
-        ),
+        ("buildings: {models: []}\nrecords: {files: [motion.mseed]}\n", "is empty; ... model file"),
         ("buildings: {models: [a.yaml]}\n", "records: is missing; give `files` or a `grid`"),
         ("buildings: {inventory: a.csv}\nrecords: {files: [b]}\n", "buildings.units: is missing"),
-        (
-            "buildings: {models: [nowhere.yaml]}\nrecords: {files: [motion.mseed]}\n",
-            "nowhere.yaml: file not found",
-        ),
-        (
-            STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
-            "d5-95 ... levels: ",
-        ),
-        (
-            STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"),
-            "bad.csv:2: factor: must be a number",
-        ),
+        ("buildings: {models: [nowhere.yaml]}\nrecords: {files: [motion.mseed]}\n",
+         "nowhere.yaml: file not found"),
+        (STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
+         "d5-95 ... levels: "),
+        (STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"),
+         "bad.csv:2: factor: must be a number"),
     ],
-)
+)  # fmt: skip
 def test_invalid_campaign_files_are_refused(
     study: Path, tdint: Command, content: str, message: str
 ) -> None:
@@ -362,21 +325,13 @@ def test_a_time_step_that_fits_no_record_is_refused_before_files_are_written(
     study: Path, tdint: Command
 ) -> None:
     change("study.yaml", ("method: newmark-average", "dt: 0.007"))
-    tdint.refused(
-        "motion.mseed HNE: dt ... 0.01 s",
-        "campaign",
-        "study.yaml",
-        "-o",
-        "new",
-    )
+    tdint.refused("motion.mseed HNE: dt ... 0.01 s", "campaign", "study.yaml", "-o", "new")
 
 
 def test_a_second_writer_is_refused(study: Path, tdint: Command) -> None:
     Path("new").mkdir()
     with locked(Path("new")):
-        tdint.refused(
-            "in use by another tdint process", "campaign", "study.yaml", "-o", "new", code=6
-        )
+        tdint.refused("in use by another tdint process", "campaign study.yaml -o new", code=6)
     assert not Path("new", FILE).exists()
 
 
@@ -394,13 +349,7 @@ def test_an_unresponsive_scheduler_is_reported(
     monkeypatch.setattr("tdint.campaign.cluster._TIMEOUT", 0.6)
     with socket.create_server(("127.0.0.1", 0)) as server:
         result = tdint(
-            "campaign",
-            "study.yaml",
-            "-o",
-            "new",
-            "--dask",
-            f"tcp://127.0.0.1:{port_of(server)}",
-            code=2,
+            "campaign study.yaml -o new --dask", f"tcp://127.0.0.1:{port_of(server)}", code=2
         )
     assert "no response from the scheduler yet; waiting" in result.stderr
     assert "no scheduler responds (" in result.stderr.splitlines()[-1]
@@ -445,19 +394,8 @@ def test_a_tolerance_selects_the_time_step_of_each_building(study: Path, tdint: 
     tdint("campaign", "study.yaml", "-o", "steps", "--jobs", "2", code=0)
     steps = {(row["building"], row["dt_s"]) for row in rows("steps/runs.csv")}
     assert len(steps) == 2 and min(float(dt) for _, dt in steps) < 0.01
-    run = (
-        "run",
-        "shaken.yaml",
-        "--record",
-        "motion.mseed",
-        "--units",
-        "m/s^2",
-        "--component",
-        "HNN",
-        "--scale",
-        "1",
-    )
-    tdint(*run, "--tolerance", "0.1%", "-o", "one", code=0)
+    run = "run shaken.yaml --record motion.mseed --units m/s^2 --component HNN --scale 1"
+    tdint(run, "--tolerance", "0.1%", "-o", "one", code=0)
     assert float(dict(steps)["shaken"]) <= json.loads(Path("one/summary.json").read_text())["dt_s"]
 
 
@@ -578,11 +516,8 @@ def test_invalid_rows_of_an_inventory_are_counted_by_building(study: Path, tdint
     tdint("campaign", "study.yaml", "-o", "new", code=3)
     summary = json.loads(Path("new/summary.json").read_text())
     assert [entry["file"] for entry in summary["inputs"]] == [
-        "motion.mseed",
-        "other.mseed",
-        "rows.csv",
-        "study.yaml",
-    ]
+        "motion.mseed", "other.mseed", "rows.csv", "study.yaml",
+    ]  # fmt: skip
     unused = summary["not_used"]
     # Building b has two errors, but is counted once.
     assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)
@@ -704,7 +639,7 @@ def test_shards_are_not_merged_if_only_one_skipped_a_duplicate_id(
     Path("region.csv").write_text(REGION.replace("ROW", ""))
     for shard in (1, 2):
         again = tdint(
-            "campaign", "region.yaml", "-o", f"p{shard}", "--shard", f"{shard}/2", code=0
+            "campaign region.yaml -o", f"p{shard}", "--shard", f"{shard}/2", code=0
         ).stderr
         assert "nothing to do" in again
     tdint("campaign", "merge", "p1", "p2", "-o", "all", code=0)

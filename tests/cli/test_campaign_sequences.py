@@ -38,17 +38,9 @@ damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
 analysis: {method: newmark-average}
 """  # noqa: E501
 RECORDS = (
-    "ida",
-    "frame.yaml",
-    "motion.mseed",
-    "other.mseed",
-    "--units",
-    "m/s^2",
-    "--precision",
-    "10%",
-    "--pair-demand",
-    "separate",
-)
+    "ida", "frame.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2",
+    "--precision", "10%", "--pair-demand", "separate",
+)  # fmt: skip
 AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 
 
@@ -138,37 +130,21 @@ def test_an_unreadable_sequence_is_reported_and_the_others_run(study, tdint):
 @pytest.mark.parametrize(
     ("file", "before", "after", "text"),
     [
-        (
-            "study.yaml",
-            "pairs.csv,",
-            "pairs.csv, pairs: true,",
-            "pairs: cannot be used with `sequences`",
-        ),
-        (
-            "study.yaml",
-            "pairs.csv,",
-            "pairs.csv, neighbors: 4,",
-            "neighbors: can only be used with a `grid`",
-        ),
-        (
-            "study.yaml",
-            "sequences: pairs.csv",
-            "files: [motion.mseed], rest: 3",
-            "rest: can only be used with `sequences`",
-        ),
+        ("study.yaml", "pairs.csv,", "pairs.csv, pairs: true,",
+         "pairs: cannot be used with `sequences`"),
+        ("study.yaml", "pairs.csv,", "pairs.csv, neighbors: 4,",
+         "neighbors: can only be used with a `grid`"),
+        ("study.yaml", "sequences: pairs.csv", "files: [motion.mseed], rest: 3",
+         "rest: can only be used with `sequences`"),
         ("study.yaml", "pairs.csv,", "pairs.csv, rest: -1,", "rest"),
-        (
-            "study.yaml",
-            "newmark-average",
-            "newmark-average, duration: 3",
-            "duration: cannot be used with `sequences`",
-        ),
+        ("study.yaml", "newmark-average", "newmark-average, duration: 3",
+         "duration: cannot be used with `sequences`"),
         ("pairs.csv", "HNE,0.5", "HNE,0", "pairs.csv:3: factor"),
         ("pairs.csv", "HNE,0.5", "HNE,much", "pairs.csv:3: factor"),
         ("pairs.csv", "sequence,record", "sequence,file", "no column record"),
         ("pairs.csv", "once more,other", ",other", "sequence is missing"),
     ],
-)
+)  # fmt: skip
 def test_errors_of_the_files_are_reported(study, tdint, file, before, after, text):
     change(file, (before, after))
     tdint.refused(text, "campaign", "study.yaml", "-o", "new", code=3)

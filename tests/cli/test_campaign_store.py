@@ -59,21 +59,15 @@ def sql(*statements: str) -> None:
     "statement",
     every(
         3,
-        [
-            "DELETE FROM run_rows WHERE scale = 0.5",
-            "DELETE FROM story_rows WHERE story = 2",
-            "UPDATE run_rows SET status = '=1+1' WHERE scale = 1",
-            "UPDATE run_rows SET peak_drift_m = 9e999 WHERE scale = 1",
-            "UPDATE story_rows SET height_m = 4 WHERE story = 1",
-            "UPDATE run_rows SET chunk = chunk + 1",
-            "UPDATE run_rows SET chunk = 'x'",
-            "UPDATE chunks SET sha256 = ''",
-            "UPDATE chunks SET seconds = -1",
-            "UPDATE chunks SET id = id + 1000",
-            "DELETE FROM chunks",
-        ],
+        ["DELETE FROM run_rows WHERE scale = 0.5", "DELETE FROM story_rows WHERE story = 2",
+         "UPDATE run_rows SET status = '=1+1' WHERE scale = 1",
+         "UPDATE run_rows SET peak_drift_m = 9e999 WHERE scale = 1",
+         "UPDATE story_rows SET height_m = 4 WHERE story = 1",
+         "UPDATE run_rows SET chunk = chunk + 1", "UPDATE run_rows SET chunk = 'x'",
+         "UPDATE chunks SET sha256 = ''", "UPDATE chunks SET seconds = -1",
+         "UPDATE chunks SET id = id + 1000", "DELETE FROM chunks"],
     ),
-)
+)  # fmt: skip
 def test_a_corrupt_chunk_is_run_again(
     done: dict[str, bytes], tdint: Command, statement: str
 ) -> None:
@@ -105,22 +99,14 @@ def test_merge_omits_corrupt_chunks(done: dict[str, bytes], tdint: Command) -> N
     "statement",
     every(
         3,
-        [
-            "UPDATE meta SET value = '8' WHERE key = 'schema'",
-            "DELETE FROM meta",
-            "DELETE FROM meta WHERE key = 'fingerprint'",
-            "UPDATE buildings SET name = '=1+1'",
-            "UPDATE buildings SET name = CAST(x'ff00' AS TEXT)",
-            "UPDATE records SET direction = 2",
-            "INSERT INTO unused VALUES('ghost', '')",
-            "DROP TABLE meta",
-            "DROP TABLE story_rows",
-            "DROP TABLE written",
-            "DROP VIEW runs",
-            "CREATE TRIGGER more AFTER INSERT ON chunks BEGIN DELETE FROM run_rows; END",
-        ],
+        ["UPDATE meta SET value = '8' WHERE key = 'schema'", "DELETE FROM meta",
+         "DELETE FROM meta WHERE key = 'fingerprint'", "UPDATE buildings SET name = '=1+1'",
+         "UPDATE buildings SET name = CAST(x'ff00' AS TEXT)", "UPDATE records SET direction = 2",
+         "INSERT INTO unused VALUES('ghost', '')", "DROP TABLE meta", "DROP TABLE story_rows",
+         "DROP TABLE written", "DROP VIEW runs",
+         "CREATE TRIGGER more AFTER INSERT ON chunks BEGIN DELETE FROM run_rows; END"],
     ),
-)
+)  # fmt: skip
 def test_an_invalid_store_is_refused_with_a_remedy(
     done: dict[str, bytes], tdint: Command, statement: str
 ) -> None:
@@ -223,9 +209,7 @@ def test_waiting_for_a_lock_is_reported_and_limited(
     """The wait ends with an error, or with the transaction of the other program."""
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another():
-        tdint.refused(
-            "the file is locked by another program", "campaign", "study.yaml", "-o", "out", code=6
-        )
+        tdint.refused("the file is locked by another program", "campaign study.yaml -o out", code=6)
     log_info = store_schema._log.info
     with locked_by_another() as other:
         monkeypatch.setattr(

@@ -18,15 +18,9 @@ from tdint_cli import terminal
 from tdint_cli.commands import chart
 
 QUICK = (
-    "--method",
-    "impulse4",
-    "--method",
-    "newmark-average",
-    "--dt",
-    "0.02,0.01",
-    "--repeat",
-    "2",
-)
+    "--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01",
+    "--repeat", "2",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -121,15 +115,9 @@ def test_table_messages_and_files(folder, tdint, drawn):
 def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint):
     """Otherwise, a separate line states it with its error."""
     options = (
-        "--method",
-        "impulse4,moment4",
-        "--dt",
-        "0.01,0.005,0.0025",
-        "--repeat",
-        "1",
-        "--target-error",
-        "acceleration",
-    )
+        "--method", "impulse4,moment4", "--dt", "0.01,0.005,0.0025", "--repeat", "1",
+        "--target-error", "acceleration",
+    )  # fmt: skip
     lines = tdint("chart", "shaken.yaml", *options, code=0).stderr.splitlines()
     (usual,) = (line for line in lines if line.startswith("Common choice, newmark-average"))
     error = float(re.search(r"error (\S+) %", usual)[1])
@@ -145,8 +133,7 @@ def test_lines_by_tolerance(folder, tdint):
     """These lines are after the other lines, contain only the error of the peak drifts, and are not
     recommended, because they have no dt."""
     result = tdint(
-        "chart",
-        "shaken.yaml",
+        "chart shaken.yaml",
         *QUICK,
         "--duration",
         "1.5",
@@ -164,11 +151,8 @@ def test_lines_by_tolerance(folder, tdint):
     ]
     for row in chosen:
         assert (row["dt_s"], row["steps"], row["drift_error"], row["outcome"]) == (
-            "",
-            "",
-            "",
-            "done",
-        )
+            "", "", "", "done",
+        )  # fmt: skip
         assert 0.0 < float(row["peak_drift_error"]) <= float(row["method"].rpartition(" ")[2])
     assert "by tolerance" not in result.stderr and "nan" not in result.stderr
     picture = (folder / "x.svg").read_text(encoding="utf-8")
@@ -213,19 +197,13 @@ def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, texts)
 @pytest.mark.parametrize(
     ("options", "steps", "usual"),
     [
-        (
-            ("--method", "exact", "--target-error", "displacement"),
-            ["100", "200"] * 3,
-            "with dt 0.02 s of the model",
-        ),
-        (
-            ("--record", "other.mseed", "--duration", "1"),
-            ["50", "100"] * 2,
-            "with dt 0.01 s of the record",
-        ),
+        (("--method", "exact", "--target-error", "displacement"), ["100", "200"] * 3,
+         "with dt 0.02 s of the model"),
+        (("--record", "other.mseed", "--duration", "1"), ["50", "100"] * 2,
+         "with dt 0.01 s of the record"),
     ],
     ids=["only forces", "a record on the command line"],
-)
+)  # fmt: skip
 def test_a_linear_building_under_forces(folder, tdint, options, steps, usual):
     result = tdint("chart", "forced.yaml", *QUICK, *options, code=0)
     assert [row["steps"] for row in rows(result.stdout)] == steps
@@ -256,15 +234,9 @@ def test_positional_records_equal_record_options(folder, tdint, make_record):
 @pytest.mark.long
 def test_unstable_steps_are_rows_of_the_table(folder, tdint):
     options = (
-        "--method",
-        "central-difference",
-        "--dt",
-        "0.2,0.02",
-        "--repeat",
-        "1",
-        "--plot",
+        "--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--plot",
         "x.svg",
-    )
+    )  # fmt: skip
     result = tdint("chart", "shaken.yaml", *options, code=0)
     first, second = rows(result.stdout)
     assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
@@ -312,7 +284,7 @@ def test_costs_over_the_number_of_stories(folder, tdint, drawn):
 def test_peers_are_rows_and_lines_of_the_chart(folder, tdint, monkeypatch):
     monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
     result = tdint(
-        "chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1", code=0
+        "chart shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1", code=0
     )
     table = rows(result.stdout)
     assert [row["method"] for row in table[:4:2]] == [
@@ -369,11 +341,8 @@ def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
         (["--target-error", "force"], 2, "Invalid value for '--target-error'"),
-        (
-            ["--highlight", "hht", "--plot", "y.png", *QUICK],
-            2,
-            "must be one of the methods impulse4, newmark-average",
-        ),
+        (["--highlight", "hht", "--plot", "y.png", *QUICK], 2,
+         "must be one of the methods impulse4, newmark-average"),
         (["--highlight", "impulse4"], 2, "--plot"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
         (["--method", "exact"], 2, "exact supports only linear buildings"),
@@ -381,13 +350,10 @@ def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):
         (["--duration", "-1"], 2, "duration must be a positive number"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
         (["-o", "x.json"], 6, "x.json: two outputs have this file name"),
-        (
-            ["--record", "motion.mseed", "-o", "motion.mseed", "--overwrite"],
-            6,
-            "this command reads the file",
-        ),
+        (["--record", "motion.mseed", "-o", "motion.mseed", "--overwrite"], 6,
+         "this command reads the file"),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     record = (folder / "motion.mseed").read_bytes()
     result = tdint.refused(message, "chart", "shaken.yaml", *arguments, code=code)
@@ -426,14 +392,7 @@ LINES = ("--method", "newmark-average,impulse4")
 def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(
-        "chart",
-        "shaken.yaml",
-        "--record",
-        "motion.mseed",
-        "--record",
-        "other.mseed",
-        "--component",
-        "HNE",
+        "chart shaken.yaml --record motion.mseed --record other.mseed --component HNE",
         *LINES,
         "--units",
         "m/s^2",
@@ -463,16 +422,9 @@ def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
 def test_a_file_of_problems_and_its_figure(folder, tdint):
     (folder / "mine.yaml").write_text(PROBLEMS.replace(", far: 1", ""))
     call = (
-        "chart",
-        "--problems",
-        "mine.yaml",
-        *LINES,
-        "--repeat",
-        "1",
-        "--plot",
-        "x.svg",
+        "chart", "--problems", "mine.yaml", *LINES, "--repeat", "1", "--plot", "x.svg",
         "--target-error",
-    )
+    )  # fmt: skip
     result = tdint(*call, "peak-absolute-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
         r"two stories, near: openseespy: (omitted: .* not installed|\S+ from the reference, "
@@ -498,30 +450,16 @@ def test_a_file_of_problems_and_its_figure(folder, tdint):
     ("options", "code", "message"),
     [
         ((), 2, "model is required; ... MODEL.yaml"),
-        (
-            ("shaken.yaml", "--problems", "standard"),
-            2,
-            "MODEL.yaml has no effect with --problems",
-        ),
-        (
-            ("--problems", "standard", "--record", "motion.mseed"),
-            2,
-            "--record has no effect",
-        ),
-        (
-            ("--problems", "standard", "--target-error", "drift"),
-            2,
-            "--target-error drift requires one building",
-        ),
-        (
-            ("shaken.yaml", "--target-error", "peak-total-shear"),
-            2,
-            "--target-error peak-total-shear",
-        ),
+        (("shaken.yaml", "--problems", "standard"), 2, "MODEL.yaml has no effect with --problems"),
+        (("--problems", "standard", "--record", "motion.mseed"), 2, "--record has no effect"),
+        (("--problems", "standard", "--target-error", "drift"), 2,
+         "--target-error drift requires one building"),
+        (("shaken.yaml", "--target-error", "peak-total-shear"), 2,
+         "--target-error peak-total-shear"),
         (("--problems", "bad.yaml"), 3, "bad.yaml:7:23: problems[1].scales.far: unknown key"),
         (("--problems", "none.yaml"), 3, "none.yaml: file not found"),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_for_many_problems_are_refused(folder, tdint, options, code, message):
     (folder / "bad.yaml").write_text(PROBLEMS)
     result = tdint.refused(message, "chart", *options, code=code)

@@ -90,11 +90,8 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
     )
     assert float(first["correlation"]) > 0.999 > float(roof["correlation"]) > 0.95
     assert list(rows(out / "spectra.csv")[0]) == [
-        "floor",
-        "period_s",
-        "computed_sa_m_s2",
-        "recorded_sa_m_s2",
-    ]
+        "floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2",
+    ]  # fmt: skip
     summary = json.loads((out / "summary.json").read_text())
     assert summary["schema"] == {"name": "tdint compare", "version": 1}
     assert summary["events"][0]["floors"][1]["correlation"] == pytest.approx(
@@ -124,12 +121,9 @@ def test_fitted_and_blind_floors(recorded):
     assert [float(row["start"]) for row in fitted] == [1100.0, 600.0]
     assert [float(row["fitted"]) for row in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
     written = {
-        "table.csv",
-        "table-spectra.csv",
-        "table-fit.csv",
-        "table-fitted.yaml",
+        "table.csv", "table-spectra.csv", "table-fit.csv", "table-fitted.yaml",
         "table-summary.json",
-    }
+    }  # fmt: skip
     assert {file.name for file in si.iterdir()} == written
 
 
@@ -149,8 +143,7 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     Path("first.yaml").write_text("\n".join(floor))
     recording = ("--recorded", "first.yaml")
     tdint(
-        "compare",
-        "equal.yaml",
+        "compare equal.yaml",
         *recording,
         "--fit",
         "stiffness,damping",
@@ -212,13 +205,9 @@ def test_output_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_
     )
     assert [value["parameter"] for value in us_summary["fit"]["values"]] == ["stiffness_kip_in"] * 2
     options = (
-        "--recorded",
-        "recorded.yaml",
-        "--output-units",
-        "kip,in,g",
-        "-o",
+        "--recorded", "recorded.yaml", "--output-units", "kip,in,g", "-o",
         tmp_path / "given",
-    )
+    )  # fmt: skip
     tdint("compare", "model.yaml", *options, code=0)
     assert list(rows(tmp_path / "given" / "spectra.csv")[0])[2:] == [
         "computed_sa_g",
@@ -241,18 +230,10 @@ def test_all_errors_of_a_recording_file_are_reported_at_once(recorded, tdint):
     result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "bad.yaml", code=3)
     faults = [line.partition("bad.yaml:")[2].split(": ")[:2] for line in result.stderr.splitlines()]
     assert [" ".join(fault) for fault in faults] == [
-        "1:1 bas",
-        "2:25 base.column",
-        "2:52 base.quantity",
-        "4:22 floors.2.sign",
-        "5:9 floors.roof",
-        "5:10 floors.roof.fil",
-        "6:6 floors.7",
-        "6:23 floors.7.units",
-        "7:7 band",
-        "8:9 window",
-        "9:8 shift",
-    ]
+        "1:1 bas", "2:25 base.column", "2:52 base.quantity", "4:22 floors.2.sign",
+        "5:9 floors.roof", "5:10 floors.roof.fil", "6:6 floors.7", "6:23 floors.7.units",
+        "7:7 band", "8:9 window", "9:8 shift",
+    ]  # fmt: skip
     for message in (
         "did you mean 'base'?",
         "did you mean 'displacement'?",
@@ -284,10 +265,7 @@ def test_invalid_arguments_are_refused(recorded, tdint, arguments, code, message
         ("", "empty; ... `base` and `floors`"),
         ("base: x.csv\n", "floors: is missing; specify the floors"),
         ("base: []\nfloors: {}\n", "base: must name at least one file"),
-        (
-            "base: x.csv\nfloors: [x.csv]\n",
-            "floors: ... mapping ... roof",
-        ),
+        ("base: x.csv\nfloors: [x.csv]\n", "floors: ... mapping ... roof"),
         (None, "file not found; ... (YAML)"),
     ],
 )

@@ -22,9 +22,7 @@ def only_a_small_kernel(monkeypatch):
 @pytest.mark.long
 def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypatch):
     """--show lists the objects that are used, and --clean removes them."""
-    result = tdint(
-        "compile", "--all", "--target", "native,x86-64-v2", "-o", "shared/kernels", code=0
-    )
+    result = tdint("compile --all --target native,x86-64-v2 -o shared/kernels", code=0)
     goal = f"shared/kernels/{store.folder_name()}"
     assert result.stderr.splitlines()[-1] == f"2 time loops compiled, in {goal}"
     names = [

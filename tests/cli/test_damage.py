@@ -109,12 +109,8 @@ def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -
         assert float(row["loss_ratio"]) == pytest.approx(loss, rel=1e-9)
     type_rows = [row for row in rows("out/damage-types.csv") if row["level"] == "1"]
     assert [row["state"] for row in type_rows] == [
-        "none",
-        "slight",
-        "complete",
-        "collapsed",
-        "failed-story",
-    ]
+        "none", "slight", "complete", "collapsed", "failed-story",
+    ]  # fmt: skip
     groups = {(row["type"], row["building"]) for row in rows("out/losses.csv")}
     assert groups == {("shaken", ""), ("shaken", "shaken")}
 
@@ -334,48 +330,24 @@ def test_refusals_of_functions_by_type(
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (
-            "{dispersion: 0.3}",
-            "damage.thresholds: is missing; ... hazus, capacity",
-        ),
-        (
-            "{thresholds: {slight: 1%}}",
-            "damage.dispersion: is missing; ",
-        ),
-        (
-            "{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}",
-            "damage.thresholds: the thresholds of damage",
-        ),
-        (
-            "{demand: drift, thresholds: {slight: 1%}, dispersion: 0}",
-            "damage.demand: unknown demand 'drift'",
-        ),
-        (
-            "{demand: acceleration, thresholds: {slight: 1}, dispersion: 0}",
-            "0.3 g, got",
-        ),
-        (
-            "{thresholds: hazus}",
-            "hazus ... inventory ... mdof-lu",
-        ),
-        (
-            "{thresholds: other.csv, dispersion: 0}",
-            "damage.demand: is missing; specify one of drift_ratio",
-        ),
-        (
-            "{thresholds: {slight: 1%}, dispersion: 0, losses: {complete: 1}}",
-            "damage.losses: no loss ratio of slight",
-        ),
-        (
-            "{thresholds: {slight: 1%}, dispersion: 0, losses: {slight: 2}}",
-            "losses.slight: must be a number",
-        ),
-        (
-            "{demand: drift_ratio, states: [a, a], thresholds: t.csv, dispersion: 0}",
-            "damage.states: must be different names",
-        ),
+        ("{dispersion: 0.3}", "damage.thresholds: is missing; ... hazus, capacity"),
+        ("{thresholds: {slight: 1%}}", "damage.dispersion: is missing; "),
+        ("{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}",
+         "damage.thresholds: the thresholds of damage"),
+        ("{demand: drift, thresholds: {slight: 1%}, dispersion: 0}",
+         "damage.demand: unknown demand 'drift'"),
+        ("{demand: acceleration, thresholds: {slight: 1}, dispersion: 0}", "0.3 g, got"),
+        ("{thresholds: hazus}", "hazus ... inventory ... mdof-lu"),
+        ("{thresholds: other.csv, dispersion: 0}",
+         "damage.demand: is missing; specify one of drift_ratio"),
+        ("{thresholds: {slight: 1%}, dispersion: 0, losses: {complete: 1}}",
+         "damage.losses: no loss ratio of slight"),
+        ("{thresholds: {slight: 1%}, dispersion: 0, losses: {slight: 2}}",
+         "losses.slight: must be a number"),
+        ("{demand: drift_ratio, states: [a, a], thresholds: t.csv, dispersion: 0}",
+         "damage.states: must be different names"),
     ],
-)
+)  # fmt: skip
 def test_invalid_damage_sections_are_refused(
     folder: Path, tdint: Command, damage: str, message: str
 ) -> None:
@@ -389,14 +361,8 @@ def test_invalid_damage_sections_are_refused(
     [
         ("class,slight_m\nA,0.1\n", "no column moderate_m"),
         (CLASSES.replace("B,", "C,"), "class 'B' not found"),
-        (
-            CLASSES.replace("0.003,", "0.02,"),
-            "class A: ... thresholds ... increase",
-        ),
-        (
-            CLASSES.replace("0.003,", "x,"),
-            "table.csv:2: slight_m ... 'x'",
-        ),
+        (CLASSES.replace("0.003,", "0.02,"), "class A: ... thresholds ... increase"),
+        (CLASSES.replace("0.003,", "x,"), "table.csv:2: slight_m ... 'x'"),
         (CLASSES.replace(",0.4\n", ",\n"), "table.csv:2: beta is missing"),
         (
             CLASSES.replace("A,0.02,0.25,,,,,", "A,0.02,0.25,1,2,3,4,1"),
@@ -474,22 +440,12 @@ def test_ida_uses_the_medians_of_the_damage_states(folder: Path, tdint: Command)
     ignored."""
     with Path("shaken.yaml").open("a") as file:
         file.write(DAMAGE % (0.003, 0.012, 0.4))
-    call = (
-        "ida",
-        "shaken.yaml",
-        "other.mseed",
-        "--units",
-        "m/s^2",
-        "--im",
-        "pga",
-        "--precision",
-        "50%",
-    )
+    call = "ida shaken.yaml other.mseed --units m/s^2 --im pga --precision 50%"
     for options, thresholds in (
         ((), ["0.003", "0.012", "0.1"]),
         (("--threshold", "2%"), ["0.02", "0.1"]),
     ):
-        assert [row["threshold"] for row in rows(tdint(*call, *options).stdout)] == thresholds
+        assert [row["threshold"] for row in rows(tdint(call, *options).stdout)] == thresholds
 
 
 @pytest.mark.parametrize(
@@ -515,19 +471,9 @@ def test_clouds_use_the_requested_measure_of_the_pair(
     is used with three thresholds, so that beta includes their dispersion. Sa is at the period of
     the capacity curve of the class."""
     call = (
-        "fragility",
-        "out",
-        "--by",
-        "type",
-        "--im",
-        im,
-        "--fit",
-        "cloud",
-        "-o",
-        "f.csv",
-        "--openquake",
-        "f.xml",
-    )
+        "fragility", "out", "--by", "type", "--im", im, "--fit", "cloud", "-o", "f.csv",
+        "--openquake", "f.xml",
+    )  # fmt: skip
     result = tdint(*call, code=0)
     runs, damage, measures = (rows(f"out/{name}.csv") for name in ("runs", "damage", "measures"))
     values: dict[tuple[str, ...], list[float]] = {}
@@ -606,26 +552,12 @@ def test_functions_of_each_building(region: Path, tdint: Command) -> None:
     for name, models in (("both", "[shaken.yaml, soft.yaml]"), ("alone", "[soft.yaml]")):
         (region / f"{name}.yaml").write_text(f"buildings: {{models: {models}}}\n{lines}")
         tdint("campaign", f"{name}.yaml", "-o", name, code=0)
-    tdint.refused(
-        "with --by building",
-        "fragility",
-        "both",
-        "--threshold",
-        "0.5%",
-        code=3,
-    )
+    tdint.refused("with --by building", "fragility", "both", "--threshold", "0.5%", code=3)
     tdint.refused("has no damage states", "fragility", "both", "--by", "type")
     call = (
-        "--threshold",
-        "0.5%,1%",
-        "-o",
-        "f.csv",
-        "--overwrite",
-        "--states",
-        "light,heavy",
-        "--openquake",
-        "f.xml",
-    )
+        "--threshold", "0.5%,1%", "-o", "f.csv", "--overwrite", "--states",
+        "light,heavy", "--openquake", "f.xml",
+    )  # fmt: skip
     tdint("fragility", "both", "--by", "building", *call, code=0)
     found = rows("f.csv")
     assert [row["state"] for row in found] == ["light", "heavy"] * 2 and len(

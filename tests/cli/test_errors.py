@@ -32,42 +32,26 @@ def raises(error: BaseException):
         (errors.RecordError("no"), 4, "Error: no\n"),
         (errors.AnalysisError("no"), 5, "Error: no\n"),
         (errors.OutputError("no"), 6, "Error: no\n"),
-        (
-            Failures([errors.AnalysisError("one"), errors.RecordError("two")]),
-            4,
-            "Error: one\nError: two\n",
-        ),
-        (
-            errors.ModelError([errors.ModelFault("a.yaml", i, 1, "k", "bad") for i in (1, 2)]),
-            3,
-            "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n",
-        ),
+        (Failures([errors.AnalysisError("one"), errors.RecordError("two")]), 4,
+         "Error: one\nError: two\n"),
+        (errors.ModelError([errors.ModelFault("a.yaml", i, 1, "k", "bad") for i in (1, 2)]), 3,
+         "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n"),
         (
             ModuleNotFoundError(name="yaml"),
             2,
             "Error: this command requires yaml, which is not installed; install it with: "
             "pip install pyyaml\n",
         ),
-        (
-            KeyError("x"),
-            1,
-            "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n",
-        ),
-        (
-            RuntimeError("two\nlines"),
-            1,
-            "Error: internal error (a bug): RuntimeError: two lines; run again",
-        ),
-        (
-            MemoryError(),
-            5,
-            "Error: not enough memory; use a smaller model or record",
-        ),
+        (KeyError("x"), 1,
+         "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n"),
+        (RuntimeError("two\nlines"), 1,
+         "Error: internal error (a bug): RuntimeError: two lines; run again"),
+        (MemoryError(), 5, "Error: not enough memory; use a smaller model or record"),
         (KeyboardInterrupt(), 130, "Interrupted\n"),
         (click.Abort(), 130, "Interrupted\n"),
         (click.UsageError("no"), 2, "Error: no\n"),
     ],
-)
+)  # fmt: skip
 def test_an_error_is_a_line_and_an_exit_code(capsys, error, code, text):
     assert exit_code_of(raises(error), Settings()) == code
     captured = capsys.readouterr()
@@ -143,19 +127,13 @@ LONG = 300 * "a"  # characters; file systems allow names of at most 255 bytes
 
 @pytest.mark.parametrize(
     ("arguments", "code"),
-    [
-        (["campaign", "status", LONG], 2),
-        (["campaign", "export", LONG], 2),
-        (["campaign", "merge", LONG, "-o", "x"], 2),
-        (["campaign", "campaign.yaml", "-o", LONG], 6),
-        (["fragility", LONG, "-o", "x.csv"], 3),
-        (["sensitivity", LONG], 2),
-        (["run", "shaken.yaml", "--plugin", f"{LONG}.py"], 2),
-        (["check", LONG], 3),
-        (["check", "/proc/self/mem"], 3),
-    ],
+    [(["campaign", "status", LONG], 2), (["campaign", "export", LONG], 2),
+     (["campaign", "merge", LONG, "-o", "x"], 2), (["campaign", "campaign.yaml", "-o", LONG], 6),
+     (["fragility", LONG, "-o", "x.csv"], 3), (["sensitivity", LONG], 2),
+     (["run", "shaken.yaml", "--plugin", f"{LONG}.py"], 2), (["check", LONG], 3),
+     (["check", "/proc/self/mem"], 3)],
     ids=lambda value: " ".join(value[:2])[:20] if isinstance(value, list) else "",
-)
+)  # fmt: skip
 def test_invalid_file_names_are_reported_in_one_line(folder, tdint, arguments, code):
     """The error is a line without a traceback. /proc/self/mem exists, but cannot be read."""
     (folder / "campaign.yaml").write_text(STUDY)

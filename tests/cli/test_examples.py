@@ -14,10 +14,7 @@ from tdint_cli.commands import examples as commands
 FILES = {
     "1": ["example-1-errors.csv", "example-1-errors.json", "figure-07.png", "figure-08.png"],
     "2": [
-        "example-2-errors.csv",
-        "example-2-errors.json",
-        "figure-10.png",
-        "figure-11.png",
+        "example-2-errors.csv", "example-2-errors.json", "figure-10.png", "figure-11.png",
         "figure-12.png",
     ],
     "3": [
@@ -27,16 +24,13 @@ FILES = {
         "figure-15.png",
         "figure-16.png",
     ],
-}
+}  # fmt: skip
 NUMBERED = re.compile(r"Figure (\d+)(:|, redrawn:) ")
 CAPTIONS = (
-    "spectral radii, damping ratio 0",
-    "spectral radii, damping ratio 5 %",
-    "period elongations",
-    "numerical damping",
-    "amplitude decay",
+    "spectral radii, damping ratio 0", "spectral radii, damping ratio 5 %",
+    "period elongations", "numerical damping", "amplitude decay",
     "order of accuracy over ω₀ / ω",
-)
+)  # fmt: skip
 """Captions of the first figures of the paper."""
 
 
@@ -129,12 +123,8 @@ def test_all_figures_of_the_paper(working_directory, tdint, monkeypatch):
     (scan,) = (figure for figure in drawn if "Not in the paper" in figure.get_suptitle())
     beta = scan.axes[0].get_lines()
     assert [float(line.get_ydata().max()) > 1.0 + 1e-6 for line in beta[:5]] == [
-        True,
-        True,
-        False,
-        True,
-        True,
-    ]
+        True, True, False, True, True,
+    ]  # fmt: skip
     texts = [text.get_text() for text in titles[9].axes[0].texts]
     assert {"10 kg", "8 kg", "150 cos 6t N", "100 sin 4t N"} <= set(texts)
 

@@ -67,16 +67,9 @@ def test_velocity_and_displacement_are_separate_channels(folder, tdint) -> None:
 @pytest.mark.parametrize(("units", "names"), [((), "m_s2"), (("--output-units", "cm,g"), "g")])
 def test_csv_equals_the_motion_to_its_digits(folder, tdint, units, names) -> None:
     call = (
-        "info",
-        "motion.mseed",
-        *UNITS,
-        "--component",
-        "HNN",
-        *DONE,
-        *units,
-        "--export",
+        "info", "motion.mseed", *UNITS, "--component", "HNN", *DONE, *units, "--export",
         "out.csv",
-    )
+    )  # fmt: skip
     assert tdint(*call).exit_code == 0
     table, expected = rows(folder / "out.csv"), motion("HNN")
     assert f"acceleration_{names}" in table[0]
@@ -148,11 +141,7 @@ def test_runs_and_campaigns_read_the_origin_next_to_an_exported_motion(folder, t
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (
-            ("motion.mseed", "--export", "out.csv"),
-            2,
-            "one component, got 2; select one",
-        ),
+        (("motion.mseed", "--export", "out.csv"), 2, "one component, got 2; select one"),
         (("motion.mseed", "--export", "out.txt"), 2, "use the suffix .mseed or .csv"),
         (("motion.mseed", "--export", "motion.mseed"), 6, "motion.mseed"),
         (

@@ -33,11 +33,7 @@ def test_problems_with_the_usual_methods(working_directory, tdint, named, drawn)
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (
-            ["--problem", "hardning"],
-            2,
-            "'hardning'; did you mean 'hardening'? (known: hardening, ",
-        ),
+        (["--problem", "hardning"], 2, "'hardning'; did you mean 'hardening'? (known: hardening, "),
         (["--problem", "x"], 2, "unknown problem 'x' (known: "),
         (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
         (["--plot", "x.jpg"], 2, "got .jpg"),

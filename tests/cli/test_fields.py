@@ -243,113 +243,46 @@ def test_rows_of_simcenter_files_are_events(region: Path, tdint: Command) -> Non
         outcome(row, but=("record",)) for row in fields
     ]
     Path("p2.csv").write_text("TH_file\nm3\n")
-    tdint.refused(
-        "p2.csv: ... 1 motions ... p1.csv lists 2", "campaign", "grid.yaml", "-o", "other", code=3
-    )
+    tdint.refused("p2.csv: ... 1 motions ... p1.csv lists 2", "campaign grid.yaml -o other", code=3)
 
 
 @pytest.mark.parametrize(
     ("file", "before", "after", "code", "message"),
     [
-        (
-            "fields.csv",
-            "M7-2,east",
-            "M7-2,north",
-            3,
-            "fields.csv:5: site 'north' not found in sites.csv",
-        ),
-        (
-            "fields.csv",
-            "M7-2,east",
-            "M7-1,east",
-            3,
-            "fields.csv:5: event 'M7-1' at site 'east' ... line 3; ... one record",
-        ),
+        ("fields.csv", "M7-2,east", "M7-2,north", 3,
+         "fields.csv:5: site 'north' not found in sites.csv"),
+        ("fields.csv", "M7-2,east", "M7-1,east", 3,
+         "fields.csv:5: event 'M7-1' at site 'east' ... line 3; ... one record"),
         ("fields.csv", "-1.25", "0", 3, "fields.csv:3: factor must not be zero, got '0'"),
         ("fields.csv", "-1.25", "x", 3, "fields.csv:3: factor ... got 'x'"),
         ("fields.csv", "M7-2,west", ",west", 3, "fields.csv:4: event is missing"),
         ("fields.csv", "event,", "quake,", 3, "fields.csv:1: no column event"),
-        (
-            "fields.csv",
-            FIELDS,
-            "event,site,record,gmv_PGA\n1,east,firm.mseed,\n",
-            3,
-            "fields.csv:2: gmv_pga is missing",
-        ),
-        (
-            "fields.csv",
-            FIELDS,
-            "event,record,gmv_SA(0.6)\n1,firm.mseed,-1\n",
-            3,
-            "fields.csv:1: no column site",
-        ),
-        (
-            "fields.csv",
-            FIELDS,
-            "event,site,record,gmv_SA(0.6)\n1,east,firm.mseed,-1\n",
-            3,
-            "fields.csv:2: gmv_sa(0.6) must be a positive number, got '-1'",
-        ),
-        (
-            "fields.csv",
-            FIELDS,
-            "event,site,record,gmv_SA(1e-5)\n1,east,firm.mseed,1\n",
-            3,
-            "gmv_SA(period)",
-        ),
-        (
-            "fields.csv",
-            FIELDS,
-            "event,site,record,gmv_SA(.0001)\n1,east,firm.mseed,1\n",
-            4,
-            "fields.csv:2: ",
-        ),
-        (
-            "fields.csv",
-            "record,factor",
-            "record,gmv_MMI",
-            3,
-            "fields.csv:1: ... gmv_mmi; ",
-        ),
-        (
-            "sites.csv",
-            "37.81",
-            "97.81",
-            3,
-            "sites.csv:3: latitude ... -90 to 90 degrees, got '97.81'",
-        ),
+        ("fields.csv", FIELDS, "event,site,record,gmv_PGA\n1,east,firm.mseed,\n", 3,
+         "fields.csv:2: gmv_pga is missing"),
+        ("fields.csv", FIELDS, "event,record,gmv_SA(0.6)\n1,firm.mseed,-1\n", 3,
+         "fields.csv:1: no column site"),
+        ("fields.csv", FIELDS, "event,site,record,gmv_SA(0.6)\n1,east,firm.mseed,-1\n", 3,
+         "fields.csv:2: gmv_sa(0.6) must be a positive number, got '-1'"),
+        ("fields.csv", FIELDS, "event,site,record,gmv_SA(1e-5)\n1,east,firm.mseed,1\n", 3,
+         "gmv_SA(period)"),
+        ("fields.csv", FIELDS, "event,site,record,gmv_SA(.0001)\n1,east,firm.mseed,1\n", 4,
+         "fields.csv:2: "),
+        ("fields.csv", "record,factor", "record,gmv_MMI", 3, "fields.csv:1: ... gmv_mmi; "),
+        ("sites.csv", "37.81", "97.81", 3,
+         "sites.csv:3: latitude ... -90 to 90 degrees, got '97.81'"),
         ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is listed twice"),
-        (
-            "buildings.csv",
-            "Latitude,Longitude",
-            "north,east",
-            3,
-            "buildings.csv:1: no column Latitude",
-        ),
+        ("buildings.csv", "Latitude,Longitude", "north,east", 3,
+         "buildings.csv:1: no column Latitude"),
         ("fields.csv", "event,site", "event,place", 3, "fields.csv:1: no column site"),
-        (
-            "campaign.yaml",
-            "sites: sites.csv",
-            "distance: degrees",
-            3,
-            "has no effect without `sites`",
-        ),
-        (
-            "campaign.yaml",
-            "sites: sites.csv",
-            "files: [firm.mseed]",
-            3,
-            "cannot be used with `fields`",
-        ),
-        (
-            "campaign.yaml",
-            "pair_demand: separate}",
-            "pair_demand: separate}\nintensity: {measure: pga, levels: [1 g]}",
-            3,
-            "cannot be used with events",
-        ),
+        ("campaign.yaml", "sites: sites.csv", "distance: degrees", 3,
+         "has no effect without `sites`"),
+        ("campaign.yaml", "sites: sites.csv", "files: [firm.mseed]", 3,
+         "cannot be used with `fields`"),
+        ("campaign.yaml", "pair_demand: separate}",
+         "pair_demand: separate}\nintensity: {measure: pga, levels: [1 g]}", 3,
+         "cannot be used with events"),
     ],
-)
+)  # fmt: skip
 def test_invalid_input_is_refused_with_file_and_line(
     region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str
 ) -> None:
@@ -684,12 +617,7 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     )
     change("campaign.yaml", (", pairs: true", ""))
     tdint.refused(
-        "fields.csv:1: ... record_2 ... pairs",
-        "campaign",
-        "campaign.yaml",
-        "-o",
-        "single",
-        code=3,
+        "fields.csv:1: ... record_2 ... pairs", "campaign campaign.yaml -o single", code=3
     )
 
 
@@ -913,34 +841,20 @@ def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
     ("arguments", "shapes", "message"),
     [
         (("--by", "quarter"), "", "--by quarter: column not found in the inventory"),
-        (
-            ("--event", "M9"),
-            "",
-            "--event M9: out/campaign.sqlite has no such event; it has M7-1, M7-2, M6",
-        ),
+        (("--event", "M9"), "",
+         "--event M9: out/campaign.sqlite has no such event; it has M7-1, M7-2, M6"),
         (("--polygons", "s.json"), "{}", "--polygons requires --by COLUMN"),
-        (
-            ("--by", "district", "--polygons", "s.json"),
-            polygons("north"),
-            "s.json: no polygon of district south",
-        ),
-        (
-            ("--by", "district", "--polygons", "s.json"),
-            polygons("north", "south", "north"),
-            "s.json: two polygons have the district 'north'",
-        ),
-        (
-            ("--by", "district", "--polygons", "s.json"),
-            polygons("north", "south").replace("Polygon", "Point"),
-            "s.json: ... 'north' ... MultiPolygon",
-        ),
-        (
-            ("--by", "district", "--polygons", "s.json"),
-            "[1]",
-            "s.json: cannot be read; --polygons is a GeoJSON file",
-        ),
+        (("--by", "district", "--polygons", "s.json"), polygons("north"),
+         "s.json: no polygon of district south"),
+        (("--by", "district", "--polygons", "s.json"), polygons("north", "south", "north"),
+         "s.json: two polygons have the district 'north'"),
+        (("--by", "district", "--polygons", "s.json"),
+         polygons("north", "south").replace("Polygon", "Point"),
+         "s.json: ... 'north' ... MultiPolygon"),
+        (("--by", "district", "--polygons", "s.json"), "[1]",
+         "s.json: cannot be read; --polygons is a GeoJSON file"),
     ],
-)
+)  # fmt: skip
 def test_invalid_maps_of_districts_are_refused(
     losing: Path, tdint: Command, arguments: tuple[str, ...], shapes: str, message: str
 ) -> None:

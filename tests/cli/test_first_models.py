@@ -17,17 +17,7 @@ from tdint.units import STANDARD_GRAVITY
 def test_weights_and_period_define_a_building(folder, tdint, units, newton):
     """The period agrees with the eigenvalues of dense matrices, and the first mode is a straight
     line."""
-    tdint(
-        "init",
-        "f.yaml",
-        "--period",
-        "1.1",
-        "--weights",
-        "4200, 3x3900,3400",
-        "--units",
-        units,
-        code=0,
-    )
+    tdint("init f.yaml --period 1.1 --weights", "4200, 3x3900,3400", "--units", units, code=0)
     model = load_model("f.yaml")
     masses = np.array([story.mass for story in model.stories])
     assert masses == pytest.approx(

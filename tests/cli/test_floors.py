@@ -43,7 +43,7 @@ def test_floor_spectra_equal_spectra_of_the_exported_motions(run, tdint, drawn):
     cases = [("1", "0.02"), ("1", "0.05"), ("2", "0.02"), ("2", "0.05")]
     assert [(row["floor"], row["damping"]) for row in floor_rows[::3]] == cases
     exported = tdint(
-        "spectrum", "out/floors.mseed", *(word.replace("--floor-", "--") for word in options)
+        "spectrum out/floors.mseed", *(word.replace("--floor-", "--") for word in options)
     )
     assert "assumed" not in exported.stderr  # The exported file contains its units.
     exported_rows = rows(exported.stdout)
@@ -82,10 +82,7 @@ def test_a_sampling_interval_that_miniseed_cannot_store_is_reported(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            ["--floor-spectra", "3", "-o", "out"],
-            "floor '3' not found; ... 1 to 2",
-        ),
+        (["--floor-spectra", "3", "-o", "out"], "floor '3' not found; ... 1 to 2"),
         (["--floor-spectra", "top", "-o", "out"], "floor 'top' not found"),
         (["--floor-spectra", "roof"], "--floor-spectra requires -o DIR"),
         (["--export-floors", "mseed"], "--export-floors requires -o DIR"),

@@ -31,11 +31,9 @@ def test_fragility_in_other_units(folder, tdint, text, name, arguments):
     table = [row | {name: repr(9.80665 * float(row[name])), "unit": "m/s^2"} for row in rows(text)]
     lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
     converted = tdint(
-        "fragility", "g.csv", *arguments, "--output-units", "m", "--plot=given.svg", code=0
+        "fragility g.csv", *arguments, "--output-units", "m", "--plot=given.svg", code=0
     )
-    direct = tdint(
-        "fragility", "-", *arguments, "--plot=direct.svg", stdin="\n".join(lines).encode()
-    )
+    direct = tdint("fragility -", *arguments, "--plot=direct.svg", stdin="\n".join(lines).encode())
     assert converted.stderr == direct.stderr
     for row, other in zip(rows(converted.stdout), rows(direct.stdout), strict=True):
         assert row["unit"] == other["unit"] == "m/s^2"
@@ -86,11 +84,8 @@ def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
     result = tdint("fragility", ".", "--threshold", "3%")
     (row,) = rows(result.stdout)
     assert (row["fit"], row["im"], row["unit"], row["motions"]) == (
-        "stripes",
-        "sa(T1)",
-        "m/s^2",
-        "3",
-    )
+        "stripes", "sa(T1)", "m/s^2", "3",
+    )  # fmt: skip
     assert states(result.stderr, "1 of 10 runs ... omitted")
     assert row["failed"] == "1" and "count all of these runs as exceeding" in result.stderr
     assert (
@@ -101,22 +96,14 @@ def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
 @pytest.mark.parametrize(
     ("text", "options", "code", "message"),
     [
-        (
-            "building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n",
-            (),
-            3,
-            "runs.csv: column building ... got a, b",
-        ),
+        ("building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n", (), 3,
+         "runs.csv: column building ... got a, b"),
         ("building,status,peak_drift_ratio\na,done,0.1\n", (), 3, "no column sa_t1_m_s2"),
-        (
-            "building,status,peak_drift_ratio\na,done,0.1\n",
-            ("--im", "pgv"),
-            2,
-            "the runs have no measure pgv",
-        ),
+        ("building,status,peak_drift_ratio\na,done,0.1\n", ("--im", "pgv"), 2,
+         "the runs have no measure pgv"),
         (None, (), 3, "no capacities.csv and no runs.csv"),
     ],
-)
+)  # fmt: skip
 def test_unusable_runs_are_refused(folder, tdint, text, options, code, message):
     if text:
         (folder / "runs.csv").write_text(text)
@@ -140,92 +127,35 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
     ("text", "arguments", "code", "message"),
     [
         ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im ... got 'x'"),
-        (
-            "im,collapses,records\n1,0,3\n2,1.5,3\n",
-            (),
-            3,
-            "t.csv:3: collapses must be a whole number",
-        ),
-        (
-            "capacity,im,edp\n1,1,1\n2,2,2\n",
-            (),
-            2,
-            "t.csv:1: ... capacity and im,edp ... --fit ida or --fit cloud",
-        ),
-        (
-            "capacity\n1\n2\n3\n",
-            ("--modeling-dispersion", "1e308"),
-            2,
-            "'--modeling-dispersion': 1e+308 is not in the range",
-        ),
-        (
-            "im,collapses,records\n1,0,3\n2,4,3\n",
-            (),
-            3,
-            "t.csv:3: collapses ... records",
-        ),
+        ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3,
+         "t.csv:3: collapses must be a whole number"),
+        ("capacity,im,edp\n1,1,1\n2,2,2\n", (), 2,
+         "t.csv:1: ... capacity and im,edp ... --fit ida or --fit cloud"),
+        ("capacity\n1\n2\n3\n", ("--modeling-dispersion", "1e308"), 2,
+         "'--modeling-dispersion': 1e+308 is not in the range"),
+        ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses ... records"),
         ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
         ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),
-        (
-            "im,collapse,records\n1,0,3\n",
-            (),
-            3,
-            "t.csv:1: ... im,collapses,records (stripes)",
-        ),
-        (
-            "capacity,censored\n1,perhaps\n",
-            (),
-            3,
-            "t.csv:2: censored ... got 'perhaps'",
-        ),
+        ("im,collapse,records\n1,0,3\n", (), 3, "t.csv:1: ... im,collapses,records (stripes)"),
+        ("capacity,censored\n1,perhaps\n", (), 3, "t.csv:2: censored ... got 'perhaps'"),
         ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity ... got '-2'"),
-        (
-            "capacity\n1\n2\n",
-            ("--fit", "cloud"),
-            2,
-            "the columns of this table are for --fit ida, not cloud",
-        ),
-        (
-            "capacity\n1\n2\n",
-            ("--threshold", "1%,2%"),
-            2,
-            "no column threshold, ... one --threshold",
-        ),
-        (
-            "threshold,capacity\n0.1,1\n0.1,2\n",
-            ("--threshold", "2%"),
-            2,
-            "threshold 0.02 not found; the thresholds of the table are 0.1",
-        ),
-        (
-            "capacity,im_name\n1,pga\n2,pgv\n",
-            (),
-            3,
-            "column im_name ... got pga, pgv",
-        ),
+        ("capacity\n1\n2\n", ("--fit", "cloud"), 2,
+         "the columns of this table are for --fit ida, not cloud"),
+        ("capacity\n1\n2\n", ("--threshold", "1%,2%"), 2,
+         "no column threshold, ... one --threshold"),
+        ("threshold,capacity\n0.1,1\n0.1,2\n", ("--threshold", "2%"), 2,
+         "threshold 0.02 not found; the thresholds of the table are 0.1"),
+        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name ... got pga, pgv"),
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "a demand threshold is required; specify --threshold"),
-        (
-            "im,edp\n1,2\n2,3\n3,5\n",
-            ("--threshold", "3", "--edp-range", "3:2"),
-            2,
-            "LOW must be less than HIGH",
-        ),
-        (
-            "im,edp\n1,2\n",
-            ("--fit", "stripes", "--edp-range", "2:"),
-            2,
-            "--edp-range can only be used with --fit cloud",
-        ),
-        (
-            "capacity,threshold\n1,\n2\n",
-            (),
-            3,
-            "t.csv: no row has a threshold",
-        ),
+        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2,
+         "LOW must be less than HIGH"),
+        ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2,
+         "--edp-range can only be used with --fit cloud"),
+        ("capacity,threshold\n1,\n2\n", (), 3, "t.csv: no row has a threshold"),
         ("", (), 3, "t.csv: the file is empty"),
         ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: ... column im twice"),
     ],
-)
+)  # fmt: skip
 def test_invalid_tables_are_refused(folder, tdint, text, arguments, code, message):
     (folder / "t.csv").write_text(text)
     tdint.refused(message, "fragility", "t.csv", *arguments, code=code)

@@ -18,37 +18,22 @@ from tdint_cli.options.option_types import BESIDE
 @pytest.mark.parametrize(
     ("line", "count", "values"),
     [
-        (
-            "spectrum other.mseed --damping 2%,5% --period 0.2,1",
-            4,
-            {"damping": [0.02, 0.05], "period_s": [0.2, 1.0]},
-        ),
-        (
-            "spectrum other.mseed --damping 0.02 --damping 5% --period 0.2 --period 1",
-            4,
-            {"damping": [0.02, 0.05]},
-        ),
-        (
-            "spectrum other.mseed --damping 0.02,0.05,2% --period 0.2,1,0.2",
-            4,
-            {"period_s": [0.2, 1.0]},
-        ),
+        ("spectrum other.mseed --damping 2%,5% --period 0.2,1", 4,
+         {"damping": [0.02, 0.05], "period_s": [0.2, 1.0]}),
+        ("spectrum other.mseed --damping 0.02 --damping 5% --period 0.2 --period 1", 4,
+         {"damping": [0.02, 0.05]}),
+        ("spectrum other.mseed --damping 0.02,0.05,2% --period 0.2,1,0.2", 4,
+         {"period_s": [0.2, 1.0]}),
         ("spectrum other.mseed --periods 0.5", 1, {"period_s": [0.5]}),
         ("spectrum other.mseed --period 0.1:0.4:3,2", 4, {"period_s": [0.1, 0.2, 0.4, 2.0]}),
         # The amplitudes are used in the typed order, and the first amplitude is repeated.
         ("law forced.yaml --drift 1%,20mm --drift 1% --points 1", 1 + 3 * 4, {}),
-        (
-            "stability --method newmark:beta=0.25:gamma=0.5,hht --dt-over-t 0.1 --damping 0,5%",
-            4,
-            {"damping": [0, 0.05]},
-        ),
-        (
-            "spectrum other.mseed --period 1 --strength 10%,0.2 --hardening 3%",
-            2,
-            {"yield_strength_ratio": [0.1, 0.2], "hardening": [0.03]},
-        ),
+        ("stability --method newmark:beta=0.25:gamma=0.5,hht --dt-over-t 0.1 --damping 0,5%", 4,
+         {"damping": [0, 0.05]}),
+        ("spectrum other.mseed --period 1 --strength 10%,0.2 --hardening 3%", 2,
+         {"yield_strength_ratio": [0.1, 0.2], "hardening": [0.03]}),
     ],
-)
+)  # fmt: skip
 def test_lists_accept_commas_and_repeated_options(folder, tdint, line, count, values):
     """Repeated values are used once for spectra. A grid can be a single number."""
     table = rows(tdint(*line.split(), code=0).stdout)
@@ -61,10 +46,7 @@ def test_lists_accept_commas_and_repeated_options(folder, tdint, line, count, va
     ("arguments", "message"),
     [
         (["--damping", "5"], "did you mean 5%?"),
-        (
-            ["--damping", "5%,abc"],
-            "'abc' ... ratio ... 5%",
-        ),
+        (["--damping", "5%,abc"], "'abc' ... ratio ... 5%"),
         (["--damping", "0.05,"], "'' is neither a ratio"),
         (["--damping", "nan"], "neither a ratio"),
         (["--damping", "100%"], "1.0 is not in the range 0.0<=x<1.0"),
@@ -83,20 +65,14 @@ def test_an_invalid_value_is_refused_with_a_valid_example(folder, tdint, argumen
 
 @pytest.mark.parametrize(
     ("line", "expected"),
-    [
-        ("a --plot b", ["a", f"--plot={BESIDE}", "b"]),
-        ("a --plot", ["a", f"--plot={BESIDE}"]),
-        ("--plot b.png a", ["--plot=b.png", "a"]),
-        ("--plot B.SVG", ["--plot=B.SVG"]),
-        ("--plot x/y.pdf -o z", ["--plot=x/y.pdf", "-o", "z"]),
-        ("--plot x.jpg", ["--plot=x.jpg"]),
-        ("--plot=x a", ["--plot=x", "a"]),
-        ("--plot -o a.png", [f"--plot={BESIDE}", "-o", "a.png"]),
-        ("a -- --plot b.png", ["a", "--", "--plot", "b.png"]),
-        ("--history a.csv.gz --plot", ["--history=a.csv.gz", f"--plot={BESIDE}"]),
-        ("--history b.png", [f"--history={BESIDE}", "b.png"]),
-    ],
-)
+    [("a --plot b", ["a", f"--plot={BESIDE}", "b"]), ("a --plot", ["a", f"--plot={BESIDE}"]),
+     ("--plot b.png a", ["--plot=b.png", "a"]), ("--plot B.SVG", ["--plot=B.SVG"]),
+     ("--plot x/y.pdf -o z", ["--plot=x/y.pdf", "-o", "z"]), ("--plot x.jpg", ["--plot=x.jpg"]),
+     ("--plot=x a", ["--plot=x", "a"]), ("--plot -o a.png", [f"--plot={BESIDE}", "-o", "a.png"]),
+     ("a -- --plot b.png", ["a", "--", "--plot", "b.png"]),
+     ("--history a.csv.gz --plot", ["--history=a.csv.gz", f"--plot={BESIDE}"]),
+     ("--history b.png", [f"--history={BESIDE}", "b.png"])],
+)  # fmt: skip
 def test_the_argument_after_plot_is_its_file_if_it_names_a_figure(line, expected):
     assert with_named_files(line.split()) == expected
 
@@ -123,13 +99,9 @@ def test_a_figure_is_written_next_to_the_output_or_to_its_own_name(folder, tdint
         for path in folder.rglob(f"*.{suffix}")
     }
     names = [
-        "a/info.png",
-        "b/all.svg",
-        "c/motion.png",
-        "c/other.png",
-        "d/deep/response.png",
+        "a/info.png", "b/all.svg", "c/motion.png", "c/other.png", "d/deep/response.png",
         "e/f.pdf",
-    ]
+    ]  # fmt: skip
     assert sorted(pictures) == names
     assert all(
         data.startswith(BEGINNINGS[name.rpartition(".")[2]]) for name, data in pictures.items()
@@ -139,35 +111,17 @@ def test_a_figure_is_written_next_to_the_output_or_to_its_own_name(folder, tdint
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (
-            ["info", "other.mseed", "--plot"],
-            2,
-            "--plot without a file name requires -o; add -o",
-        ),
-        (
-            ["spectrum", "other.mseed", "--plot"],
-            2,
-            "--plot without a file name requires -o; add -o",
-        ),
-        (
-            ["run", "forced.yaml", "--plot"],
-            2,
-            "--plot without a file name requires -o; add -o",
-        ),
-        (
-            ["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"],
-            2,
-            "--plot=FILE is one figure of all records",
-        ),
-        (
-            ["spectrum", "other.mseed", "--plot", "x.jpg"],
-            2,
-            ".png, .pdf or .svg, got .jpg",
-        ),
+        (["info", "other.mseed", "--plot"], 2, "--plot without a file name requires -o; add -o"),
+        (["spectrum", "other.mseed", "--plot"], 2,
+         "--plot without a file name requires -o; add -o"),
+        (["run", "forced.yaml", "--plot"], 2, "--plot without a file name requires -o; add -o"),
+        (["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"], 2,
+         "--plot=FILE is one figure of all records"),
+        (["spectrum", "other.mseed", "--plot", "x.jpg"], 2, ".png, .pdf or .svg, got .jpg"),
         (["run", "forced.yaml", "--plot=x"], 2, "a figure must be written as .png, .pdf or .svg"),
         (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs have this file name"),
     ],
-)
+)  # fmt: skip
 def test_an_invalid_figure_is_refused_before_the_computation(
     folder, tdint, arguments, code, message
 ):
@@ -242,12 +196,9 @@ def test_options_are_listed_under_headings_in_order(name, tdint):
     assert positions == sorted(positions)
     assert "\nGeneral:\n" in text
     shared = {
-        "component": "Record",
-        "inventory": "Record",
-        "output": "Output",
-        "plot": "Output",
-        "overwrite": "Output",
-    }
+        "component": "Record", "inventory": "Record", "output": "Output",
+        "plot": "Output", "overwrite": "Output",
+    }  # fmt: skip
     for option in PARAMETERS[name]:
         if isinstance(option, click.Option):
             assert isinstance(option, grammar.HeadedOption)
@@ -263,14 +214,9 @@ DEPENDENT_OPTIONS = [
     if getattr(option, "needs", "")
 ]
 INPUTS = {
-    "compile": ["--all"],
-    "ida": ["x", "y"],
-    "failures": [],
-    "stability": [],
-    "examples": [],
-    "overshoot": [],
-    "order": [],
-}
+    "compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [],
+    "examples": [], "overshoot": [], "order": [],
+}  # fmt: skip
 REQUIRED = {
     "inventory": ["--units", "m"],
     "compare": ["--recorded", "x"],
@@ -306,17 +252,11 @@ def test_an_option_without_effect_is_refused(working_directory, tdint, name, par
     )
     call += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
-        "--period": "1",
-        "--range": "0.3:3:9",
-        "--rule": "mean",
-        "--year": "1985",
-        "--damping": "0.1",
-        "--floor-damping": "0.1",
-        "--hardening": "0.1",
-        "--style": "90mm",
-        "--report-head": "Project: bridge",
+        "--period": "1", "--range": "0.3:3:9", "--rule": "mean", "--year": "1985",
+        "--damping": "0.1", "--floor-damping": "0.1", "--hardening": "0.1",
+        "--style": "90mm", "--report-head": "Project: bridge",
         "--pairs": "{}_N.txt,{}_E.txt",
-    }.get(option)
+    }.get(option)  # fmt: skip
     result = tdint(*call, option, *([value] if value else valid_value(parameter)), code=2)
     expected = (
         f"Error: {option} has no effect without {parameter.needs}; add {parameter.needs}, or omit "
@@ -408,40 +348,18 @@ MODE_ARGUMENTS = {
 """Arguments that select a mode of a command."""
 
 VALUES = {
-    "--axes": "periods --plot=p.png",
-    "--damping": "2%",
-    "--floor-damping": "2%",
-    "--maxima": "peer",
-    "--interpolation": "linear",
-    "--rotd": "50",
-    "--strength": "1",
-    "--oscillator": "1 --history",
-    "--trim": "0:1",
-    "--baseline": "linear",
-    "--versus": "time --plot=p.png",
-    "--export-floors": "mseed",
-    "--im": "pga",
-    "--report": "r.html",
-    "--shapes": "roof",
-    "--fit": "ida",
-    "--by": "type",
-    "--edp-range": "1:2",
-    "--drift": "1%",
-    "--limit": "2%",
-    "--weights": "1,1",
-    "--vary": "damping=1%:2%",
-    "--output-units": "kip",
-    "--target": "native",
-    "--cache": "",
-    "--plot": "--plot=p.png",
-    "--changed": "--changed -o out",
-    "--output": "out",
-    "--history-every": "2 --history=h.csv",
-    "--openquake": "f.xml",
-    "--history": "--history=h.csv",
-    "--tolerance": "1%",
+    "--axes": "periods --plot=p.png", "--damping": "2%", "--floor-damping": "2%",
+    "--maxima": "peer", "--interpolation": "linear", "--rotd": "50", "--strength": "1",
+    "--oscillator": "1 --history", "--trim": "0:1", "--baseline": "linear",
+    "--versus": "time --plot=p.png", "--export-floors": "mseed", "--im": "pga",
+    "--report": "r.html", "--shapes": "roof", "--fit": "ida", "--by": "type",
+    "--edp-range": "1:2", "--drift": "1%", "--limit": "2%", "--weights": "1,1",
+    "--vary": "damping=1%:2%", "--output-units": "kip", "--target": "native",
+    "--cache": "", "--plot": "--plot=p.png", "--changed": "--changed -o out",
+    "--output": "out", "--history-every": "2 --history=h.csv", "--openquake": "f.xml",
+    "--history": "--history=h.csv", "--tolerance": "1%",
     "--filter-order": "2 --highpass 1",
-}
+}  # fmt: skip
 
 
 def idle_options():

@@ -39,17 +39,9 @@ def test_unusual_buildings_cause_a_warning(folder, tdint, line):
 
 
 STUDY = (
-    "ida",
-    "--pair-demand",
-    "separate",
-    "shaken.yaml",
-    "motion.mseed",
-    "other.mseed",
-    *UNITS,
-    "-o",
-    "out",
-    "--plot",
-)
+    "ida", "--pair-demand", "separate", "shaken.yaml", "motion.mseed", "other.mseed",
+    *UNITS, "-o", "out", "--plot",
+)  # fmt: skip
 TABLES = ("ida.csv", "capacities.csv", "ida.json")
 
 
@@ -87,15 +79,9 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     """Each demand has an error estimate, also for collapsed runs. The runs and their results are
     unchanged, and the store contains the errors."""
     call = (
-        "ida",
-        "shaken.yaml",
-        "motion.mseed",
-        *UNITS,
-        "--component",
-        "HNN",
-        "--method",
+        "ida", "shaken.yaml", "motion.mseed", *UNITS, "--component", "HNN", "--method",
         "moment4",
-    )
+    )  # fmt: skip
     tdint(*call, "-o", "plain", code=0)
     tdint(*call, "--check", "-o", "out", code=0)
     plain, checked = (rows(folder / name / "ida.csv") for name in ("plain", "out"))
@@ -270,17 +256,9 @@ def test_a_bad_record_is_reported_and_the_others_run(folder, tdint):
     [
         (("--max-im", "3"), 2, "'3' ... unit of"),
         (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: wrong unit for sa("),
-        (
-            ("--im", "d5-95"),
-            2,
-            "d5-95: ... levels",
-        ),
+        (("--im", "d5-95"), 2, "d5-95: ... levels"),
         (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: wrong unit for pgv"),
-        (
-            ("--threshold", "20%"),
-            2,
-            "threshold 0.2: ... collapse drift, 0.1",
-        ),
+        (("--threshold", "20%"), 2, "threshold 0.2: ... collapse drift, 0.1"),
         (("--period", "T2"), 2, "'T2' is not a valid float"),
         (("--method", "central-difference", "--dt", "1"), 5, "unstable"),
         (("--plot",), 2, "--plot without a file name"),
@@ -304,9 +282,7 @@ def test_runs_without_a_result_are_reported(folder, tdint, monkeypatch):
         return rows
 
     monkeypatch.setattr(Batch, "results", results)
-    result = tdint(
-        "ida", "shaken.yaml", "motion.mseed", "--component", "HNE", *UNITS, "-o", "out", code=0
-    )
+    result = tdint("ida shaken.yaml motion.mseed --component HNE", *UNITS, "-o", "out", code=0)
     assert "runs have no result" in result.stderr
     assert "1 of 1 capacities" in result.stderr
     found = rows(folder / "out" / "ida.csv")

@@ -60,11 +60,8 @@ def test_a_record_of_zeros_has_empty_cells_and_a_figure(folder, tdint, drawn):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     (row,) = rows(tdint("info", "zero.txt", "--plot", "zero.png").stdout)
     assert (row["d5_75_s"], row["d5_95_s"], row["housner_intensity_m"], row["leading_zeros"]) == (
-        "",
-        "",
-        "0",
-        "50",
-    )
+        "", "", "0", "50",
+    )  # fmt: skip
     assert (row["id"], row["notes"]) == ("", "all samples are zero")
     assert (folder / "zero.png").read_bytes().startswith(b"\x89PNG")
 

@@ -26,9 +26,7 @@ from tdint.model.config.model_file import load_model, model_schema
 def test_the_model_has_the_requested_period(
     folder: Path, tdint: Command, stories: int, period: float, units: str
 ) -> None:
-    tdint(
-        "init", "new/own.yaml", "--stories", stories, "--period", period, "--units", units, code=0
-    )
+    tdint("init new/own.yaml --stories", stories, "--period", period, "--units", units, code=0)
     (row,) = rows(tdint("check", "new/own.yaml").stdout)
     assert float(row["t1_s"]) == pytest.approx(period, rel=1e-8)
     assert (row["stories"], row["laws"], row["record"]) == (
@@ -109,35 +107,23 @@ def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Co
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (
-            ("init", "--type", "C9", "--year", 1985, "--area", 1),
-            2,
-            "unknown building type 'C9'; available types: W1",
-        ),
+        (("init", "--type", "C9", "--year", 1985, "--area", 1), 2,
+         "unknown building type 'C9'; available types: W1"),
         (("init", "--type", "C1", "--year", 1985), 2, "--type requires --year and --area"),
-        (
-            ("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1),
-            2,
-            "define the period",
-        ),
-        (
-            ("init", "--type", "C1", "--year", 1985, "--area", 1, "--isolated"),
-            2,
-            "--isolated has no effect with --type; omit --isolated",
-        ),
+        (("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1), 2,
+         "define the period"),
+        (("init", "--type", "C1", "--year", 1985, "--area", 1, "--isolated"), 2,
+         "--isolated has no effect with --type; omit --isolated"),
         (("init", "--period", 0), 2, "--period"),
         (("init", "--weights", f"{'9' * 5000}x3900"), 2, "invalid weight"),
         (("init", "forced.yaml"), 6, "forced.yaml: the file exists"),
         (("check",), 2, "no model file is specified"),
-        (
-            ("check", "--schema", "model", "forced.yaml"),
-            2,
-            "MODEL.yaml has no effect with --schema",
-        ),
+        (("check", "--schema", "model", "forced.yaml"), 2,
+         "MODEL.yaml has no effect with --schema"),
         (("check", "--schema", "forced.yaml"), 2, "MODEL.yaml has no effect with --schema"),
         (("check", "none.yaml"), 3, "none.yaml: file not found"),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_are_refused(
     folder: Path, tdint: Command, arguments: tuple[Any, ...], code: int, message: str
 ) -> None:
@@ -153,13 +139,7 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
     [
         (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
         (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period; "),
-        (
-            0.2,
-            2e4,
-            "",
-            STEP % (0.2 / 11.0),
-            "weight: 0.0204; usual values are 0.03 to 3",
-        ),
+        (0.2, 2e4, "", STEP % (0.2 / 11.0), "weight: 0.0204; usual values are 0.03 to 3"),
         (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
         # If the time step is the sampling interval, the ground motion is linear within each step,
         # and the limit of the default method is lower.
@@ -262,11 +242,8 @@ def test_all_errors_of_all_files_are_reported(folder: Path, tdint: Command) -> N
     ]
     forced, shaken, two = rows(done.stdout)
     assert (forced["model"], forced["laws"], forced["mass_kg"], forced["record"]) == (
-        "forced.yaml",
-        "linear",
-        "18",
-        "",
-    )
+        "forced.yaml", "linear", "18", "",
+    )  # fmt: skip
     assert (shaken["laws"], shaken["mass_kg"], shaken["record"]) == (
         "bilinear",
         "20",

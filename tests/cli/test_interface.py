@@ -142,13 +142,8 @@ CASES = {
     ),
     "stability": (
         (
-            "stability",
-            "--method",
-            "newmark-average",
-            "--damping",
-            "0,0.05",
-            "--dt-over-t",
-            "0.1:10:3",
+            "stability", "--method", "newmark-average", "--damping", "0,0.05",
+            "--dt-over-t", "0.1:10:3",
         ),
         lambda: [
             package.stability("newmark-average", np.geomspace(0.1, 10.0, 3), damping=xi)
@@ -156,7 +151,7 @@ CASES = {
         ],
     ),
     "validate": (("validate",), package.validate),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

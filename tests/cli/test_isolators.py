@@ -108,9 +108,7 @@ def test_isolator_drift_is_a_displacement_and_no_collapse(folder, tdint):
     assert (first["height_m"], first["peak_drift_ratio"]) == ("", "")
     assert first["peak_drift_m"] == plain["peak_drift_m"] and float(plain["peak_drift_ratio"]) > 0.1
     assert upper_rows == plain_upper_rows
-    several = tdint(
-        "run", "yes.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--limit", "10%"
-    )
+    several = tdint("run yes.yaml motion.mseed other.mseed --units m/s^2 --limit 10%")
     (drift,) = (line for line in several.stderr.splitlines() if line.startswith("Mean drift"))
     assert "(story 1)" not in drift
     assert "\nMean isolator displacement " in several.stderr

@@ -19,24 +19,15 @@ def test_one_cycle(folder, tdint):
     assert {row["story"] for row in table} == {"2"}
     assert [row["cycle"] for row in table] == ["0", *["1"] * 16]
     assert table[4] == {
-        "story": "2",
-        "step": "4",
-        "cycle": "1",
-        "drift_m": "0.03",
-        "drift_ratio": "0.01",
-        "shear_N": "69",
-        "shear_with_p_delta_N": "69",
-        "tangent_stiffness_N_m": "800",
-        "strain_energy_J": "0.500625",
-        "hysteretic_energy_J": "1.06875",
-    }
+        "story": "2", "step": "4", "cycle": "1", "drift_m": "0.03", "drift_ratio": "0.01",
+        "shear_N": "69", "shear_with_p_delta_N": "69", "tangent_stiffness_N_m": "800",
+        "strain_energy_J": "0.500625", "hysteretic_energy_J": "1.06875",
+    }  # fmt: skip
     assert (table[8]["drift_m"], table[12]["drift_m"], table[16]["drift_m"]) == ("0", "-0.03", "0")
 
 
 def test_messages_contain_stiffness_yield_drift_and_cycles(folder, tdint):
-    result = tdint(
-        "law", "shaken.yaml", "--drift", "0.5dy", "--drift", "3cm", "--cycles", "2", "--points", "2"
-    )
+    result = tdint("law shaken.yaml --drift 0.5dy --drift 3cm --cycles 2 --points 2")
     lines = result.stderr.splitlines()
     assert lines[0].startswith("shaken, story 1, bilinear law: f = a k d + z, ")
     assert lines[1] == "Initial stiffness 8000 N/m, yield drift 0.00625 m (drift ratio 0.002083)."
@@ -66,16 +57,8 @@ def test_a_linear_story_from_standard_input(folder, tdint):
     assert {row["drift_ratio"] for row in rows(result.stdout)} == {""}
     assert "Initial stiffness 800 N/m.\n" in result.stderr
     assert result.stderr.splitlines()[-1].split() == [
-        "1",
-        "0.01",
-        "-",
-        "-",
-        "8",
-        "-8",
-        "800",
-        "0",
-        "0",
-    ]
+        "1", "0.01", "-", "-", "8", "-8", "800", "0", "0",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("units", ["m", "dy"])
@@ -86,9 +69,7 @@ def test_a_drift_path_from_a_file(folder, tdint, units):
     drifts = [0.03, 0.02, 0.03, 0.0425]
     text = "".join(f"{i},{drift * scale!r}\n" for i, drift in enumerate(drifts))
     (folder / "path.csv").write_text("step,drift_m\n" + text)
-    result = tdint(
-        "law", "shaken.yaml", "--path", "path.csv", "--units", units, "--plot=x.png", code=0
-    )
+    result = tdint("law shaken.yaml --path path.csv --units", units, "--plot=x.png", code=0)
     table = rows(result.stdout)
     assert [float(row["drift_m"]) for row in table] == pytest.approx(drifts, rel=1e-11)
     assert [float(row["shear_N"]) for row in table] == pytest.approx(
@@ -118,56 +99,29 @@ def test_p_delta(tdint):
     [
         (["shaken.yaml"], 2, "the imposed drifts are required; add --drift or --path"),
         (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),
-        (
-            ["shaken.yaml", "--path", "forced.yaml"],
-            2,
-            "forced.yaml: column drift_m not found",
-        ),
+        (["shaken.yaml", "--path", "forced.yaml"], 2, "forced.yaml: column drift_m not found"),
         (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: file not found"),
         (["-", "--path", "-"], 2, "cannot both be standard input"),
-        (
-            ["forced.yaml", "--path", "good.csv", "--units", "dy"],
-            2,
-            "the law of story 1 does not yield",
-        ),
+        (["forced.yaml", "--path", "good.csv", "--units", "dy"], 2,
+         "the law of story 1 does not yield"),
         (["shaken.yaml", "--drift", "2"], 2, "drift '2': a drift ratio must be at most 1"),
-        (
-            ["shaken.yaml", "--drift", "1%", "--drift", "x"],
-            2,
-            "drift 'x': write a drift ratio (0.02 or 2%)",
-        ),
-        (
-            ["shaken.yaml", "--drift", "1%", "--story", "3"],
-            2,
-            "story 3 not found: the model has 2 stories",
-        ),
+        (["shaken.yaml", "--drift", "1%", "--drift", "x"], 2,
+         "drift 'x': write a drift ratio (0.02 or 2%)"),
+        (["shaken.yaml", "--drift", "1%", "--story", "3"], 2,
+         "story 3 not found: the model has 2 stories"),
         (["shaken.yaml", "--drift", "1%", "--story", "0"], 2, "Invalid value for '--story'"),
         (["shaken.yaml", "--drift", "1%", "--cycles", "0"], 2, "Invalid value for '--cycles'"),
         (["shaken.yaml", "--drift", "1%", "--points", "0"], 2, "Invalid value for '--points'"),
-        (
-            ["shaken.yaml", "--drift", "1%", "--cycles", "1000000"],
-            2,
-            "the maximum of 2,000,000 points",
-        ),
+        (["shaken.yaml", "--drift", "1%", "--cycles", "1000000"], 2,
+         "the maximum of 2,000,000 points"),
         (["forced.yaml", "--drift", "2dy"], 2, "the law of story 1 does not yield"),
-        (
-            ["no-height.yaml", "--drift", "1%"],
-            2,
-            "drift 1% ... story 1 has no height",
-        ),
+        (["no-height.yaml", "--drift", "1%"], 2, "drift 1% ... story 1 has no height"),
         (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: file not found"),
-        (
-            ["shaken.yaml", "--drift", "1%", "-o", "other.mseed"],
-            6,
-            "other.mseed: the file exists; add --overwrite",
-        ),
-        (
-            ["cubic.yaml", "--drift", "1e59m"],
-            5,
-            "story 1: ... not finite ... drift ",
-        ),
+        (["shaken.yaml", "--drift", "1%", "-o", "other.mseed"], 6,
+         "other.mseed: the file exists; add --overwrite"),
+        (["cubic.yaml", "--drift", "1e59m"], 5, "story 1: ... not finite ... drift "),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     (folder / "no-height.yaml").write_text(
         (folder / "forced.yaml").read_text().replace(", height: 3", "")

@@ -22,17 +22,9 @@ b,2,1968,C1,12000,37.81,237.74,,94110,bad,"two, cells"
 c,1,1968,W1,12000,,,5,94110,,
 """
 CARRIED = [
-    "NumberOfStories",
-    "YearBuilt",
-    "StructureType",
-    "PlanArea",
-    "Latitude",
-    "Longitude",
-    "Cost",
-    "zip",
-    "inventory_status",
-    "note",
-]
+    "NumberOfStories", "YearBuilt", "StructureType", "PlanArea", "Latitude",
+    "Longitude", "Cost", "zip", "inventory_status", "note",
+]  # fmt: skip
 
 
 @pytest.fixture
@@ -158,16 +150,8 @@ def test_a_map_follows_the_geojson_specification(
 @pytest.mark.parametrize(
     ("change", "options", "message"),
     [
-        (
-            ("Latitude,Longitude", "North,East"),
-            (),
-            "map requires ... Latitude and Longitude",
-        ),
-        (
-            ("", ""),
-            ("--max-runs", "1"),
-            "not all runs are completed",
-        ),
+        (("Latitude,Longitude", "North,East"), (), "map requires ... Latitude and Longitude"),
+        (("", ""), ("--max-runs", "1"), "not all runs are completed"),
     ],
 )
 def test_invalid_maps_are_refused(
@@ -206,11 +190,8 @@ def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
     )
     types = {field.name: str(field.type) for field in found.schema}
     assert (types["Cost"], types["zip"], types["steps"], types["note"]) == (
-        "double",
-        "string",
-        "int64",
-        "string",
-    )
+        "double", "string", "int64", "string",
+    )  # fmt: skip
 
 
 def test_damage_tables_contain_the_columns_of_the_inventory(region: Path, tdint: Command) -> None:

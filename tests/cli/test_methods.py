@@ -49,10 +49,7 @@ def test_a_label_is_the_typed_specification(working_directory, tdint, folder):
             tdint("stability", *SMALL["stability"], "--method", f"{typed},impulse4", code=0),
             "method",
         )
-    ) == {
-        typed,
-        "impulse4",
-    }
+    ) == {typed, "impulse4"}
     old = tdint("stability", *SMALL["stability"], "--method", "newmark:beta=1/4,gamma=0.50", code=0)
     assert set(column(old, "method")) == {typed}
     assert old.stderr.count(f"recommended notation is {typed}") == 1
@@ -81,16 +78,8 @@ def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(working_director
     [
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs have this file name"),
         (["-o", ""], 2, "-o must not be empty"),
-        (
-            ["--method", "newmrk"],
-            2,
-            "'newmrk'; did you mean 'newmark'? (known: impulse, ",
-        ),
-        (
-            ["--method", "wilson:beta=1"],
-            2,
-            "wilson ... 'beta'; ... theta in [1, 10]",
-        ),
+        (["--method", "newmrk"], 2, "'newmrk'; did you mean 'newmark'? (known: impulse, "),
+        (["--method", "wilson:beta=1"], 2, "wilson ... 'beta'; ... theta in [1, 10]"),
         (["--method", "hht:alpha=0.1"], 2, "alpha must be in [-0.333333, 0], got 0.1"),
         (
             ["--method", "newmark", "--method", "bathe:gamma=1"],
@@ -154,26 +143,14 @@ def test_critical_steps_are_reported(tdint):
 def test_beta_scan(working_directory, tdint):
     """If beta differs slightly from 1/144, the impulse method is unstable in a narrow band near
     √12. The table contains steps within this band."""
-    call = (
-        "stability",
-        "--method",
-        "gauss4",
-        "--beta-scan",
-        "--dt-over-t",
-        "0.01:1:9",
-        "--plot",
-        "x.svg",
-    )
-    result = tdint(*call, code=0)
+    call = "stability --method gauss4 --beta-scan --dt-over-t 0.01:1:9 --plot x.svg"
+    result = tdint(call, code=0)
     critical = dict(line.split(maxsplit=2)[::2] for line in result.stderr.splitlines()[1:])
     none = "none up to omega dt 1e4"
     expected = {
-        "1/120": "3.16228",
-        "1/143": "3.45205",
-        "1/144": none,
-        "1/145": "3.46410",
+        "1/120": "3.16228", "1/143": "3.45205", "1/144": none, "1/145": "3.46410",
         "1/160": "3.46410",
-    }
+    }  # fmt: skip
     labels = {beta: parse(f"impulse:beta={beta}").label for beta in expected}
     assert critical == {"gauss4": none} | {labels[beta]: limit for beta, limit in expected.items()}
     for beta in ("1/143", "1/145"):
@@ -222,12 +199,8 @@ def test_overshoot_in_nonlinear_motion(working_directory, tdint):
     assert states(lines[0], "note: exact: omitted, ... linear buildings only")
     cells = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
     assert cells["newmark-average"] == [
-        "1",
-        "0.391",
-        f"{largest:.3g}",
-        "1.63",
-        "displacement and velocity",
-    ]
+        "1", "0.391", f"{largest:.3g}", "1.63", "displacement and velocity",
+    ]  # fmt: skip
     assert cells["moment4"][-1] == "none"
 
 
@@ -280,9 +253,7 @@ def test_methods_that_do_not_support_the_law_are_reported(tdint, command, law):
 def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(
     working_directory, tdint, drawn
 ):
-    result = tdint(
-        "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
-    )
+    result = tdint("order --method exact --method newmark --load record --plot x.svg")
     summary = [line.split() for line in result.stderr.splitlines()[1:3]]
     assert [line[0] for line in summary] == ["exact", "newmark"]
     assert summary[0][1:] == ["-"] * 4 and summary[1][1] == "2.00"

@@ -55,16 +55,8 @@ def check_round_trip(si: str, us: str) -> None:
         ("run", "shaken.yaml", "--check"),
         ("law", "shaken.yaml", "--drift", "1%,2%", "--points", 3),
         ("pushover", "shaken.yaml", "--points", 5),
-        (
-            "spectrum",
-            "motion.mseed",
-            "--component",
-            "HNE",
-            "--period",
-            "0.2,1",
-            "--damping",
-            "2%,5%",
-        ),
+        ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.2,1", "--damping",
+         "2%,5%"),
         ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5", "--ductility", 2),
         ("spectrum", "motion.mseed", "--period", "0.5", "--rotd", "50,100"),
         ("drift-spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5"),
@@ -73,7 +65,7 @@ def check_round_trip(si: str, us: str) -> None:
         ("inventory", CONFIGS / "buildings.csv", "--units", "ft"),
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
-)
+)  # fmt: skip
 def test_a_table_in_other_units_converts_back(
     folder: Path, tdint: Command, arguments: tuple[Any, ...]
 ) -> None:
@@ -172,14 +164,8 @@ def test_a_history_is_compressed_and_thinned(folder: Path, tdint: Command) -> No
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            ("--history",),
-            "--history without a file ... add -o DIR, or use --history=FILE.csv",
-        ),
-        (
-            ("--history=h.txt",),
-            "--history h.txt: ... .csv or .csv.gz",
-        ),
+        (("--history",), "--history without a file ... add -o DIR, or use --history=FILE.csv"),
+        (("--history=h.txt",), "--history h.txt: ... .csv or .csv.gz"),
         (("--history=",), "--history must not be empty; specify a name"),
         (("--history=h.csv", "--history-every", 0), "--history-every"),
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),

@@ -57,11 +57,7 @@ def test_components_of_different_events_are_refused(folder, tdint):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "DT= .0100",
-            "DT= .0200",
-            "sampling intervals, 0.01 and 0.02 s",
-        ),
+        ("DT= .0100", "DT= .0200", "sampling intervals, 0.01 and 0.02 s"),
         ("Loma Prieta", "Kobe", "the components are of different events"),
         ("NPTS= 600", "NPTS= 500", "the components have 600 and 500 samples"),
     ],
@@ -139,8 +135,7 @@ def suite(folder, tdint, matched_files):
 
 
 @pytest.mark.parametrize(
-    ("demand", "combine"),
-    [("larger", max), ("mean", np.mean), ("separate", None)],
+    ("demand", "combine"), [("larger", max), ("mean", np.mean), ("separate", None)]
 )
 @pytest.mark.long
 def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand, combine):

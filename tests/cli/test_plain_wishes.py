@@ -46,9 +46,6 @@ class Line:
 
 def test_vertical_components_are_excluded_from_a_median_of_horizontals():
     assert in_median([Line("HNE"), Line("HNZ"), Line("UP"), Line("090")]) == [
-        True,
-        False,
-        False,
-        True,
-    ]
+        True, False, False, True,
+    ]  # fmt: skip
     assert in_median([Line("HNZ"), Line("UP")]) == [True, True]

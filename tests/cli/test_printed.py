@@ -86,16 +86,9 @@ def test_invalid_styles_are_refused_in_one_line(working_directory, tdint, style,
 @pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
     call = (
-        "modes",
-        "shaken.yaml",
-        "--target",
-        SPECTRUM,
-        "-o",
-        "out/m.csv",
-        "--plot",
-        "--style",
-        "30mm",
-    )
+        "modes", "shaken.yaml", "--target", SPECTRUM, "-o", "out/m.csv", "--plot",
+        "--style", "30mm",
+    )  # fmt: skip
     assert "a width of 30 mm" in tdint(*call, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
 

@@ -15,30 +15,13 @@ from tdint.ground_motion.reading.read import read_record
 from tdint.model.config.model_file import load_model
 
 OPTIONS = (
-    "--trim",
-    "0.5:2.5",
-    "--baseline",
-    "linear",
-    "--pad",
-    "1:2",
-    "--highpass",
-    "0.5",
-    "--lowpass",
-    "30",
-    "--filter-order",
-    "2",
-    "--resample",
-    "0.005",
-)
+    "--trim", "0.5:2.5", "--baseline", "linear", "--pad", "1:2", "--highpass", "0.5",
+    "--lowpass", "30", "--filter-order", "2", "--resample", "0.005",
+)  # fmt: skip
 STEPS = {
-    "trim": (0.5, 2.5),
-    "baseline": "linear",
-    "pad": (1.0, 2.0),
-    "highpass": 0.5,
-    "lowpass": 30.0,
-    "filter_order": 2,
-    "resample": 0.005,
-}
+    "trim": (0.5, 2.5), "baseline": "linear", "pad": (1.0, 2.0), "highpass": 0.5,
+    "lowpass": 30.0, "filter_order": 2, "resample": 0.005,
+}  # fmt: skip
 
 
 def notes(result):
@@ -91,9 +74,7 @@ def test_results_equal_the_results_of_the_processed_record(
 
 
 def test_records_are_unchanged_by_default(folder, tdint):
-    result = tdint(
-        "spectrum", "other.mseed", "--period", "0.5", "-o", "out.csv", "--units", "m/s^2"
-    )
+    result = tdint("spectrum other.mseed --period 0.5 -o out.csv --units m/s^2")
     assert result.stderr == ""
     summary = json.loads((folder / "out.json").read_text())
     assert set(summary["settings"]["processing"].values()) == {None}
@@ -176,9 +157,7 @@ def test_an_option_replaces_the_same_step_of_the_model(folder, tdint):
     messages = tdint("run", "shaken.yaml", "--lowpass", "10").stderr
     assert "highpass 1 Hz" in messages and "lowpass 10 Hz" in messages
     assert "lowpass 20" not in messages
-    other = tdint(
-        "run", "shaken.yaml", "--record", "other.mseed", "--units", "m/s^2", "--lowpass", "10"
-    )
+    other = tdint("run shaken.yaml --record other.mseed --units m/s^2 --lowpass 10")
     assert next(note for note in notes(other) if "pass" in note).startswith("lowpass 10 Hz")
     message = (
         "Error: highpass (25 Hz) must be below lowpass (20 Hz), otherwise the filters remove the "
@@ -188,10 +167,4 @@ def test_an_option_replaces_the_same_step_of_the_model(folder, tdint):
 
 
 def test_processing_requires_a_record(folder, tdint):
-    tdint.refused(
-        "processing requires a record",
-        "run",
-        "forced.yaml",
-        "--pad",
-        "1",
-    )
+    tdint.refused("processing requires a record", "run", "forced.yaml", "--pad", "1")

@@ -91,13 +91,8 @@ def test_profiles_equal_statistics_of_the_stories(study: Path, tdint: Command) -
         for row in profiles
     }
     assert set(columns.values()) == set(stories[0]) - {
-        "building",
-        "record",
-        "component",
-        "scale",
-        "story",
-        "height_m",
-    }
+        "building", "record", "component", "scale", "story", "height_m",
+    }  # fmt: skip
     for row in profiles:
         if row["quantity"] == "ductility" and not row["mean"]:
             continue  # This story does not yield.
@@ -147,15 +142,9 @@ def test_the_limit_applies_to_the_mean_in_the_governing_story(study: Path, tdint
     """The limit applies to the maximum over stories of the mean drift, which differs from the mean
     of the maximum drifts."""
     run = (
-        "run",
-        "stiff.yaml",
-        *MOTIONS,
-        "--units",
-        "m/s^2",
-        "--method",
-        "newmark-average",
-        "--limit",
-    )
+        "run", "stiff.yaml", *MOTIONS, "--units", "m/s^2", "--method",
+        "newmark-average", "--limit",
+    )  # fmt: skip
     campaign = ("campaign", "study.yaml", "-o", "out")
     tdint(*campaign, code=0)
     stories = [
@@ -248,9 +237,7 @@ def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: 
     assert (row["scale"], row["runs"], row["collapsed"], row["failed"]) == ("", "3", "1", "0")
     peaks = []
     for record in ("other.mseed", "third.mseed"):
-        single_run = tdint(
-            "run", "weak.yaml", record, "--units", "m/s^2", "--scale", factors[record]
-        )
+        single_run = tdint("run weak.yaml", record, "--units", "m/s^2", "--scale", factors[record])
         peaks.append(float(rows(single_run.stdout)[0]["peak_drift_m"]))
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 

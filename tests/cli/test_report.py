@@ -136,16 +136,7 @@ def test_the_page_of_a_run(folder: Path, tdint: Command, drawn: None) -> None:
 def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
     records = ("motion.mseed", "other.mseed", "--units", "m/s^2")
     result = tdint(
-        "run",
-        "shaken.yaml",
-        *records,
-        "-o",
-        "out",
-        "--limit",
-        "2%",
-        "--report",
-        "page.html",
-        code=0,
+        "run shaken.yaml", *records, "-o", "out", "--limit", "2%", "--report", "page.html", code=0
     )
     found = page("page.html")
     assert (
@@ -183,14 +174,9 @@ def test_the_verdict_of_a_run_is_the_first_result(folder: Path, tdint: Command) 
     largest, story = max(drifts), drifts.index(max(drifts)) + 1
     for limit, is_met in ((1.01 * largest, True), (0.99 * largest, False)):
         call = (
-            "run",
-            "shaken.yaml",
-            "--limit",
-            f"{limit:.8f}",
-            "--require",
-            "--report",
+            "run", "shaken.yaml", "--limit", f"{limit:.8f}", "--require", "--report",
             f"{is_met}.html",
-        )
+        )  # fmt: skip
         result = tdint(*call, code=0 if is_met else 5)
         drift = f"{100.0 * largest:.3g} % (story {story})"
         message = f"Maximum drift ratio {drift}, limit {100.0 * limit:g} %: "
@@ -211,10 +197,7 @@ def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
     body = Path("weak.html").read_text().partition("<body>")[2]
     verdicts = re.findall(r'<p class="v ?(\w*)">(.*?)</p>', body)
     # A limit is not met after collapse.
-    assert [color for color, _ in verdicts] == [
-        "broken",
-        "broken",
-    ]
+    assert [color for color, _ in verdicts] == ["broken", "broken"]
     assert "collapsed" in verdicts[0][1] and "Limit" not in verdicts[0][1]
     assert re.search(r"story \d .* [0-9.]+\ss", verdicts[0][1])
 
@@ -233,19 +216,8 @@ def test_targets_are_printed_with_the_symbols_of_the_code() -> None:
 
 @pytest.mark.long
 def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint: Command) -> None:
-    call = (
-        "run",
-        "shaken.yaml",
-        "motion.mseed",
-        "--component",
-        "HNE",
-        "--units",
-        "m/s^2",
-        "--scale",
-        "0.5,2",
-        "-o",
-    )
-    tdint(*call, "out", "--report", "page.html", code=0)
+    call = "run shaken.yaml motion.mseed --component HNE --units m/s^2 --scale 0.5,2 -o"
+    tdint(call, "out", "--report", "page.html", code=0)
     found = page("page.html")
     record_rows = [
         dict(zip(*table[:2], strict=True)) for table in found.tables if "scale" in table[0]
@@ -380,15 +352,9 @@ def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdin
         "analysis: {check: true}\n"
     )
     call = (
-        "campaign",
-        "study.yaml",
-        "--limit",
-        "2%",
-        "--baseline",
-        "shaken",
-        "--floor-spectra",
-        "roof",
-    )
+        "campaign", "study.yaml", "--limit", "2%", "--baseline", "shaken",
+        "--floor-spectra", "roof",
+    )  # fmt: skip
     call = (*call, "--floor-period", "0.5")
     tdint.refused(
         "NAME: TEXT", *call, "-o", "out", "--report", "page.html", "--report-head", "no name"
@@ -455,13 +421,9 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
     folder: Path, tdint: Command
 ) -> None:
     call = (
-        "modes",
-        CONFIGS / "ten-story-bilinear.yaml",
-        "--target",
-        "ec8:type=1,soil=C,ag=0.35g",
-        "-o",
-        "m.csv",
-    )
+        "modes", CONFIGS / "ten-story-bilinear.yaml", "--target",
+        "ec8:type=1,soil=C,ag=0.35g", "-o", "m.csv",
+    )  # fmt: skip
     result = tdint(*call, "--report", "page.html", code=0)
     assert "5 % in the first mode, is ignored" in result.stderr
     found, peaks = page("page.html"), rows("m.csv")
@@ -502,14 +464,7 @@ def test_the_page_of_a_comparison_states_the_requirements(folder: Path, tdint: C
         "base: {file: out/history.csv, column: ground_acceleration_m_s2}\n"
         "floors: {roof: {file: out/history.csv, column: floor_2_absolute_acceleration_m_s2}}\n"
     )
-    call = (
-        "compare",
-        "shaken.yaml",
-        "--recorded",
-        "recorded.yaml",
-        "--require",
-        "correlation=0.9",
-    )
+    call = ("compare", "shaken.yaml", "--recorded", "recorded.yaml", "--require", "correlation=0.9")
     table = rows(tdint(*call, "--report", "page.html", code=0).stdout)
     found = page("page.html")
     (shown,) = table_with(found, "correlation")
@@ -644,17 +599,11 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
         ("run", "base-isolated.yaml"),
         ("run", "ten-story-bilinear.yaml"),
         ("run", "fluid-dampers.yaml"),
-        (
-            "run",
-            "ten-story-bilinear.yaml",
-            RECORDS / "firm-soil.mseed",
-            RECORDS / "soft-soil.mseed",
-            "--limit",
-            "2%",
-        ),
+        ("run", "ten-story-bilinear.yaml", RECORDS / "firm-soil.mseed",
+         RECORDS / "soft-soil.mseed", "--limit", "2%"),
         ("ida", "collapse-prone-frame.yaml", RECORDS / "firm-soil.mseed"),
     ],
-)
+)  # fmt: skip
 def test_every_page_except_the_last_is_three_quarters_full(
     folder: Path, tdint: Command, drawn: None, arguments: tuple[str, ...]
 ) -> None:
@@ -675,20 +624,7 @@ def test_a_page_prints_complete_numbers_within_its_margins(
     assert (
         tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
     )
-    assert (
-        tdint(
-            "run",
-            "shaken.yaml",
-            "--scale",
-            "0.5,1",
-            "--check",
-            "-o",
-            "out",
-            "--report",
-            "suite.html",
-        ).exit_code
-        == 0
-    )
+    assert tdint("run shaken.yaml --scale 0.5,1 --check -o out --report suite.html").exit_code == 0
     for file in ("page.html", "suite.html"):
         lines = printed(file)
         found = page(file)

@@ -289,13 +289,9 @@ def check_limits(found: Page) -> None:
 def check_method(found: Page, name: str) -> None:
     """Method with its publication, time step, and the errors or their absence."""
     methods = {
-        "campaign": ["newmark-average"],
-        "region": ["newmark-average"],
-        "pushover": [],
-        "modes": [],
-        "modes under a target": [],
-        "transfer functions": [],
-    }.get(name, ["impulse4"])
+        "campaign": ["newmark-average"], "region": ["newmark-average"], "pushover": [],
+        "modes": [], "modes under a target": [], "transfer functions": [],
+    }.get(name, ["impulse4"])  # fmt: skip
     for method in methods:
         assert f"{method} ({parse(method).method.source})" in found.text
         if name not in ("ida", "fragility of ida"):
@@ -307,8 +303,7 @@ def check_method(found: Page, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(kind, marks=MARKS.get(kind, [pytest.mark.slow])) for kind in KINDS],
+    "name", [pytest.param(kind, marks=MARKS.get(kind, [pytest.mark.slow])) for kind in KINDS]
 )
 @pytest.mark.long
 def test_the_pages_answer_the_questions_of_a_checking_engineer(

@@ -59,27 +59,17 @@ def rerun(folder, tdint):
     ("arguments", "table"),
     [
         (
-            (
-                "run",
-                "shaken.yaml",
-                "--history=more/motion.csv.gz",
-                "--plot=more/motion.pdf",
-                "--report",
-                "page.html",
-            ),
+            ("run", "shaken.yaml", "--history=more/motion.csv.gz", "--plot=more/motion.pdf",
+             "--report", "page.html"),
             "motion.csv.gz",
         ),
-        (
-            ("run", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"),
-            "stories.csv",
-        ),
-        (
-            ("spectrum", "motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"),
-            "other.csv",
-        ),
+        (("run", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"),
+         "stories.csv"),
+        (("spectrum", "motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"),
+         "other.csv"),
     ],
     ids=["files of all kinds", "sequence", "spectra"],
-)
+)  # fmt: skip
 def test_a_directory_is_reproduced_elsewhere_and_compared(folder, tdint, rerun, arguments, table):
     """All tables are compared, including tables in other directories. test_files.py tests a call of
     each command."""
@@ -221,18 +211,10 @@ def test_different_versions_are_reported(folder, tdint, rerun):
         ("tdint modes", ["methods"], {}, "name no command"),
         ("tdint modes", ["compile", "--all", "--clean", "-o", "k"], {}, "name no command"),
         ("tdint modes", ["init", "a.yaml"], {}, "name no command"),
-        (
-            "tdint x",
-            ["modes", "-o", "a.csv"],
-            {"export": ["campaign", "other.yaml"]},
-            "must be a command line of",
-        ),
-        (
-            "tdint x",
-            ["campaign", "-o", "a"],
-            {"export": ["campaign", "merge", "b"]},
-            "must be a command line of",
-        ),
+        ("tdint x", ["modes", "-o", "a.csv"], {"export": ["campaign", "other.yaml"]},
+         "must be a command line of"),
+        ("tdint x", ["campaign", "-o", "a"], {"export": ["campaign", "merge", "b"]},
+         "must be a command line of"),
         ("tdint modes", ["modes", "forced.yaml"], {}, "have no -o"),
         ("tdint modes", ["modes", "forced.yaml", "-o", "-"], {}, "have no -o"),
         ("tdint x", ["modes", "a\0.yaml", "-o", "a.csv"], {}, "contains a null character"),
@@ -240,7 +222,7 @@ def test_different_versions_are_reported(folder, tdint, rerun):
         ("tdint x", ["modes", "-o", "a.csv"], {"inputs": [1]}, "must be a JSON file"),
         ("tdint x", ["modes", "-o", "a.csv"], {"versions": 1}, "must be a JSON file"),
     ],
-)
+)  # fmt: skip
 def test_files_without_a_command_line_are_refused(
     folder, tdint, schema, arguments, entries, message
 ):
@@ -265,12 +247,7 @@ def test_a_campaign_of_several_calls_is_reproduced(folder, tdint, rerun):
     tdint("campaign", "export", "study", "--simcenter", "--output-units", "kip", code=0)
     summary = json.loads((folder / "study/summary.json").read_text())
     # --max-runs is not recorded.
-    assert summary["arguments"] == [
-        "campaign",
-        "campaign.yaml",
-        "-o",
-        "study",
-    ]
+    assert summary["arguments"] == ["campaign", "campaign.yaml", "-o", "study"]
     messages = rerun("study", code=0).stderr
     assert (
         "runs.csv: the same" in messages
@@ -318,17 +295,7 @@ def test_measured_times_are_not_compared(folder, tdint, rerun):
     assert "campaign.sqlite: the same" in rerun("study", code=0).stderr
     tdint("modes", "forced.yaml", "-o", "a.txt", code=0)
     assert "a.txt: the same" in rerun("a.json", code=0).stderr
-    tdint(
-        "chart",
-        "forced.yaml",
-        "--method",
-        "newmark-average",
-        "--repeat",
-        "1",
-        "-o",
-        "chart.csv",
-        code=0,
-    )
+    tdint("chart forced.yaml --method newmark-average --repeat 1 -o chart.csv", code=0)
     assert re.search(r"chart\.csv: the same.*not compared: ", rerun("chart.json", code=0).stderr)
 
 
@@ -380,17 +347,11 @@ def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
     "options",
     every(
         3,
-        [
-            ["--dask", "{address}"],
-            ["--jobs", "4"],
-            ["--max-runs=1"],
-            ["--overwrite"],
-            ["-q"],
-            ["--help"],
-        ],
+        [["--dask", "{address}"], ["--jobs", "4"], ["--max-runs=1"], ["--overwrite"], ["-q"],
+         ["--help"]],
     ),
     ids=lambda options: options[0].partition("=")[0],
-)
+)  # fmt: skip
 def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, options):
     """A forged command line contains an option that tdint never records; no connection is
     opened."""
@@ -435,15 +396,7 @@ def test_options_that_do_not_affect_results_are_not_recorded(folder, tdint):
 def test_missing_latex_is_reported(folder, tdint, monkeypatch):
     (folder / "a.mplstyle").write_text("text.usetex: true\n")
     monkeypatch.setenv("PATH", str(folder))
-    tdint.refused(
-        "text.usetex requires latex",
-        "modes",
-        "forced.yaml",
-        "--plot",
-        "a.png",
-        "--style",
-        "a.mplstyle",
-    )
+    tdint.refused("text.usetex requires latex", "modes forced.yaml --plot a.png --style a.mplstyle")
 
 
 def test_differences_of_two_files(tmp_path):
@@ -458,11 +411,8 @@ def test_differences_of_two_files(tmp_path):
         Difference("now.csv.gz", None, "", "3 rows", "2 rows"),
     ]
     assert [difference.column for difference in differences(before, now, but=("a",))] == [
-        "d",
-        "c",
-        "b",
-        "",
-    ]
+        "d", "c", "b", "",
+    ]  # fmt: skip
     assert (
         Difference("", 1, "a", "-2", "2").relative == 2.0
         and Difference("", 1, "a", "x", "2").relative != 0.0
@@ -623,17 +573,11 @@ def test_a_missing_plugin_is_reported(folder, tdint, rerun):
     "forged",
     every(
         3,
-        [
-            {"files": 5, "motions": 5},
-            {"files": [5, {"file": 5}], "motions": {"a": 1}},
-            {"peaks": 10**400},
-            {"peaks": {"drift_m": 10**400}},
-            {"peaks": float("nan")},
-            {"peaks": None},
-            {"unknown": 1},
-        ],
+        [{"files": 5, "motions": 5}, {"files": [5, {"file": 5}], "motions": {"a": 1}},
+         {"peaks": 10**400}, {"peaks": {"drift_m": 10**400}}, {"peaks": float("nan")},
+         {"peaks": None}, {"unknown": 1}],
     ),
-)
+)  # fmt: skip
 def test_forged_json_files_are_different(folder, tdint, rerun, forged):
     tdint(*ONE_RUN, code=0)
     file = folder / "out/summary.json"

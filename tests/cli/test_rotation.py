@@ -75,14 +75,8 @@ def test_components_of_unequal_length_are_cut_with_a_note(folder, tdint):
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        (
-            ("other.mseed",),
-            "one horizontal component, HNE; ",
-        ),
-        (
-            ("A000.AT2", "A030.AT2"),
-            "the directions 0 and 30 differ by 30 degrees",
-        ),
+        (("other.mseed",), "one horizontal component, HNE; "),
+        (("A000.AT2", "A030.AT2"), "the directions 0 and 30 differ by 30 degrees"),
         (("A000.AT2", "missing.AT2"), "A000.AT2: the file has only one horizontal component, 0"),
     ],
 )

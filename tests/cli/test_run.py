@@ -60,15 +60,9 @@ def test_the_files_of_a_run(folder, tdint, drawn):
     )
     assert top > below > 0.0
     assert list(history[0])[-8:] == [
-        "energy_input_J",
-        "energy_kinetic_J",
-        "energy_viscous_J",
-        "energy_dampers_J",
-        "energy_strain_J",
-        "energy_hysteretic_J",
-        "energy_braces_J",
-        "energy_error",
-    ]
+        "energy_input_J", "energy_kinetic_J", "energy_viscous_J", "energy_dampers_J",
+        "energy_strain_J", "energy_hysteretic_J", "energy_braces_J", "energy_error",
+    ]  # fmt: skip
     for name in energy.keys() - {"initial_J"}:
         assert float(history[-1][f"energy_{name}"]) == pytest.approx(energy[name], rel=1e-11)
 
@@ -77,37 +71,12 @@ def test_the_summary(folder, tdint):
     table = rows(tdint("run", "shaken.yaml", "-o", "out", "--scale", "2").stdout)
     summary = summary_of(folder)
     assert list(summary) == [
-        "schema",
-        "status",
-        "name",
-        "method",
-        "method_parameters",
-        "dt_s",
-        "steps",
-        "duration_s",
-        "iterations",
-        "halved_steps",
-        "branch_changes",
-        "wall_time_s",
-        "time_loop_s",
-        "time_loop_clock",
-        "building",
-        "energy",
-        "peaks",
-        "check",
-        "at_end",
-        "collapse_drift",
-        "collapse",
-        "record",
-        "settings",
-        "notes",
-        "inputs",
-        "versions",
-        "meanings",
-        "files",
-        "arguments",
-        "time_loops",
-    ]
+        "schema", "status", "name", "method", "method_parameters", "dt_s", "steps",
+        "duration_s", "iterations", "halved_steps", "branch_changes", "wall_time_s",
+        "time_loop_s", "time_loop_clock", "building", "energy", "peaks", "check",
+        "at_end", "collapse_drift", "collapse", "record", "settings", "notes", "inputs",
+        "versions", "meanings", "files", "arguments", "time_loops",
+    ]  # fmt: skip
     assert summary["schema"] == {"name": "tdint run", "version": 1}
     assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # default settings
     assert summary["building"]["damping"] == {
@@ -124,16 +93,9 @@ def test_the_summary(folder, tdint):
     assert (summary["dt_s"], summary["steps"], summary["duration_s"]) == (0.01, 299, 2.99)
     assert 0.0 < summary["time_loop_s"] < summary["wall_time_s"]
     assert set(summary["energy"]) == {
-        "input_J",
-        "kinetic_J",
-        "viscous_J",
-        "dampers_J",
-        "strain_J",
-        "hysteretic_J",
-        "braces_J",
-        "initial_J",
-        "error",
-    }
+        "input_J", "kinetic_J", "viscous_J", "dampers_J", "strain_J", "hysteretic_J",
+        "braces_J", "initial_J", "error",
+    }  # fmt: skip
     assert summary["peaks"]["roof_displacement_m"] == float(table[1]["peak_displacement_m"])
     assert summary["peaks"]["base_shear_N"] == float(table[0]["peak_shear_N"])
     assert summary["record"]["component"] == "HNE"
@@ -183,43 +145,26 @@ def test_units_on_the_command_line_replace_the_inventory_of_the_model(folder, td
         (["shaken.yaml", "--component", "HNZ"], 4, "component 'HNZ' not found"),
         (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
         (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "with an inventory"),
-        (
-            ["forced.yaml", "--method", "newmrk"],
-            2,
-            "unknown method 'newmrk'; did you mean 'newmark'?",
-        ),
+        (["forced.yaml", "--method", "newmrk"], 2,
+         "unknown method 'newmrk'; did you mean 'newmark'?"),
         (["forced.yaml", "--dt", "-1"], 2, "dt must be a positive number"),
         (["forced.yaml", "--duration", "nan"], 2, "duration must be a number, got nan"),
-        (
-            ["shaken.yaml", "--dt", "0.003"],
-            2,
-            "dt ... sampling interval ... 0.01 s",
-        ),
+        (["shaken.yaml", "--dt", "0.003"], 2, "dt ... sampling interval ... 0.01 s"),
         (["shaken.yaml", "--scale", "0"], 2, "must not be zero"),
         (["shaken.yaml", "--scale", "inf"], 2, "inf is not a finite number"),
-        (
-            ["forced.yaml", "--method", "central-difference", "--dt", "0.5"],
-            5,
-            "mode 2 (omega 13.4922 rad/s, omega dt 6.74611) grows; ... 0.148233 s",
-        ),
+        (["forced.yaml", "--method", "central-difference", "--dt", "0.5"], 5,
+         "mode 2 (omega 13.4922 rad/s, omega dt 6.74611) grows; ... 0.148233 s"),
         (["forced.yaml", *UNSTABLE], 5, "diverged after"),
         (["forced.yaml", "-o", ""], 2, "-o must not be empty; specify a name"),
         (["forced.yaml", "-o", "forced.yaml"], 6, "forced.yaml is a file, not a directory"),
-        (
-            ["shaken.yaml", "--tolerance", "1%", "--no-check"],
-            2,
-            "--tolerance and --no-check cannot be used together",
-        ),
+        (["shaken.yaml", "--tolerance", "1%", "--no-check"], 2,
+         "--tolerance and --no-check cannot be used together"),
         *(
-            (
-                ["forced.yaml", option, "2"],
-                2,
-                f"{option} requires a record, ... add --record",
-            )
+            (["forced.yaml", option, "2"], 2, f"{option} requires a record, ... add --record")
             for option in ("--units", "--component", "--inventory", "--scale")
         ),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     lines = tdint.refused(message, "run", *arguments, code=code).stderr.splitlines()
     # A failing run first reports the warnings about its building (floors of 10 kg).
@@ -233,12 +178,7 @@ def test_outputs_are_checked_before_the_run(folder, tdint):
     (folder / "out").mkdir()
     (folder / "out" / "history.csv").write_text("old")
     tdint.refused(
-        "out/history.csv: the file exists; add --overwrite",
-        "run",
-        "missing.yaml",
-        "-o",
-        "out",
-        code=6,
+        "out/history.csv: the file exists; add --overwrite", "run missing.yaml -o out", code=6
     )
 
 
@@ -294,9 +234,7 @@ def test_a_run_reports_estimated_errors(folder, tdint, method):
     assert f"{message}, from a run of impulse4 with dt 0.005 s." in result.stderr
     assert "estimated" not in plain.stderr
     # The peaks of the run of impulse4 are only in the summary.
-    finer = tdint(
-        "run", "shaken.yaml", "--method", "impulse4", "--dt", "0.005", "--no-check"
-    ).stdout
+    finer = tdint("run shaken.yaml --method impulse4 --dt 0.005 --no-check").stdout
     assert f"{check['corrected_peaks']['drift_m']:.12g}" in {
         row["peak_drift_m"] for row in rows(finer)
     }
@@ -437,9 +375,7 @@ def test_interrupted_writing_leaves_no_file(folder, tdint, monkeypatch, error, c
 
 
 def test_lost_energy_causes_a_warning_despite_quiet(folder, tdint):
-    result = tdint(
-        "run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0
-    )
+    result = tdint("run shaken.yaml -q --method newmark:beta=0.5:gamma=0.9 -o out", code=0)
     (line,) = (line for line in result.stderr.splitlines() if "energy imbalance" in line)
     assert line.startswith("Warning: the energy imbalance is")
     assert "dissipated by the method" in line
@@ -478,7 +414,5 @@ def test_a_drift_of_the_baseline_is_reported(folder, tdint):
 @pytest.mark.parametrize("name", ["stories.csv", "elements.csv"])
 def test_two_outputs_with_one_name_are_refused(folder, tdint, name):
     """A history must not replace a table of the same run."""
-    tdint.refused(
-        f"{name}: two outputs", "run", "forced.yaml", "-o", "out", f"--history=out/{name}", code=6
-    )
+    tdint.refused(f"{name}: two outputs", "run forced.yaml -o out", f"--history=out/{name}", code=6)
     tdint("run", "forced.yaml", "-o", "out", "--history=out/history.csv", "--plot", code=0)

@@ -26,12 +26,8 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
         [row[key] for key in keys] for row in runs
     ]
     assert list(measures[0])[5:] == [
-        "pgv_m_s",
-        "arias_intensity_m_s",
-        "cav5_m_s",
-        "sa_0p5_m_s2",
-        "sdi_t1_0p05_m",
-    ]
+        "pgv_m_s", "arias_intensity_m_s", "cav5_m_s", "sa_0p5_m_s2", "sdi_t1_0p05_m",
+    ]  # fmt: skip
     (info,) = rows(tdint("info", "motion.mseed", "--units", "m/s^2", "--component", "HNE").stdout)
     motion = ("motion.mseed", "HNE", "1.5")
     (row,) = (row for row in measures if (row["record"], row["component"], row["scale"]) == motion)
@@ -44,9 +40,7 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
     assert f"{table[0]['im']} predicts the drift best" in result.stderr
     inputs = json.loads(Path("best.json").read_text())["inputs"]
     assert [Path(read["file"]).name for read in inputs] == ["measures.csv", "runs.csv"]
-    single = tdint(
-        "fragility", "out", "--im", "pgv", "--fit", "cloud", "--threshold", "0.1%", code=0
-    )
+    single = tdint("fragility out --im pgv --fit cloud --threshold 0.1%", code=0)
     assert ",pgv,m/s," in single.stdout
 
 

@@ -143,13 +143,7 @@ def test_a_failing_record_stops_a_set_but_not_single_records(folder, tdint):
     assert len(rows(result.stdout)) == 2 and "none.mseed" in result.stderr
     tdint.refused("none.mseed", *call, "--p695", code=4)
     tdint.refused(
-        "only one horizontal component",
-        "scale",
-        "motion.mseed",
-        "other.mseed",
-        *UNITS,
-        "--p695",
-        code=4,
+        "only one horizontal component", "scale motion.mseed other.mseed", *UNITS, "--p695", code=4
     )
 
 
@@ -219,22 +213,15 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
 
 
 def test_factors_from_wrong_units_cause_a_warning(folder, tdint):
-    messages = tdint(
-        "-q", "scale", "motion.mseed", "--units", "1e3 m/s^2", "--pga", "0.1g", code=0
-    ).stderr
+    messages = tdint("-q scale motion.mseed --units", "1e3 m/s^2", "--pga", "0.1g", code=0).stderr
     assert "peak ground acceleration" in messages and "factors outside 0.05 to 20" in messages
 
 
 def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
     call = (
-        "scale",
-        "motion.mseed",
-        *UNITS,
-        "--target",
-        "ec8:type=1,soil=B,ag=50g",
-        "--range",
-        "0.2:2",
-    )
+        "scale", "motion.mseed", *UNITS, "--target", "ec8:type=1,soil=B,ag=50g",
+        "--range", "0.2:2",
+    )  # fmt: skip
     messages = tdint(*call, code=0).stderr
     assert states(messages, "Warning: factors outside 0.25 to 4, ... motion.mseed HNE")
     tdint.refused(
@@ -265,33 +252,19 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
         ((*TARGET, "--range", "0.2:9"), "0.02 to 5 s, got 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "add --at, --building or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares spectra from 0.2 T to 2 T"),
-        (
-            (*TARGET, "--rule", "ec8", "--at", 0.5),
-            "ec8 requires ... period 0",
-        ),
+        ((*TARGET, "--rule", "ec8", "--at", 0.5), "ec8 requires ... period 0"),
         ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at requires --sa"),
-        (
-            (*TARGET, "--building", "x.yaml", "--range", "0.2:2"),
-            "--building and --range cannot be used together",
-        ),
-        (
-            ("--pga", "0.4g", "--building", "x.yaml"),
-            "--building has no effect without --target",
-        ),
-        (
-            ("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"),
-            "the target applies to 5 % damping",
-        ),
-        (
-            (*TARGET, "--rule", "asce7", "--at", 0.5),
-            "at least 11 pairs of components (ASCE 7-16, 16.2.2), got 1",
-        ),
-        (
-            (*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"),
-            "--component cannot be used with pairs",
-        ),
+        ((*TARGET, "--building", "x.yaml", "--range", "0.2:2"),
+         "--building and --range cannot be used together"),
+        (("--pga", "0.4g", "--building", "x.yaml"), "--building has no effect without --target"),
+        (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"),
+         "the target applies to 5 % damping"),
+        ((*TARGET, "--rule", "asce7", "--at", 0.5),
+         "at least 11 pairs of components (ASCE 7-16, 16.2.2), got 1"),
+        ((*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"),
+         "--component cannot be used with pairs"),
     ],
-)
+)  # fmt: skip
 def test_invalid_arguments_are_refused(folder, tdint, arguments, message):
     result = tdint.refused(message, "scale", "motion.mseed", *UNITS, *arguments)
     # A note on the displacements at the end of the motions may precede the error.
@@ -330,29 +303,16 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
     ("arguments", "code", "message"),
     [
         (("--factors", "lost.csv"), 3, "lost.csv: records not found: gone.mseed, (empty)"),
-        (
-            ("--factors", "component.csv"),
-            3,
-            "component.csv: other.mseed has no usable component HNZ",
-        ),
-        (
-            ("other.mseed", "--scale", "2", "--factors", "suite.csv"),
-            2,
-            "--factors and --scale cannot be used together",
-        ),
+        (("--factors", "component.csv"), 3,
+         "component.csv: other.mseed has no usable component HNZ"),
+        (("other.mseed", "--scale", "2", "--factors", "suite.csv"), 2,
+         "--factors and --scale cannot be used together"),
         (("other.mseed", "--factors", "none.csv"), 3, "none.csv: file not found"),
-        (
-            ("motion.mseed", "other.mseed", "--factors", "suite.csv"),
-            3,
-            "no factor for motion.mseed HNE",
-        ),
-        (
-            ("other.mseed", "--factors", "zero.csv"),
-            3,
-            "zero.csv:3: factor: ... got '0'",
-        ),
+        (("motion.mseed", "other.mseed", "--factors", "suite.csv"), 3,
+         "no factor for motion.mseed HNE"),
+        (("other.mseed", "--factors", "zero.csv"), 3, "zero.csv:3: factor: ... got '0'"),
     ],
-)
+)  # fmt: skip
 def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, message):
     Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
     Path("lost.csv").write_text("record,component,factor\ngone.mseed,HNE,2\n,HNN,2\n")
@@ -447,16 +407,9 @@ def test_motions_are_selected(folder, tdint):
     format of `scale`. At most one motion of an earthquake is selected."""
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
     call = (
-        "scale",
-        "motion.mseed",
-        "other.mseed",
-        *UNITS,
-        *TARGET,
-        "--range",
-        "0.3:2",
-        "--select",
-        2,
-    )
+        "scale", "motion.mseed", "other.mseed", *UNITS, *TARGET, "--range", "0.3:2",
+        "--select", 2,
+    )  # fmt: skip
     result = tdint(
         *call, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0
     )

@@ -84,15 +84,5 @@ def test_refusals_of_a_sequence(folder, tdint, arguments, message):
 
 
 def test_an_unreadable_event_is_refused(folder, tdint):
-    call = (
-        "run",
-        "shaken.yaml",
-        "motion.mseed",
-        "none.mseed",
-        "--sequence",
-        "--component",
-        "HNE",
-        "-o",
-        "out",
-    )
-    tdint.refused("none.mseed", *call, code=4)
+    call = "run shaken.yaml motion.mseed none.mseed --sequence --component HNE -o out"
+    tdint.refused("none.mseed", call, code=4)

@@ -43,7 +43,7 @@ def test_a_selected_option_has_a_column(folder, tdint):
     """A selected option adds a column and an entry in the JSON file."""
     plain = tdint("spectrum", "other.mseed", *PERIODS).stdout.splitlines()
     named = tdint(
-        "spectrum", "other.mseed", *PERIODS, "--maxima", "exact", "--interpolation", "linear"
+        "spectrum other.mseed", *PERIODS, "--maxima", "exact", "--interpolation", "linear"
     ).stdout
     assert named.splitlines() == [
         f"{COLUMNS},maxima,interpolation",
@@ -97,13 +97,8 @@ def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, options, dra
     assert "below a period" not in result.stderr
     pga = f"{read_record('other.mseed').pga:.12g}"
     assert [rows(folder / "zero.csv")[0][name] for name in COLUMNS.split(",")[3:]] == [
-        "0",
-        "0",
-        "0",
-        pga,
-        "0",
-        pga,
-    ]
+        "0", "0", "0", pga, "0", pga,
+    ]  # fmt: skip
     assert (folder / "zero.png").stat().st_size > 1000
 
 
@@ -114,9 +109,7 @@ def test_output_to_a_file_or_a_directory(folder, tdint, into):
     before = files(folder)
     table = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS).stdout
     assert (
-        tdint(
-            "spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot", code=0
-        ).stdout
+        tdint("spectrum motion.mseed other.mseed", *PERIODS, "-o", into, "--plot", code=0).stdout
         == ""
     )
     suffixes = ("csv", "json", "png")

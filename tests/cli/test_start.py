@@ -18,20 +18,11 @@ HEAVY = {"numba", "scipy.stats", "scipy.optimize", "matplotlib", "obspy"}
 """Packages whose import needs at least 0.1 s; a command may import them only if it needs them."""
 
 UNNEEDED = {
-    "scipy",
-    "numpy.ma",
-    "numpy.random",
-    "argparse",
-    "difflib",
-    "gzip",
-    "secrets",
-    "tdint.campaign",
-    "tdint.analysis.run.sequence",
-    "tdint.analysis.spectra.floors",
-    "tdint.analysis.run.step_choice",
-    "tdint.ground_motion.horizontals",
+    "scipy", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
+    "tdint.campaign", "tdint.analysis.run.sequence", "tdint.analysis.spectra.floors",
+    "tdint.analysis.run.step_choice", "tdint.ground_motion.horizontals",
     "tdint.ground_motion.reading.instrument",
-}
+}  # fmt: skip
 """Modules that runs and spectra of records do not need."""
 
 WITHOUT_RECORDS = {"importlib.metadata", "tdint.ground_motion.reading.read"}
@@ -39,10 +30,8 @@ WITHOUT_RUNS = {"numpy.polynomial", "tdint.methods", "tdint.analysis.run.outcome
 WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 
 CALLS = {
-    "init": ("new.yaml", 3_850, ""),
-    "check": ("office.yaml", 18_100, "obspy"),
-    "run": ("office.yaml", 23_800, "obspy"),
-    "modes": ("office.yaml", 10_150, ""),
+    "init": ("new.yaml", 3_850, ""), "check": ("office.yaml", 18_100, "obspy"),
+    "run": ("office.yaml", 23_800, "obspy"), "modes": ("office.yaml", 10_150, ""),
     "law": ("office.yaml --drift 1%", 12_400, ""),
     "pushover": ("office.yaml --points 20", 12_600, ""),
     "compare": ("office.yaml --recorded recorded.yaml", 24_850, "scipy.optimize"),
@@ -55,18 +44,16 @@ CALLS = {
     "scale": ("motion.mseed --pga 0.4g", 36_450, "obspy"),
     "ida": ("office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%", 36_850, "obspy"),
     "sensitivity": ("office.yaml motion.mseed --vary damping=2%:5%", 38_700, "obspy"),
-    "fragility": ("stripes.csv", 35_700, ""),
-    "methods": ("", 14_100, ""),
+    "fragility": ("stripes.csv", 35_700, ""), "methods": ("", 14_100, ""),
     "stability": ("--method impulse4 --dt-over-t 0.1", 17_100, ""),
     "overshoot": ("--method impulse4 --steps 3", 17_100, ""),
     "order": ("--method impulse4 --load free", 19_450, "scipy.optimize"),
     "failures": ("--method impulse4 --problem large-step", 18_600, ""),
     "examples": ("1 --method newmark-average", 21_300, ""),
     "chart": ("office.yaml --method impulse4 --dt 0.01 --repeat 1 --duration 1", 26_300, "obspy"),
-    "compile": ("office.yaml --show", 16_650, ""),
-    "validate": ("", 25_150, "obspy"),
+    "compile": ("office.yaml --show", 16_650, ""), "validate": ("", 25_150, "obspy"),
     "rerun": ("loop.json", 13_150, ""),
-}
+}  # fmt: skip
 """For each command: arguments, maximum number of lines of tdint's own code that it loads (5 % above
 the present number, because a kernel that is not in the cache loads more), and the packages of
 `HEAVY` that it needs."""
@@ -83,11 +70,7 @@ UNNEEDED_BY_COMMAND = {
     | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"}
     | {"tdint_cli.campaigns", "tdint.model.law_checks", "tdint.methods.step_check"}
     | {f"tdint.kernels.laws.{law}" for law in ("imk", "bouc_wen", "multilinear_pinching", "gap")}
-    | {
-        "tdint.kernels.oscillators",
-        "tdint.analysis.spectra",
-        "tdint.csv_table",
-    }
+    | {"tdint.kernels.oscillators", "tdint.analysis.spectra", "tdint.csv_table"}
     | {"tdint.ground_motion.processing_steps", "tdint.output.run_summary", "tdint.output.summary"}
     | {f"tdint.methods.{family}" for family in FAMILIES if family != "impulse4"},
     "spectrum": UNNEEDED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
@@ -105,20 +88,9 @@ UNNEEDED_BY_COMMAND = {
 
 QUICK = ("check", "run")
 SLOW = {
-    "match",
-    "campaign",
-    "chart",
-    "compare",
-    "fragility",
-    "ida",
-    "order",
-    "sensitivity",
-    "validate",
-    "failures",
-    "overshoot",
-    "stability",
-    "examples",
-}
+    "match", "campaign", "chart", "compare", "fragility", "ida", "order", "sensitivity",
+    "validate", "failures", "overshoot", "stability", "examples",
+}  # fmt: skip
 """Commands with tests of more than half a second, or with the imports of another command."""
 
 

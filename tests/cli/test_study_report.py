@@ -79,8 +79,7 @@ def test_a_factor_at_collapse_scales_the_record_to_its_capacity(
     folder: Path, tdint: Command
 ) -> None:
     tdint(
-        "ida",
-        "shaken.yaml",
+        "ida shaken.yaml",
         *("motion.mseed", "--component", "HNE", "--units", "m/s^2", "--im", "pga"),
         *("-o", "out", "--report", "page.html"),
         code=0,
@@ -118,8 +117,7 @@ def test_the_page_of_a_study_contains_its_building_and_motions(
     for samples in (60, 120):
         make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
     tdint(
-        "ida",
-        "shaken.yaml",
+        "ida shaken.yaml",
         *("motion.mseed", "60.mseed", "120.mseed", "--component", "HNE", "--units", "m/s^2"),
         *("-o", "out"),
         code=0,

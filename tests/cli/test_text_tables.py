@@ -42,7 +42,7 @@ def tables(folder):
 )
 def test_info_of_a_directory(tables, tdint, column, names, factor):
     result = tdint(
-        "info", "tables", *LAYOUT, *(column or ("--column", "1,2")), "-o", "info.csv", code=0
+        "info tables", *LAYOUT, *(column or ("--column", "1,2")), "-o", "info.csv", code=0
     )
     found = rows((tables / "info.csv").read_text())
     assert [row["component"] for row in found] == names * 2
@@ -126,11 +126,7 @@ def test_rows_in_a_model_file(noise, tdint):
         ("info motion.mseed --rows", 4, "--rows cannot be used with the file format MSEED"),
         ("info motion.mseed --rows --column 1", 2, "--rows and --column cannot be combined"),
         ("run forced.yaml --rows", 2, "requires a record"),
-        (
-            "info motion.mseed --step 0.02",
-            4,
-            "0.01 s, which contradicts --step 0.02",
-        ),
+        ("info motion.mseed --step 0.02", 4, "0.01 s, which contradicts --step 0.02"),
         ("info motion.mseed --column 2", 4, "--column 2 cannot be used with the file format MSEED"),
         ("info motion.mseed --step 0", 2, "--step"),
         ("info tables/a.txt --skip-lines -1", 2, "--skip-lines"),
@@ -151,18 +147,9 @@ def test_invalid_options_are_refused(tables, tdint, arguments, code, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            lambda line, i: line[:5] if i == 50 else line,
-            "line 51 ... 2 numbers, got '0.49,'",
-        ),
-        (
-            lambda line, i: line[:5] if i == 1 else line,
-            "line 2 ... 2 numbers, got '0.00,'",
-        ),
-        (
-            lambda line, i: f"{i - 1 if i else ''},{line}",
-            "line 1: ',time,acc' ... first column",
-        ),
+        (lambda line, i: line[:5] if i == 50 else line, "line 51 ... 2 numbers, got '0.49,'"),
+        (lambda line, i: line[:5] if i == 1 else line, "line 2 ... 2 numbers, got '0.00,'"),
+        (lambda line, i: f"{i - 1 if i else ''},{line}", "line 1: ',time,acc' ... first column"),
     ],
 )
 def test_incomplete_rows_are_reported_with_their_line(folder, tdint, change, message):

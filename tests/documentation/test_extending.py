@@ -193,14 +193,9 @@ def test_method_and_law_give_equal_results_compiled_and_interpreted(extended):
     folder, _ = extended
     (folder / "hyperbolic.yaml").write_text(MODEL)
     command = (
-        *TDINT,
-        "run",
-        "hyperbolic.yaml",
-        "records/firm-soil.mseed",
-        "--component",
-        "HN1",
-        "--method",
-    )
+        *TDINT, "run", "hyperbolic.yaml", "records/firm-soil.mseed", "--component",
+        "HN1", "--method",
+    )  # fmt: skip
     rows = [
         table(python(extended, *command, "newmark-step", "--duration", "4", TDINT_KERNELS=kernels))
         for kernels in ("", "python")
@@ -217,16 +212,9 @@ def test_a_new_story_quantity_is_in_all_outputs(without_law):
     folder, _ = without_law
     name, mass = "peak_inertia_N", 2e5
     run = (
-        "run",
-        "configs/ten-story.yaml",
-        "--method",
-        "newmark-average",
-        "--duration",
-        "2",
-        "--check",
-        "-o",
-        "out",
-    )
+        "run", "configs/ten-story.yaml", "--method", "newmark-average", "--duration",
+        "2", "--check", "-o", "out",
+    )  # fmt: skip
     python(without_law, *TDINT, *run)
     stories = table((folder / "out" / "stories.csv").read_text())
     inertia = [float(row[name]) for row in stories]

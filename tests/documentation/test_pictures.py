@@ -17,13 +17,7 @@ FIGURES = [
 ]
 _OUTPUTS = {"-o", "--output", "--plot", "--openquake", "--geojson"}  # options that name outputs
 # Options that change no figure
-_SILENT = {
-    "-q",
-    "--quiet",
-    "--overwrite",
-    "--history",
-    "--no-cache",
-}
+_SILENT = {"-q", "--quiet", "--overwrite", "--history", "--no-cache"}
 
 
 def settings(command):

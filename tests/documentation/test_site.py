@@ -300,14 +300,9 @@ def site(maker, tmp_path_factory):
     maker.write(folder)
     maker.draw = before
     command = [
-        sys.executable,
-        "-m",
-        "zensical",
-        "build",
-        "--strict",
-        "--config-file",
+        sys.executable, "-m", "zensical", "build", "--strict", "--config-file",
         str(folder / "site.yml"),
-    ]
+    ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder / "site"
@@ -337,10 +332,7 @@ def test_links_of_the_site_have_targets_and_no_external_files_are_loaded(site):
                 not anchor
                 or target_file not in found
                 or anchor in found[target_file].anchors | {"__skip"}
-            ), (
-                file,
-                target,
-            )
+            ), (file, target)
 
 
 @pytest.mark.long

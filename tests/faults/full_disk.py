@@ -76,10 +76,7 @@ SCENES = {
     ),
     "export": Scene(("campaign study.yaml -o out",), "campaign export out --simcenter"),
     "merge": Scene(
-        (
-            "campaign study.yaml -o one --shard 1/2",
-            "campaign study.yaml -o two --shard 2/2",
-        ),
+        ("campaign study.yaml -o one --shard 1/2", "campaign study.yaml -o two --shard 2/2"),
         "campaign merge one two -o out",
     ),
     "run": Scene((), "run model.yaml --history -o out", "--overwrite"),

@@ -192,33 +192,18 @@ def test_a_cluster_gives_equal_results_if_a_worker_is_killed(study, start, clust
 def certificate(folder: Path, name: str, signed_by: str | None) -> None:
     """Write NAME.pem and NAME-key.pem of an authority (`signed_by` is None) or signed by it."""
     subject = [
-        "-subj",
-        f"/CN={name}",
-        "-keyout",
-        f"{name}-key.pem",
-        "-nodes",
-        "-newkey",
+        "-subj", f"/CN={name}", "-keyout", f"{name}-key.pem", "-nodes", "-newkey",
         "rsa:2048",
-    ]
+    ]  # fmt: skip
     if signed_by is None:
         commands = [["req", "-x509", "-days", "2", *subject, "-out", f"{name}.pem"]]
     else:
         request = ["req", *subject, "-out", f"{name}.csr"]
         sign = [
-            "x509",
-            "-req",
-            "-days",
-            "2",
-            "-in",
-            f"{name}.csr",
-            "-CA",
-            f"{signed_by}.pem",
-            "-CAkey",
-            f"{signed_by}-key.pem",
-            "-CAcreateserial",
-            "-out",
-            f"{name}.pem",
-        ]
+            "x509", "-req", "-days", "2", "-in", f"{name}.csr", "-CA",
+            f"{signed_by}.pem", "-CAkey", f"{signed_by}-key.pem", "-CAcreateserial",
+            "-out", f"{name}.pem",
+        ]  # fmt: skip
         commands = [request, sign]
     for command in commands:
         subprocess.run(["openssl", *command], cwd=folder, check=True, capture_output=True)

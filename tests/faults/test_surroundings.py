@@ -52,14 +52,9 @@ def test_a_process_that_compiles_in_a_hostile_working_directory(hostile, start):
 @pytest.mark.slow
 def test_a_long_command_in_a_hostile_working_directory(hostile, start):
     options = (
-        "--method",
-        "newmark-average,hht",
-        "--halvings",
-        "2",
-        "--duration",
-        "1",
+        "--method", "newmark-average,hht", "--halvings", "2", "--duration", "1",
         "--no-cache",
-    )
+    )  # fmt: skip
     code, _, messages = start("chart", "model.yaml", *options).end(300.0)
     assert code == 0, messages
 

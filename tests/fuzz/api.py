@@ -26,31 +26,16 @@ OUTCOMES = REFUSED, DONE = "refused", "finite"
 
 _NUMBERS: tuple[Any, ...] = (0.01, 0.05, 0.2, 1.0, 2, np.float64(0.1), np.int64(2))
 _STRANGE: tuple[Any, ...] = (
-    0,
-    0.0,
-    -1,
-    -0.0,
-    1e-308,
-    5e-324,
-    1e308,
-    float("nan"),
-    float("inf"),
-    -np.inf,
-    10**30,
-    1e9,
-)
+    0, 0.0, -1, -0.0, 1e-308, 5e-324, 1e308, float("nan"), float("inf"), -np.inf,
+    10**30, 1e9,
+)  # fmt: skip
 _TYPES: tuple[Any, ...] = (
     "1", "abc", "", True, 1j, [], [1.0], {}, b"1", np.array([1.0, 2.0]), np.ma.masked, object(), (),
 )  # fmt: skip
 _NEVER_NUMBERS = (
-    "ductility",
-    "errors",
-    "collapse",
-    "residual_drift_ratio",
-    "peak_drift_ratio",
-    "height",
-    "limits",
-)
+    "ductility", "errors", "collapse", "residual_drift_ratio", "peak_drift_ratio",
+    "height", "limits",
+)  # fmt: skip
 """Fields that are nan where there is nothing to tell: a story without height, a law without
 yielding, a story without this limit."""
 
@@ -130,19 +115,10 @@ def _run(source: random.Random) -> Any:
 
 
 _PARAMETERS = (
-    "damping",
-    "stories[1].stiffness",
-    "stories.mass",
-    "record.scale",
-    "strength_factor",
-    "stories[1].law.yield_force",
-    "stories[0].mass",
-    "storys",
-    "",
-    "\x1b",
-    3,
-    None,
-)
+    "damping", "stories[1].stiffness", "stories.mass", "record.scale",
+    "strength_factor", "stories[1].law.yield_force", "stories[0].mass", "storys", "",
+    "\x1b", 3, None,
+)  # fmt: skip
 
 
 def _gradient(source: random.Random) -> Any:
@@ -184,24 +160,13 @@ def _scaled(source: random.Random) -> Any:
 
 def _many(source: random.Random) -> Any:
     names = (
-        "damping",
-        "stories.mass",
-        "stories[1].law.hardening",
-        "stories[2].mass",
-        "record.scale",
-        "strength_factor",
-    )
+        "damping", "stories.mass", "stories[1].law.hardening", "stories[2].mass",
+        "record.scale", "strength_factor",
+    )  # fmt: skip
     strange = (
-        "",
-        "stories",
-        "stories[0].mass",
-        "stories[x].mass",
-        "stories[1].law.",
-        "storys.mass",
-        "\x1b",
-        3,
-        None,
-    )
+        "", "stories", "stories[0].mass", "stories[x].mass", "stories[1].law.",
+        "storys.mass", "\x1b", 3, None,
+    )  # fmt: skip
     chosen = source.choices(
         (*names, *strange) if source.random() < 0.3 else names, k=source.randrange(1, 4)
     )
@@ -224,14 +189,10 @@ def _many(source: random.Random) -> Any:
 def _replaced(source: random.Random) -> Any:
     name = source.choice(
         (
-            "damping",
-            "stories[1].mass",
-            "stories.height",
-            "stories.law.hardening",
-            "mass_factor",
-            "x",
+            "damping", "stories[1].mass", "stories.height", "stories.law.hardening",
+            "mass_factor", "x",
         )
-    )
+    )  # fmt: skip
     return tdint.modes(
         _model(source.choice(tuple(MODELS))).replace(**{name: _number(source)})
     ).omega

@@ -16,26 +16,15 @@ from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.option_types import FileName, ListOf
 
 RECORDS = (
-    "a.txt",
-    "n.mseed",
-    "s.sac",
-    "counts.mseed",
-    "table.csv",
-    "many",
-    "nan.txt",
-    "cut.mseed",
-    "none",
-    *STRANGE_NAMES,
-)
+    "a.txt", "n.mseed", "s.sac", "counts.mseed", "table.csv", "many", "nan.txt",
+    "cut.mseed", "none", *STRANGE_NAMES,
+)  # fmt: skip
 _MODELS = tuple(MODELS)
 _CHEAP = ("--method", "newmark-average")
 
 SOUND: dict[str, list[tuple[str, ...]]] = {
     "run": [
-        ("linear.yaml",),
-        ("bilinear.yaml",),
-        ("forced.yaml",),
-        ("modal.yaml",),
+        ("linear.yaml",), ("bilinear.yaml",), ("forced.yaml",), ("modal.yaml",),
         ("linear.yaml", "a.txt"),
         ("limited.yaml", "a.txt", "n.mseed", "--units", "m/s^2"),
         ("limited.yaml", "n.mseed", "--units", "m/s^2", "--pair-demand", "mean"),
@@ -88,7 +77,7 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
             "--no-cache",
         )
     ],
-}
+}  # fmt: skip
 """Sound and cheap command lines; a command that is not here is tried with what its arguments are
 called."""
 
@@ -96,132 +85,44 @@ LEFT_OUT = {"compile", "examples"}
 """Commands that take too long for thousands of cases."""
 
 WEIGHTS = {
-    "run": 20,
-    "info": 12,
-    "spectrum": 12,
-    "drift-spectrum": 8,
-    "ida": 1,
-    "match": 3,
-    "order": 1,
-    "failures": 1,
-    "chart": 1,
-}
+    "run": 20, "info": 12, "spectrum": 12, "drift-spectrum": 8, "ida": 1, "match": 3,
+    "order": 1, "failures": 1, "chart": 1,
+}  # fmt: skip
 """How often a command is tried; 5 where it is not here."""
 
 _NUMBERS = ("0.02", "0.5", "1", "2", "0.1", "0.25", "10")
 _STRANGE_NUMBERS = (
-    "0",
-    "-1",
-    "nan",
-    "inf",
-    "-inf",
-    "1e308",
-    "1e-308",
-    "5e-324",
-    "1e-9",
-    "1e9",
-    "1e400",
-    "",
-    " ",
-    "abc",
-    "0x1",
-    "1_000",
-    "5%",
-    "1e300%",
-    "0,1",
-    "\uff15",
-    "1:2",
-    "--",
-    "1" * 400,
-    "\x1b[31m1",
-    "-0",
-)
+    "0", "-1", "nan", "inf", "-inf", "1e308", "1e-308", "5e-324", "1e-9", "1e9",
+    "1e400", "", " ", "abc", "0x1", "1_000", "5%", "1e300%", "0,1", "\uff15", "1:2",
+    "--", "1" * 400, "\x1b[31m1", "-0",
+)  # fmt: skip
 _COUNTS = ("1", "2", "3", "5")
 _STRANGE_COUNTS = ("0", "-1", "1.5", "99999999999999999999", "1000000", "abc", "", "1e3")
 _GRIDS = (
-    "0.1:1:3",
-    "0.2:0.2:1",
-    "0.5",
-    "1:0.1:5",
-    "0.1:1:0",
-    "0:1:5",
-    "0.1:1:100000000",
-    "a:b:c",
-    "1e-308:1e308:4",
-    "::",
-)
+    "0.1:1:3", "0.2:0.2:1", "0.5", "1:0.1:5", "0.1:1:0", "0:1:5", "0.1:1:100000000",
+    "a:b:c", "1e-308:1e308:4", "::",
+)  # fmt: skip
 _DRIFTS = (
-    "1%",
-    "20mm",
-    "2dy",
-    "0.001",
-    "0.01,0.02",
-    "1e308",
-    "-1",
-    "nan",
-    "0",
-    "1e-300",
-    "5in",
-    "200%",
-    "1e5dy",
-)
+    "1%", "20mm", "2dy", "0.001", "0.01,0.02", "1e308", "-1", "nan", "0", "1e-300",
+    "5in", "200%", "1e5dy",
+)  # fmt: skip
 _UNITS = (
-    "g",
-    "m/s^2",
-    "gal",
-    "cm/s",
-    "in",
-    "2e-6 m/s^2",
-    "1e300 g",
-    "0 g",
-    "-1 g",
-    "1e-300 m/s^2",
-    "furlong",
-    "g\x1b[31m",
-)
+    "g", "m/s^2", "gal", "cm/s", "in", "2e-6 m/s^2", "1e300 g", "0 g", "-1 g",
+    "1e-300 m/s^2", "furlong", "g\x1b[31m",
+)  # fmt: skip
 _METHODS = (
-    "newmark-average",
-    "impulse4",
-    "exact",
-    "newmark-average,exact",
-    "newmark:beta=nan",
-    "newmark:beta=1e308,gamma=0.5",
-    "impulse:beta=1e-9",
-    "newmark-average:x=1",
-    "wilson:theta=1e300",
-    "neumark",
-    ":",
-    "",
-    "generalized-alpha:rho_inf=2",
-)
+    "newmark-average", "impulse4", "exact", "newmark-average,exact", "newmark:beta=nan",
+    "newmark:beta=1e308,gamma=0.5", "impulse:beta=1e-9", "newmark-average:x=1",
+    "wilson:theta=1e300", "neumark", ":", "", "generalized-alpha:rho_inf=2",
+)  # fmt: skip
 _TEXTS = (
-    "",
-    "HNE",
-    "N",
-    "1",
-    "2",
-    "\x1b[0m",
-    "caf\xe9",
-    "0:1",
-    "0.05:",
-    ":",
-    "1e308:",
-    "-1:2",
-    "5:1",
-    "0.1,0.9",
-    "1e308",
-    "1" * 3000,
-)
+    "", "HNE", "N", "1", "2", "\x1b[0m", "caf\xe9", "0:1", "0.05:", ":", "1e308:",
+    "-1:2", "5:1", "0.1,0.9", "1e308", "1" * 3000,
+)  # fmt: skip
 _OUTPUTS = (
-    f"{OUTPUT}/t.csv",
-    f"{OUTPUT}/new/t.csv",
-    OUTPUT,
-    f"{OUTPUT}/",
-    f"{OUTPUT}/{OLD}",
-    "/dev/null",
-    "",
-    "/nowhere/t.csv",
-)
+    f"{OUTPUT}/t.csv", f"{OUTPUT}/new/t.csv", OUTPUT, f"{OUTPUT}/", f"{OUTPUT}/{OLD}",
+    "/dev/null", "", "/nowhere/t.csv",
+)  # fmt: skip
 
 
 def names() -> list[str]:

@@ -26,80 +26,24 @@ OUTCOMES = (REFUSED, SAME, FAILS, RUNS)
 _CONFIGS = Path(__file__).parents[2] / "configs"
 _WORD = re.compile(r"[^\s,:{}\[\]#]+")
 _STRANGE = (
-    "0",
-    "-1",
-    "1e308",
-    "1e-308",
-    "5e-324",
-    "1e999",
-    "nan",
-    ".inf",
-    "012",
-    "1_0",
-    "0,5",
-    "5%",
-    "'1'",
-    "true",
-    "null",
-    "none",
-    "[]",
-    "{}",
-    "[1, 2]",
-    "*x",
-    "&x",
-    "!!int 3",
-    "1e9",
-    "99999999999999999999",
-    "linear",
-    "bilinear",
-    "tanh",
-    "cos",
-    "kip",
-    "in",
-    "\x1b[31m",
-    "\u202e",
-    "\U0001f600",
-    "-0",
-    "1e-9",
-    "1e5",
-    "3",
-    "0.5",
-)
+    "0", "-1", "1e308", "1e-308", "5e-324", "1e999", "nan", ".inf", "012", "1_0", "0,5",
+    "5%", "'1'", "true", "null", "none", "[]", "{}", "[1, 2]", "*x", "&x", "!!int 3",
+    "1e9", "99999999999999999999", "linear", "bilinear", "tanh", "cos", "kip", "in",
+    "\x1b[31m", "\u202e", "\U0001f600", "-0", "1e-9", "1e5", "3", "0.5",
+)  # fmt: skip
 _KEYS = (
-    "mass",
-    "stiffness",
-    "height",
-    "repeat",
-    "law",
-    "type",
-    "dashpot",
-    "name",
-    "units",
-    "p_delta",
-    "record",
-    "file",
-    "forces",
-    "floor",
-    "omega",
-    "initial",
-    "modal",
-    "rayleigh",
-    "ratio",
-    "modes",
-    "hardening",
-    "yield_force",
-)
+    "mass", "stiffness", "height", "repeat", "law", "type", "dashpot", "name", "units",
+    "p_delta", "record", "file", "forces", "floor", "omega", "initial", "modal",
+    "rayleigh", "ratio", "modes", "hardening", "yield_force",
+)  # fmt: skip
 
 
 def sound_models() -> dict[str, str]:
     """Return names and texts of the models of the sandbox and of fast models in `configs`."""
     small = (
-        "fluid-dampers",
-        "hardening",
-        "three-story-concrete",
-        "collapse-prone-frame",
+        "fluid-dampers", "hardening", "three-story-concrete", "collapse-prone-frame",
         "ten-story-bilinear",
-    )
+    )  # fmt: skip
     return MODELS | {f"{name}.yaml": (_CONFIGS / f"{name}.yaml").read_text() for name in small}
 
 
@@ -195,12 +139,7 @@ def _check_sound(model: Model) -> None:
 def _same(model: Model, other: Model) -> bool:
     """Return True if two models are equal except for their texts and names."""
     fields = (
-        "stories",
-        "damping",
-        "p_delta",
-        "excitation",
-        "initial",
-        "analysis",
+        "stories", "damping", "p_delta", "excitation", "initial", "analysis",
         "collapse_drift",
-    )
+    )  # fmt: skip
     return all(getattr(model, name) == getattr(other, name) for name in fields)

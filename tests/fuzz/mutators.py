@@ -8,19 +8,9 @@ from collections.abc import Callable
 _HEADER = 700
 _NUMBER = re.compile(rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _STRANGE = [
-    b"0",
-    b"-1",
-    b"1e308",
-    b"1e-308",
-    b"nan",
-    b"inf",
-    b"999999999999",
-    b"",
-    b"\xff",
-    b"-0",
-    b"1e5",
-    b"2147483648",
-]
+    b"0", b"-1", b"1e308", b"1e-308", b"nan", b"inf", b"999999999999", b"", b"\xff",
+    b"-0", b"1e5", b"2147483648",
+]  # fmt: skip
 
 
 def flip_a_bit(data: bytearray, source: random.Random) -> None:
@@ -83,19 +73,10 @@ def lose_or_swap_lines(data: bytearray, source: random.Random) -> None:
 
 
 MUTATORS: tuple[Callable[[bytearray, random.Random], None], ...] = (
-    flip_a_bit,
-    flip_a_bit,
-    flip_a_bit_of_the_header,
-    flip_a_bit_of_the_header,
-    set_a_byte,
-    cut_off,
-    lose_a_piece,
-    double_a_piece,
-    zero_a_piece,
-    change_a_number,
-    change_a_number,
-    lose_or_swap_lines,
-)
+    flip_a_bit, flip_a_bit, flip_a_bit_of_the_header, flip_a_bit_of_the_header,
+    set_a_byte, cut_off, lose_a_piece, double_a_piece, zero_a_piece, change_a_number,
+    change_a_number, lose_or_swap_lines,
+)  # fmt: skip
 
 
 def mutated(data: bytes, seed: int) -> bytes:

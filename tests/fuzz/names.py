@@ -10,25 +10,8 @@ from fuzz.sandbox import OUTPUT, STRANGE_NAMES, invoked, run
 
 _PARTS = (
     *(
-        "a",
-        "model",
-        ".",
-        "..",
-        " ",
-        "-",
-        "--dt",
-        "=cmd()",
-        "@",
-        "%s",
-        "'",
-        '"',
-        "$x",
-        "*",
-        "?",
-        "~",
-        "#",
-        ":",
-        "\\",
+        "a", "model", ".", "..", " ", "-", "--dt", "=cmd()", "@", "%s", "'", '"', "$x",
+        "*", "?", "~", "#", ":", "\\",
     ),
     *(
         "\n",
@@ -45,7 +28,7 @@ _PARTS = (
         "\udcff",
     ),
     "x" * 300,
-)
+)  # fmt: skip
 _ENDS = (".yaml", ".yml", ".csv", ".csv.gz", ".txt", "")
 CALLS = ("init", "modes", "check", "run", "runs", "campaign")
 
@@ -122,12 +105,9 @@ def _memory(source: random.Random) -> str:
     steps = round(10.0 ** source.uniform(4.0, 6.0))
     every = max(1, steps // source.choice((10, 100, 300)))
     line = [
-        "run",
-        "linear.yaml",
-        "--dt",
-        f"{1e-2 / -(-steps // 30):.12g}",
+        "run", "linear.yaml", "--dt", f"{1e-2 / -(-steps // 30):.12g}",
         f"--history={OUTPUT}/h.csv",
-    ]
+    ]  # fmt: skip
     tracemalloc.start()
     try:
         found = run([*line, "--history-every", str(every)])

@@ -522,15 +522,11 @@ def _other_status(scene: Scene, written: _Outputs, source: random.Random) -> str
 ON_COMMANDS: dict[str, Callable[[Scene, _Outputs, random.Random], str | None]] = {
     "number in the JSON file": _number_of_json,
     "number removed from the JSON file": _removed_results,
-    "longer list of files": _more_files,
-    "shorter list of files": _listed_file_deleted,
-    "input missing": _input_missing,
-    "input changed": _input_changed,
-    "input broken": _input_broken,
-    "command refuses its arguments": _other_argument,
-    "export fails": _export_fails,
-    "status": _other_status,
-}
+    "longer list of files": _more_files, "shorter list of files": _listed_file_deleted,
+    "input missing": _input_missing, "input changed": _input_changed,
+    "input broken": _input_broken, "command refuses its arguments": _other_argument,
+    "export fails": _export_fails, "status": _other_status,
+}  # fmt: skip
 """Attacks on the JSON file, the inputs and the command; each returns the name that a message must
 contain, or None if it does not apply."""
 
@@ -620,14 +616,8 @@ def _is_rounding(err: str, named: str, name: str, file: str) -> bool:
         any(f"{named}: {how}" in line for line in lines for how in approved)
         and name
         in (
-            "flipped bit",
-            "changed digit",
-            "zeros added",
-            "row added",
-            "truncated",
-            "row removed",
-            "text for a number",
-            "link to a changed copy",
+            "flipped bit", "changed digit", "zeros added", "row added", "truncated",
+            "row removed", "text for a number", "link to a changed copy",
         )
         and not any("byte for byte" in line for line in lines)
-    )
+    )  # fmt: skip

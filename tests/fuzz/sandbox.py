@@ -61,14 +61,9 @@ limits: {drift_ratio: 0.5%, isolator_displacement: 2 mm, floor_acceleration: 0.1
 }
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"  # noqa: E501
 STRANGE_NAMES = (
-    "=cmd().txt",
-    "esc\x1b[31m.txt",
-    "two\nlines.txt",
-    "-dash.txt",
-    "\u202e.txt",
-    "caf\udce9.txt",
-    "inf.txt",
-)
+    "=cmd().txt", "esc\x1b[31m.txt", "two\nlines.txt", "-dash.txt", "\u202e.txt",
+    "caf\udce9.txt", "inf.txt",
+)  # fmt: skip
 """Names of sound records that a table or a terminal must not be given as they are."""
 
 OUTPUT, OLD = "out", "old.csv"

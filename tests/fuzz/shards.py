@@ -113,13 +113,10 @@ def _changed_table(source: random.Random) -> None:
 
 
 AFTER = {
-    "flipped bit": _flip,
-    "truncated store": _truncate,
-    "same shard twice": _same_shard_twice,
-    "store missing": _no_store,
-    "other division": _other_division,
-    "changed table": _changed_table,
-}
+    "flipped bit": _flip, "truncated store": _truncate,
+    "same shard twice": _same_shard_twice, "store missing": _no_store,
+    "other division": _other_division, "changed table": _changed_table,
+}  # fmt: skip
 """Damages of the finished shards."""
 
 

@@ -18,19 +18,10 @@ _RECORD = ("a.txt", "--units", "m/s^2")
 CALLS = {
     "campaign": ("campaign", "scales.yaml", "-o", OUTPUT, "--jobs", "1"),
     "study": (
-        "ida",
-        "bilinear.yaml",
-        *_RECORD,
-        "--precision",
-        "50%",
-        "--max-im",
-        "3g",
-        "-o",
-        OUTPUT,
-        "--jobs",
-        "1",
+        "ida", "bilinear.yaml", *_RECORD, "--precision", "50%", "--max-im", "3g", "-o",
+        OUTPUT, "--jobs", "1",
     ),
-}
+}  # fmt: skip
 """Calls that go on with a store."""
 
 HEALED, SOUND, REFUSED = "healed, said", "nothing to do", "refused"

@@ -17,22 +17,9 @@ from fuzz.study_files import CAMPAIGN, COMPARE, MATCH, SELECT
 
 _NUMBER = re.compile(r"(?<![\w.+-])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _NUMBERS = (
-    "0",
-    "1",
-    "-1",
-    "3",
-    "0.01",
-    "0.5",
-    "100",
-    "1e5",
-    "1e9",
-    "1e-9",
-    "1e100",
-    "-1e100",
-    "1e308",
-    "1e-308",
-    "5e-324",
-)
+    "0", "1", "-1", "3", "0.01", "0.5", "100", "1e5", "1e9", "1e-9", "1e100", "-1e100",
+    "1e308", "1e-308", "5e-324",
+)  # fmt: skip
 
 _COMPARE = [("compare", *item) for item in COMPARE]
 _FIT = [("compare", *item, "--fit", "stiffness") for item in COMPARE[:1]]

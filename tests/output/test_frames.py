@@ -121,11 +121,8 @@ def test_records_from_arrays_traces_and_streams(traces):
     array = tdint.make_record(WAVE, dt=0.01, units="g", component="X", name="wave")
     np.testing.assert_allclose(array.acceleration, WAVE * STANDARD_GRAVITY, rtol=1e-15)
     assert (array.dt, array.source, array.component, array.units_from) == (
-        0.01,
-        "wave",
-        "X",
-        "given",
-    )
+        0.01, "wave", "X", "given",
+    )  # fmt: skip
     for data, component in ((traces[1], None), (traces, "HNN"), (traces, "N")):
         record = tdint.make_record(data, units="cm/s^2", component=component)
         np.testing.assert_allclose(record.acceleration, 0.02 * WAVE, rtol=1e-14)
@@ -149,18 +146,12 @@ def test_records_from_arrays_traces_and_streams(traces):
         ({"data": WAVE, "units": "g"}, UsageError, "dt and units are required"),
         ({"data": WAVE, "dt": 0.01}, UsageError, "dt and units are required"),
         ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
-        (
-            {"data": WAVE * np.nan, "dt": 1.0, "units": "g"},
-            RecordError,
-            "array: .* got nan for sample 0",
-        ),
-        (
-            {"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"},
-            RecordError,
-            "samples masked",
-        ),
+        ({"data": WAVE * np.nan, "dt": 1.0, "units": "g"}, RecordError,
+         "array: .* got nan for sample 0"),
+        ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError,
+         "samples masked"),
     ],
-)
+)  # fmt: skip
 def test_invalid_arrays_are_refused(arguments, error, message):
     with pytest.raises(error, match=message):
         tdint.make_record(**arguments)

@@ -63,24 +63,14 @@ CONVENTIONS = {
         ("Lytle Creek", "2012-02-13T21:06:45.000000Z"),
         ("89146", "360", "90"),
     ),
-    "letters": (
-        ("yard_X.txt", "yard_Y.txt"),
-        ("...X", "...Y"),
-        ("", ""),
-        ("", "X", "Y"),
-    ),
+    "letters": (("yard_X.txt", "yard_Y.txt"), ("...X", "...Y"), ("", ""), ("", "X", "Y")),
     "fault": (
         ("site-FN.txt", "site-FP.txt"),
         (".S..FN", ".S..FP"),
         ("Kocaeli", ""),
         ("S", "FN", "FP"),
     ),
-    "no names": (
-        ("left.txt", "right.txt"),
-        ("...", "..."),
-        ("", ""),
-        ("", "H1", "H2"),
-    ),
+    "no names": (("left.txt", "right.txt"), ("...", "..."), ("", ""), ("", "H1", "H2")),
     "long and transverse": (
         ("a_long.txt", "a_trans.txt"),
         (".S..LONG", ".S..TRANS"),

@@ -24,10 +24,7 @@ from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.assessment import order_picture
-from tdint.output.figures.runs import (
-    run_picture,
-    sensitivity_picture,
-)
+from tdint.output.figures.runs import run_picture, sensitivity_picture
 from tdint.output.figures.spectrum_curves import (
     draw_adrs,
     draw_tripartite,
@@ -319,16 +316,10 @@ def test_a_processed_record_is_labeled():
     ("axes", "count"),
     every(
         2,
-        [
-            ("periods", 1),
-            ("periods", 22),
-            ("tripartite", 2),
-            ("tripartite", 22),
-            ("adrs", 2),
-            ("adrs", 22),
-        ],
+        [("periods", 1), ("periods", 22), ("tripartite", 2), ("tripartite", 22), ("adrs", 2),
+         ("adrs", 22)],
     ),
-)
+)  # fmt: skip
 def test_axes_and_suites(axes, count):
     """The legend of a suite of 22 lines contains only the fractiles. The period 0 is not shown on a
     logarithmic axis."""
@@ -377,27 +368,17 @@ def test_scales_of_a_spectrum_in_any_units(units):
     every(
         3,
         [
-            (
-                "kip,in,g",
-                ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"),
-                1.0,
-                0.02,
-            ),
-            (
-                "kN,mm",
-                ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"),
-                100.0,
-                0.001,
-            ),
-            (
-                "lbf,m/s^2",
-                ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"),
-                1.0,
-                np.nan,
-            ),
+            ("kip,in,g",
+             ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"), 1.0,
+             0.02),
+            ("kN,mm",
+             ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"), 100.0,
+             0.001),
+            ("lbf,m/s^2", ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"),
+             1.0, np.nan),
         ],
     ),
-)
+)  # fmt: skip
 def test_a_run_in_other_units(shaken, units, labels, limit, part):
     """Labels and peaks are in the requested units, with g as default for accelerations. A collapse
     drift close to the peak is marked. The error band of the roof is shown if it exceeds a

@@ -55,18 +55,9 @@ def results():
 
 NARROW = ("order", "stability", "spectrum")
 ON_AXES = {
-    "record",
-    "run",
-    "peaks",
-    "runs",
-    "modes",
-    "law",
-    "pushover",
-    "spectrum",
-    "scale",
-    "fragility",
-    "stability",
-}
+    "record", "run", "peaks", "runs", "modes", "law", "pushover", "spectrum", "scale",
+    "fragility", "stability",
+}  # fmt: skip
 
 
 @pytest.mark.usefixtures("laid_out")

@@ -56,28 +56,19 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
     every(
         2,
         [
-            (
-                [COLLAPSING],
-                ["1 record", "capacity against collapse"],
-                ["1 records", "median", "16 %"],
-            ),
+            ([COLLAPSING], ["1 record", "capacity against collapse"],
+             ["1 records", "median", "16 %"]),
             ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
-            (
-                [((1.0, 0.01), (2.0, 0.03))] * 3,
-                ["does not collapse up to here", "median"],
-                ["capacity against"],
-            ),
-            (
-                [(*COLLAPSING, (2.6, 0.04))] * 2,
-                ["no collapse at a higher level"],
-                ["capacity against collapse"],
-            ),
+            ([((1.0, 0.01), (2.0, 0.03))] * 3, ["does not collapse up to here", "median"],
+             ["capacity against"]),
+            ([(*COLLAPSING, (2.6, 0.04))] * 2, ["no collapse at a higher level"],
+             ["capacity against collapse"]),
             ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
             ([((1.0, math.inf),)], ["1 record"], ["capacity against"]),
             ([((1.0, 0.0), (2.0, 0.0))], ["1 record"], ["capacity against collapse"]),
         ],
     ),
-)
+)  # fmt: skip
 def test_incremental_dynamic_analyses(curves, expected, missing):
     text = figure_texts(ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves)))))
     assert not [part for part in expected if part not in text]
@@ -110,22 +101,14 @@ PAIR = Horizontals(record(0), record(1))
         2,
         [
             (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
-            (
-                scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
-                ["2 records", "median", "Sa_avg = 2 m/s²"],
-            ),
-            (
-                scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
-                ["1 pair", "RotD50", "PGV = 0.3 m/s"],
-            ),
-            (
-                scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
-                ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"],
-            ),
-            (
-                scale_p695([PAIR] * 3, 1.0, 2.0),
-                ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"],
-            ),
+            (scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
+             ["2 records", "median", "Sa_avg = 2 m/s²"]),
+            (scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
+             ["1 pair", "RotD50", "PGV = 0.3 m/s"]),
+            (scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
+             ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"]),
+            (scale_p695([PAIR] * 3, 1.0, 2.0),
+             ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"]),
             (
                 Scaling(
                     (PAIR,) * 11,
@@ -142,7 +125,7 @@ PAIR = Horizontals(record(0), record(1))
         ],
     ),
     ids=["value", "average", "pair", "target", "p695", "asce7"],
-)
+)  # fmt: skip
 def test_suites(scaling, expected):
     text = figure_texts(suite_picture(scaling))
     assert not [part for part in expected if part not in text]

@@ -10,12 +10,7 @@ from matplotlib.figure import Figure
 from tdint.analysis.chart.profiles import METHODS
 from tdint.methods.catalogue import catalogue
 from tdint.output.figures.legends import add_legend, legend_columns
-from tdint.output.figures.style import (
-    add_ratio_axis,
-    method_styles,
-    scaled_unit,
-    write_labels,
-)
+from tdint.output.figures.style import add_ratio_axis, method_styles, scaled_unit, write_labels
 from tdint.units import SI, parse_output_units
 
 
@@ -60,13 +55,8 @@ def test_a_legend_lists_some_lines_and_counts_the_others():
     # 24 long entries in two columns
     assert figure.get_figheight() == pytest.approx(4.0 + (8 + 12) * 0.17)
     assert [legend_columns(["x" * size] * 6, 4, 5.0) for size in (1, 8, 14, 15, 26, 90)] == [
-        4,
-        3,
-        3,
-        2,
-        2,
-        1,
-    ]
+        4, 3, 3, 2, 2, 1,
+    ]  # fmt: skip
     assert legend_columns([], 4) == 1 and legend_columns(["x"] * 3, 5) == 3
 
 
@@ -89,16 +79,10 @@ def test_a_legend_is_not_wider_than_its_figure(size):
 
 @pytest.mark.parametrize(
     ("largest", "si", "units", "factor", "label"),
-    [
-        (0.5, "N", "", 1.0, "N"),
-        (999.0, "J", "", 1.0, "J"),
-        (1e3, "N", "", 1e-3, "kN"),
-        (1e6, "J", "", 1e-6, "MJ"),
-        (99e6, "N", "kN", 1e-3, "kN"),
-        (1e8, "N", "kN", 1e-6, "10³ kN"),
-        (3e11, "N", "kN", 1e-9, "10⁶ kN"),
-    ],
-)
+    [(0.5, "N", "", 1.0, "N"), (999.0, "J", "", 1.0, "J"), (1e3, "N", "", 1e-3, "kN"),
+     (1e6, "J", "", 1e-6, "MJ"), (99e6, "N", "kN", 1e-3, "kN"), (1e8, "N", "kN", 1e-6, "10³ kN"),
+     (3e11, "N", "kN", 1e-9, "10⁶ kN")],
+)  # fmt: skip
 def test_scaled_units_give_short_numbers(largest, si, units, factor, label):
     assert scaled_unit(largest, si, parse_output_units(units) if units else SI) == (
         pytest.approx(factor),

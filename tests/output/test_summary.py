@@ -75,17 +75,12 @@ def test_the_error_of_a_maximum_includes_all_stories_that_may_govern():
         peak_absolute_acceleration=np.full(3, nan),
     )
     expected = {
-        "roof_displacement_m_error": 6.0,
-        "base_shear_N_error": 7.0,
-        "total_base_shear_N_error": 6.0,
-        "drift_m_error": 0.2,
-        "drift_ratio_error": 0.01,
-        "residual_drift_m_error": 2.5,
-        "residual_drift_ratio_error": 0.0,
-        "ductility_error": None,
-        "floor_absolute_acceleration_m_s2_error": None,
+        "roof_displacement_m_error": 6.0, "base_shear_N_error": 7.0,
+        "total_base_shear_N_error": 6.0, "drift_m_error": 0.2, "drift_ratio_error": 0.01,
+        "residual_drift_m_error": 2.5, "residual_drift_ratio_error": 0.0,
+        "ductility_error": None, "floor_absolute_acceleration_m_s2_error": None,
         "peak_damper_force_N_error": 0.4,
-    }
+    }  # fmt: skip
     found = peak_errors(stories, errors)
     assert {name: found[name] for name in expected} == expected
 

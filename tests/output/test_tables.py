@@ -48,26 +48,10 @@ def test_cells():
     assert [
         cell_text(value)
         for value in (None, math.nan, np.float64("nan"), math.inf, True, False, np.True_)
-    ] == [
-        "",
-        "",
-        "",
-        "inf",
-        "true",
-        "false",
-        "true",
-    ]
+    ] == ["", "", "", "inf", "true", "false", "true"]
     assert [
         cell_text(value) for value in (3, np.int64(7), "a b", -0.0, 1.0, 0.1, np.float64(1e-7))
-    ] == [
-        "3",
-        "7",
-        "a b",
-        "0",
-        "1",
-        "0.1",
-        "1e-07",
-    ]
+    ] == ["3", "7", "a b", "0", "1", "0.1", "1e-07"]
 
 
 def test_story_table():
@@ -109,11 +93,8 @@ def test_components_with_equal_names_are_identified_by_their_id():
     elsewhere = record(source="b.mseed")
     assert component_names([first, first, elsewhere]) == ["HNE", "HNE", "HNE"]
     assert component_names([first, second, elsewhere, first]) == [
-        "N.A..HNE",
-        "N.B..HNE",
-        "HNE",
-        "N.A..HNE",
-    ]
+        "N.A..HNE", "N.B..HNE", "HNE", "N.A..HNE",
+    ]  # fmt: skip
 
 
 def test_method_table_lists_the_catalogue():
@@ -176,15 +157,9 @@ def test_history(monkeypatch, stories, rows_at_once):
             header += [f"{location}_{i + 1}_{name}" for _, name in quantities]
             columns += [getattr(response_history, attribute)[:, i] for attribute, _ in quantities]
     energies = (
-        "input_J",
-        "kinetic_J",
-        "viscous_J",
-        "dampers_J",
-        "strain_J",
-        "hysteretic_J",
-        "braces_J",
-        "error",
-    )
+        "input_J", "kinetic_J", "viscous_J", "dampers_J", "strain_J", "hysteretic_J",
+        "braces_J", "error",
+    )  # fmt: skip
     header += [f"energy_{name}" for name in energies]
     columns += [getattr(response_history.energy, name) for name in (*ENERGY_TERMS, "error")]
     assert rows == [
@@ -287,16 +262,10 @@ def quoted(text):
 @pytest.mark.parametrize(
     ("law", "units", "text"),
     [
-        (
-            {"type": "bilinear", "yield_force": 10, "hardening": "5%"},
-            "N,m",
-            "yield_force 10 N, hardening 0.05",
-        ),
-        (
-            {"type": "polynomial", "coefficients": [400, 0, 3e6]},
-            "N,mm",
-            "coefficients 0.4 N/mm, 0 N/mm^2, 0.003 N/mm^3",
-        ),
+        ({"type": "bilinear", "yield_force": 10, "hardening": "5%"}, "N,m",
+         "yield_force 10 N, hardening 0.05"),
+        ({"type": "polynomial", "coefficients": [400, 0, 3e6]}, "N,mm",
+         "coefficients 0.4 N/mm, 0 N/mm^2, 0.003 N/mm^3"),
         (
             {
                 "type": "multilinear-pinching",
@@ -311,7 +280,7 @@ def quoted(text):
             "degradation.strength.work 0.2, degradation.capacity 20",
         ),
     ],
-)
+)  # fmt: skip
 def test_a_law_is_printed_as_in_its_model_file(law, units, text):
     """Sides, groups and parameters with default values are omitted, as in the model file."""
     own = {} if {"coefficients", "backbone"} & law.keys() else {"stiffness": 1000}
