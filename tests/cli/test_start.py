@@ -31,7 +31,7 @@ WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 
 CALLS = {
     "init": ("new.yaml", 3_850, ""), "check": ("office.yaml", 18_100, "obspy"),
-    "run": ("office.yaml", 23_800, "obspy"), "modes": ("office.yaml", 10_150, ""),
+    "run": ("office.yaml", 23_900, "obspy"), "modes": ("office.yaml", 10_150, ""),
     "law": ("office.yaml --drift 1%", 12_400, ""),
     "pushover": ("office.yaml --points 20", 12_600, ""),
     "compare": ("office.yaml --recorded recorded.yaml", 24_850, "scipy.optimize"),
