@@ -26,6 +26,7 @@ from tdint.analysis.run.prepared import Motions
 from tdint.campaign.batch import Batch, CampaignSettings, Run
 from tdint.units import parse_output_units
 
+ROOT = Path(__file__).parents[3]
 MOVES = "the building still vibrates at the end (drift of story"
 
 
@@ -108,7 +109,7 @@ def test_residual_drifts_are_taken_at_rest(more):
 
 
 def test_collapsed_run_is_not_extended_to_rest():
-    frame = load_model(Path(__file__).parents[3] / "configs" / "collapse-prone-frame.yaml")
+    frame = load_model(ROOT / "configs" / "collapse-prone-frame.yaml")
     response = run(frame, noise(seed=3).scaled(20.0), method="impulse4")
     assert response.collapse.ended and np.max(response.residual_oscillation) > 0.1 * np.max(
         response.stories.peak_drift
@@ -224,3 +225,13 @@ def test_error_of_residual_drift_of_a_story_that_softens_at_rest(strength, seed)
     estimate = response.check.errors.residual_drift
     assert error > 3.0 * response.residual_oscillation
     assert 0.8 * estimate < error < 1.2 * estimate
+
+
+def test_error_of_residual_drift_of_a_building_that_collapses_has_no_longer_run():
+    """The drift grows without bound, and so would the difference from a longer run."""
+    frame = load_model(ROOT / "configs/collapse-prone-frame.yaml")
+    record = replace(frame.excitation.record, scale=3.0)
+    frame = replace(frame, excitation=replace(frame.excitation, record=record))
+    response = run(frame, duration=1.0, until_rest=True)
+    assert response.status == "collapsed"
+    assert np.all(response.check.errors.residual_drift < 2.0 * response.stories.peak_drift[0])

@@ -487,7 +487,9 @@ def _remaining_motion(case: Case, response: Response) -> Array:
     longer by half.
     """
     amplitude = response.residual_oscillation
-    if case.building.linear or case.model.excitation.forces:
+    # The drifts of a collapsed building grow without bound, so that a longer run measures no motion
+    # about a position of rest.
+    if case.building.linear or case.model.excitation.forces or response.collapse:
         return amplitude
     longer = attempt(case, case.steps(response.dt, _LONGER * response.steps * response.dt))
     if isinstance(longer, FailedRun):
