@@ -270,8 +270,6 @@ def test_getattr_of_modules_is_known():
     assert found == {
         "tdint",
         "tdint.plugin",
-        # kernels of laws, which the module imports itself
-        "tdint.kernels.laws.compiled_separately",
         "tdint.output.figures",
         "tdint.output.tables",
         "tdint_cli.options",

@@ -10,7 +10,6 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import branch_following
 from tdint.kernels.laws.branch_following import branch_follower
-from tdint.kernels.laws.compiled_separately import SEPARATE_LAW_FUNCTIONS, law_state_table
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stories.branches import (
     _REVERSAL_TOLERANCE,
@@ -20,6 +19,7 @@ from tdint.kernels.stories.branches import (
     first_event,
 )
 from tdint.kernels.stories.law_state import restoring_force, start
+from tdint.methods.workspace import law_state_table
 from tdint.model.law_checks import path_faults
 from tdint.model.story_laws import LAWS
 
@@ -198,7 +198,7 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
     """Forces, tangents, work and committed states agree with the plain path follower, on random
     paths over up to three blocks, repeated with other drifts as in iterations."""
     law = {**LAWS, **PLUGINS}[name]
-    looking = SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
+    looking = law.functions()
     with monkeypatch.context() as patch:
         patch.setattr(branch_following, "branch_first", lambda functions: functions)
         plain = law.functions()
@@ -215,7 +215,9 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
         )
         plain.enter(law_parameters, law_state, 0)
     looking_at, walked = tables
-    looking_at[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3  # any earlier content of the trial blocks
+    looking_at[rows.LAW_STATE_ROWS : rows.FAILED_INTERNAL] = (
+        1e3  # any earlier content of the trial blocks
+    )
     generator = np.random.default_rng(len(name))
     drift, borrowed, from_block, own = 0.0, 0, 0, 0
     for part in np.linspace(0.0, 1.0, 500):
@@ -234,7 +236,7 @@ def test_branch_shortcut_changes_no_bit(name, monkeypatch):
                 plain, law_parameters, walked, drifts
             )
         loans = looking_at[
-            rows.FIRST_TRIAL + rows.BRANCH_OFFSET : rows.ADDRESS : rows.LAW_STATE_ROWS, 0
+            rows.FIRST_TRIAL + rows.BRANCH_OFFSET : rows.FAILED_INTERNAL : rows.LAW_STATE_ROWS, 0
         ][: drifts.size]
         borrowed += np.count_nonzero(loans)
         own += np.count_nonzero(loans == 0.0)

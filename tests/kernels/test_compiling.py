@@ -31,7 +31,7 @@ from tdint.kernels.building.sources import OUTSIDE
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.stories.law_state import follow
-from tdint.kernels.time_loop.loop import integrate, integrate_many
+from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import parse as parse_method
 from tdint.system import lock
 
@@ -224,19 +224,18 @@ def test_loops_contain_only_the_features_of_the_building(monkeypatch):
         "wind-tower": {"forces"},
         "self-centering-frame": {"dashpots", "elements", "braces", "tangent_damping"},
     }
-    for loop in (integrate, integrate_many):
-        for name, expected in features.items():
-            required = loop.required_variant(
-                PreparedBuilding.of(load_model(configs / f"{name}.yaml")).variant
-            )
-            found = {
-                feature
-                for feature in ("forces", "dashpots", "elements", "braces", "tangent_damping")
-                if getattr(required, feature)
-            }
-            assert found == expected
-            assert required.laws == () and required.modal
-        assert loop in [kernel for kernel, variant in all_kernels() if not variant.forces]
+    for name, expected in features.items():
+        required = integrate.required_variant(
+            PreparedBuilding.of(load_model(configs / f"{name}.yaml")).variant
+        )
+        found = {
+            feature
+            for feature in ("forces", "dashpots", "elements", "braces", "tangent_damping")
+            if getattr(required, feature)
+        }
+        assert found == expected
+        assert required.laws == () and required.modal
+    assert integrate in [kernel for kernel, variant in all_kernels() if not variant.forces]
 
 
 def test_loop_without_features_never_serves_all_buildings(monkeypatch):

@@ -15,7 +15,6 @@ from law_examples import example
 from law_paths import FY, K, law_table
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import LAWS as COMPILED
-from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import path as path_module
 from tdint.kernels.stories.law_state import (
     commit,
@@ -35,6 +34,7 @@ from tdint.kernels.stories.path import (
     locate_reversals,
     remains_on_branch,
 )
+from tdint.methods.workspace import law_state_table
 
 LAWS = {law.name: law for law in COMPILED}
 DY = FY / K
@@ -201,8 +201,8 @@ def test_trial_rows_do_not_affect_results(journey):
     _, law_parameters, visited, _ = journey
     for state, rise, bend in visited[::7]:
         clean, dirty = state.copy(), state.copy()
-        clean[rows.LAW_STATE_ROWS : rows.ADDRESS] = 0.0
-        dirty[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3
+        clean[rows.LAW_STATE_ROWS : rows.FAILED_INTERNAL] = 0.0
+        dirty[rows.LAW_STATE_ROWS : rows.FAILED_INTERNAL] = 1e3
         clean_results, dirty_results = (
             results(law_parameters, table, rise, bend) for table in (clean, dirty)
         )

@@ -26,11 +26,7 @@ RATES = [
 ]  # of drift rates, for dashpots, which the building does not have
 METHODS = ("newmark-average", "impulse4", "moment4")
 
-APART = tuple(name for name in LAWS if LAWS[name].compiled_separately)
-"""Compiled on their own, once for all scenes: to loops that call them at an address they are all
-one."""
-
-SCENES = [(name,) for name in LAWS if name not in APART] + [APART]
+SCENES = [(name,) for name in LAWS]
 
 # Compilation dominates the time: linear stories are run with all methods, and other laws with one
 # method each, so that each method has two of the other laws.

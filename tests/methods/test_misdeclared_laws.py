@@ -169,7 +169,6 @@ def law_of(name):
         LAWS[base],
         name=name,
         functions=lambda: replace(LAWS[base].functions(), **functions),
-        compiled_separately=False,
         **declarations,
     )
 

@@ -28,13 +28,13 @@ from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.run.compiled_steps import amplification, spectral_radius
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import moment4 as equations
-from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.linear_terms import force_moment
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import enter
 from tdint.kernels.time_loop.ground import fitted_line
 from tdint.methods import moment4
 from tdint.methods.catalogue import parse
+from tdint.methods.workspace import law_state_table
 from tdint.model.building import assemble, force_table
 from tdint.model.story import PowerDashpot
 

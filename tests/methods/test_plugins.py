@@ -365,7 +365,6 @@ def test_law_is_found_by_compiling_process(tmp_path, hyperbolic, monkeypatch, ca
     registered = NUMBERED[OURS]
     found = registered_by_compiling_process(monkeypatch, "my-law")
     assert (found.name, found.formula) == ("my-law", registered.formula)
-    assert not found.compiled_separately
 
 
 def test_law_that_no_module_contains_is_reported_in_one_line(monkeypatch):

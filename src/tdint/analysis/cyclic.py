@@ -14,7 +14,6 @@ from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories.law_state import (
     HYSTERETIC_ENERGY,
     RESULT_COLUMNS,
@@ -23,6 +22,7 @@ from tdint.kernels.stories.law_state import (
     TANGENT,
     follow,
 )
+from tdint.methods.workspace import law_state_table
 from tdint.model.building import (
     Building,
     assemble,

@@ -29,7 +29,6 @@ from tdint.files import is_there
 from tdint.kernels.building.compilable import Variant, time_loops
 from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.time_loop.loop import integrate_many
 from tdint.number_parsing import first_warning, pluralize
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, progress_reporter
@@ -180,9 +179,7 @@ def compile_for(plan: Plan) -> None:
         subject = building.subject()
         # Forces of a load case belong to the building.
         variant = subject.case(plan.motions[0].record).prepared.variant
-        variants |= dict.fromkeys(
-            [(integrate_many, variant), *kernels(subject.integrator, variant)]
-        )
+        variants |= dict.fromkeys(kernels(subject.integrator, variant))
     load_or_compile(list(variants))
     # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The record
     # and the period of the call are arbitrary; its result is not used.

@@ -215,8 +215,7 @@ def _add_laws(variant: str) -> None:
         # The hash of the sources (`tdint.kernels.building.sources.digest`) includes the modules in
         # OUTSIDE.
         OUTSIDE[name] = module_name
-        # As in the requesting process, laws of plug-ins are never compiled separately.
-        LAWS[code] = replace(law, compiled_separately=False)
+        LAWS[code] = law
 
 
 def _listen(requests: SimpleQueue[bytes]) -> None:

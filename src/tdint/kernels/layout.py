@@ -147,17 +147,20 @@ THIRD_TRIAL = 3 * LAW_STATE_ROWS
 # method with parabolic displacements has set STEP_PEAKS
 STEP_START = 4 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 5
-ADDRESS = LAW_STATE_BLOCKS * LAW_STATE_ROWS  # address of a separately compiled law; 0 for others
 # The next rows are used only in the columns of elements. In the column of a story with elements,
 # the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the
 # elements, and INTERNAL is 1 if all elements have failed.
-FAILED_INTERNAL = ADDRESS + 1  # value of INTERNAL after the failure; nan if the law cannot fail
-PEAK_FORCE = ADDRESS + 2  # maximum absolute force, N
-ENERGY_SPENT = ADDRESS + 3  # dissipated energy since the start, J, when energies were last summed
-INITIAL_SPENT = ADDRESS + 4  # dissipated energy up to the initial drift, J
+FAILED_INTERNAL = (
+    LAW_STATE_BLOCKS * LAW_STATE_ROWS
+)  # value of INTERNAL after the failure; nan if the law cannot fail
+PEAK_FORCE = FAILED_INTERNAL + 1  # maximum absolute force, N
+ENERGY_SPENT = (
+    FAILED_INTERNAL + 2
+)  # dissipated energy since the start, J, when energies were last summed
+INITIAL_SPENT = FAILED_INTERNAL + 3  # dissipated energy up to the initial drift, J
 # First extra row, for laws that need more rows: one block for each block of the states, in the same
 # order
-EXTRA_ROWS = ADDRESS + 5
+EXTRA_ROWS = FAILED_INTERNAL + 4
 
 # state: memory of the method, by floor
 DISPLACEMENT = 0  # relative to the ground, m
@@ -364,14 +367,12 @@ STEPS_DONE = 1  # number of steps since the start, or since a step that was halv
 FACTORED_STEP = 2  # step size of the factorization in the scratch array, s; 0 for none
 # First scratch row of the peaks within the step that the step has computed; 0 for none
 STEP_PEAKS = 3
-# First scratch row in which the step maintains peaks of the run and of the step; 0 for none
-RUN_PEAKS = 4
-WORK_INPUT = 5  # work of the load in the last step, J
-WORK_VISCOUS = 6  # work of the viscous dampers in the last step, J
-WORST_STORY = 7  # index of the equation with the largest relative residual if a step failed
-RESIDUAL = 8  # largest residual relative to the sum of the absolute values of the terms
-BRANCH_CHANGES = 9  # number of located changes of branch
-STEP_STATUS_SIZE = 10
+WORK_INPUT = 4  # work of the load in the last step, J
+WORK_VISCOUS = 5  # work of the viscous dampers in the last step, J
+WORST_STORY = 6  # index of the equation with the largest relative residual if a step failed
+RESIDUAL = 7  # largest residual relative to the sum of the absolute values of the terms
+BRANCH_CHANGES = 8  # number of located changes of branch
+STEP_STATUS_SIZE = 9
 
 # Return values of a step that failed; otherwise the number of iterations
 NOT_CONVERGED = -1

@@ -114,8 +114,8 @@ def step(
     the complete step. The result, the number of linear solutions, does not count solutions of a
     division that failed.
 
-    If the step is divided, STEP_PEAKS and RUN_PEAKS of `step_status` receive the row of the peaks
-    in the scratch array.
+    If the step is divided, STEP_PEAKS of `step_status` receives the row of the peaks in the scratch
+    array.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -328,12 +328,10 @@ def _accept_substep(is_divided, story, column, event, scene, span, memory):
     `event` is ABOVE or BELOW if the drift of `story` reaches a limit of the branch of the law in
     `column` at the end of the substep, otherwise REVERSED. The observer processes only the end of
     the time step; the peaks in the substeps of a divided step are therefore updated in rows PEAKS
-    of the scratch array. Two elements of the status receive the number of the first row:
-
-        STEP_PEAKS      flag for this step. The observer merges rows PEAKS into the peaks of the
-                        run, and then resets the element to 0.
-        RUN_PEAKS       permanent address. After the merge, rows PEAKS are a copy of the peaks of
-                        the run. A function that resets the peaks of the run also resets the copy.
+    of the scratch array. STEP_PEAKS of the status receives the number of the first row. The
+    observer merges rows PEAKS into the peaks of the run, and then resets the element to 0. After
+    the merge, rows PEAKS are a copy of the peaks of the run. A function that resets the peaks of
+    the run also resets the copy (`Family.step_peaks`).
     """
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
@@ -357,7 +355,6 @@ def _accept_substep(is_divided, story, column, event, scene, span, memory):
         _store_end_forces(story, column, event, linear_terms, law_parameters, memory)
         _update_substep_peaks(scene, span, memory)
         step_status[rows.STEP_PEAKS] = ROW.PEAKS
-        step_status[rows.RUN_PEAKS] = ROW.PEAKS
 
 
 @outlined
@@ -797,7 +794,7 @@ def _restore_start(flags, state, law_state, scratch, n):
     """Return to the start of a time step that could not be divided into substeps (`_save_start`).
 
     Rows PEAKS are set to zero, because the substeps are discarded. The status of the step is not
-    changed: `step` resets STEP_PEAKS, and RUN_PEAKS is only the address of rows PEAKS.
+    changed: `step` resets STEP_PEAKS.
     """
     for i in range(n):
         for row in range(2 * rows.PEAK_ROWS):
@@ -883,6 +880,7 @@ FAMILY = Family(
     lambda modes: FACTORS + 2 * factor_rows(modes),
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
     mean_rule=SIMPSON_MEAN,
+    step_peaks=ROW.PEAKS,
 )
 
 METHODS = (

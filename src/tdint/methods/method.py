@@ -117,6 +117,9 @@ class Family:
     moments : callable, optional
         (building, h) -> number of Legendre coefficients, from degree 2 on, of a table of forces
         over a step that the step uses. Other steps use only the line of the table.
+    step_peaks : int
+        First scratch row of the peaks that the step computes, a copy of the peaks of the run; 0 if
+        the step computes none.
     """
 
     name: str
@@ -135,6 +138,7 @@ class Family:
     mean_rule: tuple[float, float] = (0.5, 0.5)
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
     moments: Callable[[Building, float], int] | None = None
+    step_peaks: int = 0
 
 
 @dataclass(frozen=True)

@@ -135,6 +135,7 @@ FAMILY = Family(
     own_work=True,
     parabolic=True,
     mean_rule=SIMPSON_MEAN,
+    step_peaks=ROW.PEAKS,
 )
 METHODS = (
     Method(

@@ -195,18 +195,18 @@ def integrate_in_python(
             _clear_scratch(arrays)
         with np.errstate(all="ignore"), faults_in(plugin_module, integrator.label):
             code = integrate.function(
+                count,
+                first_step,
+                last_step,
+                # `parts` time steps have the length of 1 sampling interval (`_H`).
+                parts,
+                1,
                 step,
                 initialize_laws.function,
                 sum_law_energies.function,
                 update_shear_peaks.function,
-                count,
-                first_step,
-                last_step,
                 1,  # steps per row of the history
                 0,  # rows of the complete history before the first row of the array
-                # `parts` time steps have the length of 1 sampling interval (`_H`).
-                parts,
-                1,
                 HALVINGS if integrator.family.halvable else 0,
                 h,
                 ground,

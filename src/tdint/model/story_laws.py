@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from functools import cache
 from typing import Any
 
@@ -50,10 +50,10 @@ LAWS: Mapping[str, DriftLaw] = _LawsByName()
 def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     """Register a hysteretic law, so that models can use it.
 
-    The law is compiled into the time loops of the models that contain it, regardless of its
-    attribute `compiled_separately`. Its functions must be defined in a module with a file. The
-    module, or the module of the plug-in that lists the law, must contain the law as a variable, or
-    in a tuple, list, set or dictionary, so that the compiling process can import the law.
+    The law is compiled into the time loops of the models that contain it. Its functions must be
+    defined in a module with a file. The module, or the module of the plug-in that lists the law,
+    must contain the law as a variable, or in a tuple, list, set or dictionary, so that the
+    compiling process can import the law.
 
     Parameters
     ----------
@@ -90,10 +90,9 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
 
     # The compiling process imports the law from the module in `OUTSIDE`. The number of the
     # law is its index in `_LAWS`.
-    compiled_with_building = replace(law, compiled_separately=False)
     OUTSIDE[law.name] = module_of_law(law, (module_name, origin.module))
     CODES[law.name] = len(_LAWS)
-    _LAWS.append(compiled_with_building)
+    _LAWS.append(law)
     origin.keep_code("law", law)
 
 

@@ -20,9 +20,8 @@ from tdint.kernels.building.load_or_compile import (
     interpret_while_compiling,
 )
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.compiled_separately import separate_kernels
 from tdint.kernels.stories.law_state import follow
-from tdint.kernels.time_loop.loop import integrate, integrate_many
+from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Model
@@ -47,9 +46,8 @@ def _other_kernels(
     # `peaks` computes response spectra. Imported here, because few runs are compiled in advance.
     from tdint.kernels.oscillators.elastic import peaks
 
-    others = (peaks, *separate_kernels(prepared.building.law_parameters))
     # `follow` computes the forces of a story along a path of drifts, for pushover and cyclic tests.
-    other_kernels = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
+    other_kernels = [(follow, prepared.variant), (peaks, EVERYTHING)]
     # The stability of a method that declares a finite limit is measured with linear oscillators.
     if integrator.stability_limit != math.inf:
         other_kernels.append((integrator.family.step, LINEAR_OSCILLATORS))
@@ -109,7 +107,6 @@ def all_kernels() -> list[tuple[Kernel, Variant]]:
 
     steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
     others = (
-        integrate_many,
         follow,
         peaks,
         extremes,
@@ -117,13 +114,11 @@ def all_kernels() -> list[tuple[Kernel, Variant]]:
         rotated_peaks,
         largest_drifts,
         bilinear_response,
-        *separate_kernels(),
     )
     plain = Variant(
         forces=False, dashpots=False, elements=False, braces=False, tangent_damping=False
     )
-    loops = [(integrate, plain), (integrate_many, plain)]
-    return [*steps, *((kernel, EVERYTHING) for kernel in others), *loops]
+    return [*steps, *((kernel, EVERYTHING) for kernel in others), (integrate, plain)]
 
 
 def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:

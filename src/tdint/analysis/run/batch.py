@@ -39,12 +39,18 @@ from tdint.analysis.run.outcome import (
     Response,
     StoryPeaks,
 )
-from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
+from tdint.analysis.run.prepared import (
+    AT_REST,
+    NO_FREE_VIBRATION,
+    STEPS_COMPLETED,
+    BatchResult,
+    Motions,
+    PreparedBuilding,
+)
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
-from tdint.kernels.time_loop.loop import AT_REST, STEPS_COMPLETED
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building

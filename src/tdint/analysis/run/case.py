@@ -36,6 +36,7 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import (
+    CODE,
     BatchResult,
     IntegrationResult,
     PreparedBuilding,
@@ -49,7 +50,6 @@ from tdint.errors import UsageError
 from tdint.ground_motion.measures import baseline_notes, cut_off
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
-from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
 from tdint.model.building import Building

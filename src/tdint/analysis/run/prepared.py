@@ -24,16 +24,16 @@ from tdint.analysis.run.compiled_steps import (
 )
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
-from tdint.errors import AnalysisError, UsageError
+from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.compilable import Variant, bind
 from tdint.kernels.building.load_or_compile import (
     load_or_compile,
 )
 from tdint.kernels.laws import OURS
-from tdint.kernels.stepping import Memory, Scene
-from tdint.kernels.time_loop.loop import END_COLUMNS, integrate, integrate_many
+from tdint.kernels.stepping import Scene
+from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import (
@@ -143,6 +143,10 @@ class Motions:
         return RunSpec(self.starts[number], self.records[number].acceleration.size, scale, steps)
 
 
+# Columns of `BatchResult.ends`
+CODE, STEPS_COMPLETED, AT_REST = range(3)
+
+
 @dataclass(frozen=True)
 class BatchResult:
     """Results of many runs. The first axis of each array is the run.
@@ -155,9 +159,11 @@ class BatchResult:
         Drifts at the end, m.
     totals : ndarray, shape (runs, TOTALS_SIZE)
         Energies and counts in the order of `Workspace.totals`.
-    ends : ndarray, shape (runs, END_COLUMNS)
-        0 or the negative code of the failed step; number of completed steps; 1 if the building is
-        at rest.
+    ends : ndarray, shape (runs, 3)
+        Columns CODE: 0 or the negative code of the failed step; STEPS_COMPLETED: number of steps
+        until the end of the ground motion or of the last complete window of free vibration, 0 for
+        a failure during the ground motion; AT_REST: 1 if the building is at rest, or if this is not
+        requested.
     elements : ndarray, shape (runs, 2, elements)
         Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
         elements.
@@ -169,15 +175,11 @@ class BatchResult:
     ends: Array
     elements: Array
 
-    def part(self, first: int, last: int) -> BatchResult:
-        """Return the results of the runs from `first` to `last` - 1 as views of the arrays."""
-        return BatchResult(*(array[first:last] for array in vars(self).values()))
-
     @classmethod
     def empty(cls, runs: int, building: Building) -> BatchResult:
         """Return results of zeros for a number of runs of a building."""
         n = building.stories
-        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (END_COLUMNS,)
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,)
         return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, (2, building.elements))))
 
 
@@ -209,6 +211,48 @@ class RestCriterion:
 
 
 NO_FREE_VIBRATION = RestCriterion()
+
+_Repeatable = Callable[..., None]
+"""Function that integrates a run, see `PreparedBuilding._repeatable`."""
+
+
+def _integrate_to_rest(
+    loop: Loop, steps: Steps, criterion: RestCriterion, integrator: Integrator, space: Workspace
+) -> tuple[int, int, bool]:
+    """Continue a run of `steps` in windows of free vibration until the building is at rest.
+
+    Returns
+    -------
+    code : int
+        0 or the negative code of the failed step.
+    completed : int
+        Number of steps of the run and of all complete windows.
+    at_rest : bool
+        True if the building is at rest at the end of a window.
+    """
+    completed = steps.count
+    velocity = space.peaks[rows.PEAK_VELOCITY]
+    for _ in range(criterion.windows):
+        peaks_of_run = velocity.copy()
+        _reset_peaks(integrator, space, rows.PEAK_VELOCITY)
+        last = completed + criterion.window
+        code = loop(replace(steps, count=last), completed, last)
+        max_velocity = velocity.max()
+        np.maximum(peaks_of_run, velocity, out=velocity)
+        if code < 0:
+            return code, completed, False
+        completed = last
+        if max_velocity <= criterion.quiet * space.peaks[rows.PEAK_DISPLACEMENT].max():
+            return code, completed, True
+    return 0, completed, False
+
+
+def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> None:
+    """Set a row of the peaks of a run to zero, or all rows, also in the copy that the step of the
+    method keeps in its scratch rows."""
+    space.peaks[row] = 0.0
+    if first := integrator.family.step_peaks:
+        space.scratch[first : first + 2 * rows.PEAK_ROWS][row] = 0.0
 
 
 @dataclass(frozen=True)
@@ -445,12 +489,7 @@ class PreparedBuilding:
             if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            # Reset the peaks. There are two sets of `PEAK_ROWS` rows: peaks at the time steps, and
-            # peaks between them. Some methods also store both sets in their scratch array. The
-            # number of the first row of these sets is then not 0.
-            space.peaks[:] = 0.0
-            if first_row := int(space.step_status[rows.RUN_PEAKS]):
-                space.scratch[first_row : first_row + 2 * rows.PEAK_ROWS] = 0.0
+            _reset_peaks(integrator, space, slice(None))
 
     def integrate_batch(
         self,
@@ -460,23 +499,18 @@ class PreparedBuilding:
         runs: Sequence[RunSpec],
         criterion: RestCriterion = NO_FREE_VIBRATION,
     ) -> BatchResult:
-        """Integrate many runs with one time step in a single compiled call. Each run equals that of
-        `integrate`.
+        """Integrate many runs with one time step. Each run equals that of `integrate`.
 
         Parameters
         ----------
         samples : ndarray
-            Concatenated ground accelerations of all runs, m/s^2; a writable array.
-
-        Raises
-        ------
-        UsageError
-            `samples` is read-only.
+            Concatenated ground accelerations of all runs, m/s^2.
         """
         space = self._loaded_arrays(integrator, h)
         result = BatchResult.empty(len(runs), self.building)
-        integrate_runs = self._batch_function(integrator, h, samples, runs, space)
-        integrate_runs(runs, result, criterion)
+        integrate_run = self._repeatable(integrator, h, max(run.size for run in runs), space)
+        for i, run in enumerate(runs):
+            integrate_run(samples[run.start : run.start + run.size], run, result, i, criterion)
         return result
 
     def integrate_sampled(
@@ -501,12 +535,12 @@ class PreparedBuilding:
             Sampled buildings. The coefficients of the method must not depend on their values.
         """
         result = BatchResult.empty(len(runs), self.building)
-        specs = [spec for _, spec in runs]
+        size = max(spec.size for _, spec in runs)
         varied_arrays = ("linear_terms", "law_parameters", "modal")
         _verify_laws(drawn.law_parameters)
         is_unresolved = drawn.fastest * h > MAX_RESOLVED_OMEGA_DT
         has_dashpots = drawn.with_devices.tolist()
-        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
+        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
         for i, (sample, spec) in enumerate(runs):
             # Buildings share arrays and a compiled function if both have dashpots or neither,
             # because this determines the kernels, and if they have the same number of rows of modal
@@ -519,101 +553,64 @@ class PreparedBuilding:
                 )
                 prepared = replace(self, building=building)
                 space = prepared._loaded_arrays(integrator, h)
-                function = prepared._batch_function(integrator, h, samples, specs, space)
+                function = prepared._repeatable(integrator, h, size, space)
                 shared[key] = prepared, space, function
-            prepared, space, integrate_runs = shared[key]
+            prepared, space, integrate_run = shared[key]
             # The compiled function reads these arrays, so that it integrates the sampled building.
             for name in varied_arrays:
                 getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
             space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
             sampled = replace(prepared.building, heights=drawn.heights[sample])
             space.limits[...] = collapse_limits(sampled, self.collapse_drift)
-            integrate_runs([spec], result.part(i, i + 1))
+            integrate_run(samples[spec.start : spec.start + spec.size], spec, result, i)
         return result
 
-    def _batch_function(
-        self,
-        integrator: Integrator,
-        h: float,
-        samples: Array,
-        runs: Sequence[RunSpec],
-        space: Workspace,
-    ) -> Callable[..., None]:
-        """Return a function that integrates runs in the compiled loop with the arrays of `space`:
-        (runs to integrate, `BatchResult` to fill, `RestCriterion`) -> None.
+    def _repeatable(
+        self, integrator: Integrator, h: float, size: int, space: Workspace
+    ) -> _Repeatable:
+        """Return a function that integrates a run from the present state of `space`, any number of
+        times.
 
-        `runs` contains all runs that the returned function may integrate. Only the maximum number
-        of their samples is used, as the size of a work array.
+        `size` is the maximum number of samples of a ground motion. All runs share the arrays of
+        `space` and one list of arguments. The function (ground acceleration, `RunSpec`,
+        `BatchResult`, index, `RestCriterion`) stores the results of the run in the row `index` of
+        the `BatchResult`. Without a criterion, the run ends with its last step.
         """
-        if not samples.flags.writeable:
-            raise UsageError(
-                "samples is a read-only array, which a compiled loop cannot receive; pass "
-                "samples.copy()"
-            )
-        called = (
-            integrate,
-            integrator.family.step,
-            initialize_laws,
-            sum_law_energies,
-            update_shear_peaks,
-        )
-        # In its list of arguments, `first_arguments` precede the samples and the table of runs, and
-        # `last_arguments` follow them.
-        first_arguments = (
-            *(kernel.variant(self.variant) for kernel in called),
-            HALVINGS if integrator.family.halvable else 0,
-            h,
-        )
-        building = self.building
-        # Each run starts from the present state of the method and the springs, and changes copies.
-        law_state = space.law_state.copy()
-        last_arguments = (
-            self.coefficients(integrator, h),
-            state_jumps(integrator, h),
-            *Scene(
-                building.linear_terms,
-                building.modal,
-                building.law_parameters,
-                space.forces,
-                space.flags,
-            ),
-            *space.memory,
-            space.totals,
-            *Memory(space.state.copy(), law_state, space.scratch, space.step_status.copy()),
-            np.zeros(rows.LOAD_SIZE),
-            np.zeros(max(run.size for run in runs)),
-            space.observer_state,
-            space.limits,
-            np.zeros(building.stories),
-            space.history,
-        )
+        # Copies of all arrays that a run changes
+        initial = [
+            (array, array.copy())
+            for array in (*space.memory, space.observer_state, space.peaks, space.totals)
+        ]
+        ground = np.zeros(size)
+        loop = self.loop(integrator, h, ground, space)
+        n = self.building.stories
 
-        def integrate_runs(
-            specs: Sequence[RunSpec],
+        def integrate_run(
+            acceleration: Array,
+            run: RunSpec,
             result: BatchResult,
+            i: int,
             criterion: RestCriterion = NO_FREE_VIBRATION,
         ) -> None:
-            """Integrate the specified runs and write their results to `result`."""
-            # Columns: start, size and scale of the ground motion; number, per_sample and stride of
-            # the time steps.
-            table = [
-                (*spec[:3], spec.steps.count, spec.steps.per_sample, spec.steps.stride)
-                for spec in specs
-            ]
-            # The results of elements remain in the law states until the next run, so that runs of
-            # buildings with elements are integrated one at a time.
-            count = 1 if building.elements else len(table)
-            for first in range(0, len(table), count):
-                part = result.part(first, first + count)
-                integrate_many.variant(self.variant)(
-                    *(*first_arguments, samples, np.array(table[first : first + count], float)),
-                    *(self.points, *last_arguments),
-                    *(criterion.window, criterion.windows, criterion.quiet),
-                    *(part.peaks, part.drifts, part.totals, part.ends),
+            """Integrate a run and store its results."""
+            for array, initial_values in initial:
+                array[...] = initial_values
+            np.multiply(acceleration, run.scale, out=ground[: len(acceleration)])
+            ground[len(acceleration) :] = 0.0
+            # The run is integrated in a single call, because it is short.
+            code = loop(run.steps, 0, run.steps.count)
+            completed, at_rest = 0 if code < 0 else run.steps.count, not criterion.windows
+            if code == 0 and criterion.windows:
+                code, completed, at_rest = _integrate_to_rest(
+                    loop, run.steps, criterion, integrator, space
                 )
-                part.elements[...] = element_results(law_state, building.stories)
+            result.peaks[i], result.totals[i] = space.peaks, space.totals
+            result.drifts[i] = space.law_state[rows.DRIFT, :n]
+            result.ends[i] = code, completed, at_rest
+            if self.building.elements:
+                result.elements[i] = element_results(space.law_state, n)
 
-        return integrate_runs
+        return integrate_run
 
     def integrate_with_histories(
         self,
@@ -626,9 +623,7 @@ class PreparedBuilding:
     ) -> BatchResult:
         """Integrate many runs with one time step and pass their histories to a function.
 
-        Each run equals that of `integrate`. All runs share one set of arrays and one list of
-        arguments, because the preparation of a compiled call takes one sixth of the time of a run
-        of one story with 1000 steps.
+        Each run equals that of `integrate`.
 
         Parameters
         ----------
@@ -647,28 +642,14 @@ class PreparedBuilding:
         """
         row_count = max(steps.count for _, _, steps in motions) // every + 1
         space = self._loaded_arrays(integrator, h, row_count)
-        # Copy all arrays that a run changes, to restore them before the next run.
-        initial = [
-            (array, array.copy())
-            for array in (*space.memory, space.observer_state, space.peaks, space.totals)
-        ]
-        ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.steps_per_row = every
-        loop = self.loop(integrator, h, ground, space)
+        size = max(len(acceleration) for acceleration, _, _ in motions)
+        integrate_run = self._repeatable(integrator, h, size, space)
         result = BatchResult.empty(len(motions), self.building)
         for i, (acceleration, scale, steps) in enumerate(motions):
-            for array, initial_values in initial:
-                array[...] = initial_values
-            np.multiply(acceleration, scale, out=ground[: len(acceleration)])
-            ground[len(acceleration) :] = 0.0
-            # The run is integrated in a single call, without the possibility of an interrupt,
-            # because it is short.
-            code = loop(steps, 0, steps.count)
-            result.peaks[i], result.totals[i] = space.peaks, space.totals
-            result.drifts[i] = space.law_state[rows.DRIFT, : self.building.stories]
-            result.elements[i] = element_results(space.law_state, self.building.stories)
+            integrate_run(acceleration, RunSpec(0, len(acceleration), scale, steps), result, i)
             reached = int(space.totals[rows.STEPS_REACHED])
-            result.ends[i] = code, reached, 1.0
+            result.ends[i, STEPS_COMPLETED] = reached
             on_history(i, space.history[: reached // every + 1])
         return result
 
@@ -712,9 +693,26 @@ class PreparedBuilding:
         the state of the arrays in `space` at the time of its call, and changes them.
         """
         building = self.building
-        loop_arrays = (
-            *(ground, self.points),
-            *(self.coefficients(integrator, h), state_jumps(integrator, h)),
+        called = [
+            kernel.variant(self.variant)
+            for kernel in (
+                integrator.family.step,
+                initialize_laws,
+                sum_law_energies,
+                update_shear_peaks,
+            )
+        ]
+        call = bind(
+            integrate.variant(self.variant),
+            *called,
+            space.steps_per_row,
+            space.rows_before,
+            HALVINGS if integrator.family.halvable else 0,
+            h,
+            ground,
+            self.points,
+            self.coefficients(integrator, h),
+            state_jumps(integrator, h),
             *Scene(
                 building.linear_terms,
                 building.modal,
@@ -726,35 +724,10 @@ class PreparedBuilding:
             np.zeros(rows.LOAD_SIZE),
             *space.seen,
         )
-        called = [
-            kernel.variant(self.variant)
-            for kernel in (
-                integrator.family.step,
-                initialize_laws,
-                sum_law_energies,
-                update_shear_peaks,
-            )
-        ]
-        halvings = HALVINGS if integrator.family.halvable else 0
 
         def integrate_steps(steps: Steps, first: int, last: int) -> int:
             """Integrate the steps from `first` to `last` - 1 of `steps`."""
-            code: int
-            code = integrate.variant(self.variant)(
-                *called,
-                *(
-                    steps.count,
-                    first,
-                    last,
-                    space.steps_per_row,
-                    space.rows_before,
-                    steps.per_sample,
-                    steps.stride,
-                    halvings,
-                    h,
-                ),
-                *loop_arrays,
-            )
+            code: int = call(steps.count, first, last, steps.per_sample, steps.stride)
             return code
 
         return integrate_steps

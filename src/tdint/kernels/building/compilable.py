@@ -124,6 +124,18 @@ def parse(text: str) -> Variant:
     return Variant(law_names, **{name: name in features for name in FEATURES})
 
 
+def bind(function: Callable[..., Any], *last: Any) -> Callable[..., Any]:
+    """Return a compiled or Python function of a kernel as a function of its first arguments, with
+    the constant last arguments `last`.
+
+    Many calls with the same arrays are shorter, because the arrays are converted once.
+    """
+    if hasattr(function, "bind"):
+        bound: Callable[..., Any] = function.bind(*last)
+        return bound
+    return lambda *first: function(*first, *last)
+
+
 _INSTALLED: set[str] = set()
 """Types of functions that this process has installed: "compiled", "interpreted" or both."""
 

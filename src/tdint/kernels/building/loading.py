@@ -102,13 +102,16 @@ class Loaded:
         if not self.address:
             raise ValueError(f"the object file contains no function {symbol}")
         result_type: Any = _NUMBERS[signature.returns.name][0]
-        types, self._converters = _converters(signature.arguments)
+        self._converters = _converters(signature.arguments)
         self._result_type = result_type
         # In the calling convention of numba, the result is an error code (0 without an error). The
         # first two arguments are the addresses for the result of the kernel and for a description
         # of an exception.
         prototype = ctypes.CFUNCTYPE(
-            ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types
+            ctypes.c_int32,
+            ctypes.POINTER(result_type),
+            ctypes.c_void_p,
+            *(c_type for types, _ in self._converters for c_type in types),
         )
         self._function = prototype(self.address)
 
@@ -120,7 +123,7 @@ class Loaded:
         error code.
         """
         flat: list[Any] = []  # arguments of the C function
-        for convert, argument in zip(self._converters, arguments, strict=True):
+        for (_, convert), argument in zip(self._converters, arguments, strict=True):
             convert(argument, flat)
         result = self._result_type()
         exception = ctypes.c_void_p()  # required by the calling convention, not read
@@ -129,34 +132,65 @@ class Loaded:
             raise RuntimeError("a kernel raised an exception")
         return result.value
 
+    def bind(self, *last: Any) -> Callable[..., Any]:
+        """Return a function of the first arguments that calls the kernel with the constant last
+        arguments `last`.
 
-def _converters(
-    arguments: Sequence[Argument],
-) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
-    """Return the C types of the arguments of a kernel, and for each argument a function (value,
-    flat) that appends its parts to the list `flat`.
+        The last arguments are converted to C types once, which takes most of the time of a call.
+        """
+        first_count = len(self._converters) - len(last)
+        constant = _c_values(self._converters[first_count:], last)
+        # Without argument types, C values are passed unchanged.
+        function = ctypes.CFUNCTYPE(ctypes.c_int32)(self.address)
+
+        def call(*first: Any) -> Any:
+            """Call the kernel with its first arguments."""
+            result, exception = self._result_type(), ctypes.c_void_p()
+            values = _c_values(self._converters[:first_count], first)
+            if function(ctypes.byref(result), ctypes.byref(exception), *values, *constant):
+                raise RuntimeError("a kernel raised an exception")
+            return result.value
+
+        call.arrays = last  # type: ignore[attr-defined]  # the addresses remain valid
+        return call
+
+
+_Converter = tuple[list[Any], Callable[[Any, list[Any]], None]]
+
+
+def _c_values(converters: Sequence[_Converter], arguments: Sequence[Any]) -> list[Any]:
+    """Return the parts of arguments as C values."""
+    flat: list[Any] = []
+    for (_, convert), argument in zip(converters, arguments, strict=True):
+        convert(argument, flat)
+    types = [c_type for types, _ in converters for c_type in types]
+    return [c_type(part) for c_type, part in zip(types, flat, strict=True)]
+
+
+def _converters(arguments: Sequence[Argument]) -> list[_Converter]:
+    """Return for each argument of a kernel the C types of its parts, and a function (value, flat)
+    that appends the parts to the list `flat`.
 
     In the calling convention of numba, an array is passed as several numbers and addresses, its
     parts. A kernel is passed by its address.
     """
-    types: list[Any] = []
-    converters: list[Callable[[Any, list[Any]], None]] = []
+    converters: list[_Converter] = []
     for argument in arguments:
         match argument:
             case ArrayOf(dimensions):
                 # Meminfo, parent, number of items, bytes per item, address of the data, and one
                 # number per dimension for the shape and for the strides
-                types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
+                types = [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)
-                converters.append(_table(dimensions, len(converters) + 1))
+                converters.append((types, _table(dimensions, len(converters) + 1)))
             case Scalar(name):
                 c_type, python_type = _NUMBERS[name]
-                types.append(c_type)
-                converters.append(_number(python_type))
+                converters.append(([c_type], _number(python_type)))
             case Signature():
-                types.append(ctypes.c_int64)
-                converters.append(lambda kernel, flat: flat.append(kernel.address))
-    return types, converters
+                converters.append(
+                    ([ctypes.c_int64], lambda kernel, flat: flat.append(kernel.address))
+                )
+    return converters
 
 
 def _table(dimensions: int, position: int) -> Callable[[Any, list[Any]], None]:

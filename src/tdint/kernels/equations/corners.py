@@ -668,8 +668,8 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
     accelerations and total shears within the step, copies the merged peaks back, and sets
     STEP_PEAKS to 0. Before this function raises them, the rows therefore contain the peaks of the
     run at the last such step, or zeros. These values may be lower than the present peaks; the test
-    `_may_exceed_peaks` is then True in more steps than necessary. RUN_PEAKS remains set, so that
-    the time loop resets the rows if it resets the peaks of the run.
+    `_may_exceed_peaks` is then True in more steps than necessary. A function that resets the peaks
+    of the run also resets the rows (`Family.step_peaks`).
 
     The status is unchanged if no peak can be exceeded or no corner is found. Peaks that
     `_store_branch_end` has then raised, at a corner close to an endpoint of the step, are
@@ -703,7 +703,7 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
             )
     if scratch[ROW.CORNERS, 0] == 0.0:
         return
-    step_status[rows.STEP_PEAKS] = step_status[rows.RUN_PEAKS] = ROW.PEAKS
+    step_status[rows.STEP_PEAKS] = ROW.PEAKS
     copy_step_start(law_state)
     _update_peaks_between_corners(coefficients, scene, h, load, memory)
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, outlined, specialized
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.law import LawFunctions
 
 _MAX_BRANCHES = 16
@@ -306,7 +306,7 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
     """
     advance = advancing(move or inline(add_work))
 
-    @specialized
+    @outlined
     def follow(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force at a drift along the branches of the law; return the stiffness of the
         last branch, N/m.
@@ -386,11 +386,13 @@ def follow_branches(
             law_state[row, i] = law_state[trial + row, i]
         copy_extra_rows(law_state, i, trial, 0)
 
-    return LawFunctions(
-        force=branch_follower(switch, max_branches=max_branches),
-        strain_energy=strain_energy,
-        hysteretic_energy=hysteretic_energy,
-        keep=keep,
-        enter=enter,
-        switch=switch,
+    return branch_first(
+        LawFunctions(
+            force=branch_follower(switch, max_branches=max_branches),
+            strain_energy=strain_energy,
+            hysteretic_energy=hysteretic_energy,
+            keep=keep,
+            enter=enter,
+            switch=switch,
+        )
     )

@@ -615,7 +615,6 @@ LAW = DriftLaw(
         LawParameter("drift", low=0.0, high=1.0, group="pinching", without=1.0),
     ),
     kinked=True,
-    compiled_separately=True,
     extra_rows=_EXTRA_ROWS,
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=_slope_to_capping,

@@ -169,9 +169,6 @@ class DriftLaw:
     kinked : bool
         True if the tangent stiffness is discontinuous. The law then has a `switch`, and the changes
         of branch are located within a time step.
-    compiled_separately : bool
-        True if the law is compiled separately when a model uses it and is called by address. False
-        if the law is part of every time loop.
     extra_rows : int
         Number of rows of `law_state` that each state needs in addition to the common rows (see
         `tdint.kernels.layout.EXTRA_ROWS`).
@@ -220,7 +217,6 @@ class DriftLaw:
     parameters: tuple[LawParameter, ...] = ()
     curved: bool = False
     kinked: bool = False
-    compiled_separately: bool = False
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     symmetric: Callable[[Sequence[float]], bool] = lambda values: False

@@ -637,7 +637,6 @@ LAW = DriftLaw(
         replace(_CURVE, default="backbone", group="negative"),
     ),
     kinked=True,
-    compiled_separately=True,
     extra_rows=MAX_POINTS,
     stiffens=_stiffens,
     symmetric=_is_symmetric,

@@ -780,7 +780,6 @@ LAW = DriftLaw(
         LawParameter("capacity", low=0.0, low_allowed=False, group="degradation", without=math.inf),
     ),
     kinked=True,
-    compiled_separately=True,
     extra_rows=_EXTRA_ROWS,
     initial_stiffness=lambda values: values[1] / values[0],
     yield_drift=lambda stiffness, values: values[0],  # the first point of the positive side

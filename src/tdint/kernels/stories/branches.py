@@ -16,9 +16,6 @@ from tdint.kernels.laws.branch_following import add_work, advancing
 from tdint.kernels.laws.selection import (
     CURVED_LAWS,
     HAS_ELEMENTS,
-    case_with_3_arguments,
-    case_with_5_arguments,
-    case_with_6_arguments,
     select_function,
 )
 
@@ -35,7 +32,7 @@ _ROOT_TOLERANCE = 1e-10
 # the branch is a rounding error and not a reversal.
 _REVERSAL_TOLERANCE = 1e-12
 
-advance_law = advancing(select_function("advance", case_with_6_arguments, outlined(add_work)))
+advance_law = advancing(select_function("advance", outlined(add_work)))
 """(law_parameters, law_state, i, block, drift). Moves the state of the law in column `i`, a story
 with one element or an element, to `drift` (m) on its current linear branch."""
 
@@ -103,8 +100,8 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
     pass
 
 
-_enter = select_function("enter", case_with_3_arguments, _keep_branch)
-_switch = select_function("switch", case_with_5_arguments, _keep_branch_after)
+_enter = select_function("enter", _keep_branch)
+_switch = select_function("switch", _keep_branch_after)
 
 
 @outlined

@@ -19,24 +19,19 @@ from tdint.kernels.laws.branch_following import (
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
     HAS_ELEMENTS,
-    case_with_3_arguments,
-    case_with_5_arguments,
-    case_with_6_arguments,
     select_function,
 )
 from tdint.kernels.stories.branches import enter, sum_branches, switch, synchronize
 
 # Each `select_function` returns a function that calls the function with this name of the law of
 # story `i`, or the default (last argument) for a law without such a function.
-_force = select_function("force", case_with_6_arguments)
+_force = select_function("force")
 
 # Force of an element that follows its branches, in every state. The slope of the branch is the
 # tangent. Laws that a model does not use are not compiled.
-_follow_branches = branch_follower(
-    switch, select_function("advance", case_with_6_arguments, outlined(add_work))
-)
+_follow_branches = branch_follower(switch, select_function("advance", outlined(add_work)))
 
-_strain_energy = select_function("strain_energy", case_with_3_arguments)
+_strain_energy = select_function("strain_energy")
 
 
 @inline
@@ -46,9 +41,7 @@ def _stored_dissipation(law_parameters, law_state, i):
     return law_state[rows.DISSIPATED, i]
 
 
-_hysteretic_energy = select_function(
-    "hysteretic_energy", case_with_3_arguments, _stored_dissipation
-)
+_hysteretic_energy = select_function("hysteretic_energy", _stored_dissipation)
 
 
 @inline
@@ -64,11 +57,9 @@ def _no_rows(law_parameters, law_state, i, previous, trial):
     pass
 
 
-_accumulate_dissipation = select_function(
-    "accumulate_dissipation", case_with_5_arguments, _copy_dissipation
-)
+_accumulate_dissipation = select_function("accumulate_dissipation", _copy_dissipation)
 
-_keep = select_function("keep", case_with_5_arguments, _no_rows)
+_keep = select_function("keep", _no_rows)
 
 
 @inline

@@ -36,8 +36,6 @@ from tdint.kernels.laws.selection import (
     HAS_CURVED_LAW,
     HAS_ELEMENTS,
     MAX_BRANCHES,
-    case_with_4_arguments,
-    case_with_5_arguments,
     select_function,
 )
 from tdint.kernels.stepping import Integrals, PathSegment
@@ -115,7 +113,7 @@ def _default_points(law_parameters, law_state, i, drift_change):
     return _DEFAULT_POINTS
 
 
-_points = select_function("points", case_with_4_arguments, _default_points)
+_points = select_function("points", _default_points)
 
 
 @inline
@@ -137,7 +135,7 @@ def _no_kink(law_parameters, law_state, i, block, side):
     return math.inf
 
 
-_distance_to_kink = select_function("kink", case_with_5_arguments, _no_kink)
+_distance_to_kink = select_function("kink", _no_kink)
 
 
 @inline

@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import (
-    CUBE,
-    F8,
-    I8,
-    TABLE,
-    VECTOR,
-    indirect_caller,
-    inline,
-    kernel,
-    outlined,
-)
+from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, outlined
 from tdint.kernels.linear_terms import FORCES
 from tdint.kernels.stepping import (
     MEMORY,
     SCENE,
     SEEN,
     STEP,
-    Array,
     Memory,
     Scene,
     Seen,
@@ -49,18 +36,20 @@ from tdint.kernels.time_loop.observer import (
     update_reversal_shears,
 )
 
+# The first arguments change from call to call; the others are constant in the runs of a building
+# (`tdint.kernels.building.compilable.bind`).
 INTEGRATE = I8(
+    I8,  # number of steps of the run
+    I8,  # number of completed steps
+    I8,  # number of steps at which the call ends
+    I8,  # number of steps that have the length of the next argument
+    I8,  # number of sampling intervals; 1 if a step is not longer than a sampling interval
     STEP,  # step of the method
     INITIALIZE_LAWS,  # kernel that initializes the drift laws
     SUM_LAW_ENERGIES,  # kernel that sums their energies
     UPDATE_SHEAR_PEAKS,  # kernel that computes their forces at reversals
-    I8,  # number of steps of the run
-    I8,  # number of completed steps
-    I8,  # number of steps at which the call ends
     I8,  # steps per row of the history
     I8,  # rows of the complete history before the first row of the array
-    I8,  # number of steps that have the length of the next argument
-    I8,  # number of sampling intervals; 1 if a step is not longer than a sampling interval
     I8,  # maximum number of halvings of a step
     F8,  # length of a step, s
     VECTOR,  # ground acceleration, m/s^2
@@ -183,17 +172,17 @@ def _fit_ground(ground, position, step_ratio, load):
 
 @kernel(INTEGRATE, parts=_PARTS)
 def integrate(
+    steps,
+    first_step,
+    last_step,
+    per_sample,
+    stride,
     step,
     initialize_laws,
     sum_law_energies,
     update_shear_peaks,
-    steps,
-    first_step,
-    last_step,
     steps_per_row,
     rows_before,
-    per_sample,
-    stride,
     max_halvings,
     h,
     ground,
@@ -241,11 +230,11 @@ def integrate(
         Number of steps that previous calls have completed.
     last_step : int
         Number of steps that are complete after this call.
+    per_sample, stride : int
+        `per_sample` steps have the length of `stride` sampling intervals.
     rows_before : int
         Row of the complete history that is stored in row 0 of the array `history`. The array can
         contain only a part of the history.
-    per_sample, stride : int
-        `per_sample` steps have the length of `stride` sampling intervals.
     points : ndarray
         Points of the tables of forces: times (s) and values; empty without tables. The rows of
         `forces` that are tables contain the lines of the current step, which this function changes.
@@ -366,290 +355,3 @@ def integrate(
     if last_step == steps:
         update_law_energies(sum_law_energies, scene, memory, seen)
     return 0
-
-
-# ---- Many runs of one building in one call: different ground motions, scale factors and numbers of
-# steps, with the same method
-
-# Columns of the table `runs`, with one row for each run
-GROUND_START = 0  # index of the first sample of the run in the samples of all ground motions
-GROUND_SIZE = 1  # number of samples
-SCALE = 2  # scale factor of the samples
-STEPS = 3
-PER_SAMPLE = 4  # this number of steps has the length of STRIDE sampling intervals
-STRIDE = 5
-
-# Columns of the table `run_ends` of results, with one row for each run
-CODE = 0  # return value of `integrate`
-STEPS_COMPLETED = 1
-AT_REST = 2  # 1 if the response has decayed, or if free vibration is not requested
-END_COLUMNS = 3
-
-_call_integrate = indirect_caller(INTEGRATE)
-
-
-@inline
-def _copy(source, target):
-    """Copy all elements of the table `source` to the table `target` of the same shape."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
-
-
-@inline
-def _fill(target, value):
-    """Set all elements of the table `target` to `value`."""
-    for i in range(target.shape[0]):
-        for j in range(target.shape[1]):
-            target[i, j] = value
-
-
-INTEGRATE_MANY = I8(
-    INTEGRATE,
-    STEP,
-    INITIALIZE_LAWS,
-    SUM_LAW_ENERGIES,
-    UPDATE_SHEAR_PEAKS,
-    I8,  # maximum number of halvings of a step
-    F8,  # length of a step, s
-    VECTOR,  # samples of all ground motions
-    TABLE,  # table of the runs, one row per run
-    VECTOR,  # points of the tables of forces
-    VECTOR,  # coefficients of the method
-    VECTOR,  # changes of the state at a jump of the ground acceleration
-    *SCENE,
-    *MEMORY,  # initial memory
-    VECTOR,  # initial totals
-    *MEMORY,
-    VECTOR,  # load
-    VECTOR,  # ground acceleration, with the length of the longest ground motion
-    TABLE,  # memory of the observer
-    TABLE,  # collapse limits
-    VECTOR,  # previous peak velocities, one element for each story
-    TABLE,  # history, without rows
-    # After its last step, a run continues in windows of free vibration until the building is at
-    # rest: number of steps of a window, and maximum number of windows (0: the run ends with its
-    # last step).
-    I8,
-    I8,
-    # The building is at rest if the maximum velocity in a window, divided by the maximum
-    # displacement of the run, does not exceed this value, 1/s.
-    F8,
-    CUBE,  # peaks of each run
-    TABLE,  # residual drifts of each run
-    TABLE,  # totals of each run
-    TABLE,  # return code, number of steps and state of rest of each run
-)
-
-
-class _Kernels(NamedTuple):
-    """Addresses of the compiled kernels that a run calls."""
-
-    integrate: int
-    step: int
-    initialize_laws: int
-    sum_law_energies: int
-    update_shear_peaks: int
-
-
-class _CommonData(NamedTuple):
-    """Data that all runs of `integrate_many` share (arguments of `integrate`; `load` and `ground`
-    are scratch arrays).
-    """
-
-    max_halvings: int
-    h: float
-    coefficients: Array
-    shifts: Array
-    load: Array
-    ground: Array
-    points: Array
-
-
-@inline
-def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory, seen):
-    """Call `integrate` for the steps of one run from `first_step` to `last_step`, without a
-    history.
-
-    `last_step` is also passed as the number of steps of the run, so that each successful call
-    updates the energies of the laws at its end. The steps per row of the history (1) and the number
-    of earlier rows (0) have no effect.
-    """
-    return _call_integrate(
-        kernels.integrate, kernels.step, kernels.initialize_laws,
-        kernels.sum_law_energies, kernels.update_shear_peaks,
-        last_step, first_step, last_step, 1, 0, step_ratio[0], step_ratio[1],
-        common.max_halvings, common.h, common.ground, common.points,
-        common.coefficients, common.shifts,
-        scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
-        memory.state, memory.law_state, memory.scratch, memory.step_status, common.load,
-        seen.observer_state, seen.peaks, seen.limits, seen.totals, seen.history,
-    )  # fmt: skip
-
-
-@inline
-def _initialize_memory(initial, memory, observer_state):
-    """Set the arrays of a run to their initial values.
-
-    State, law states and step status are copied from `initial` to `memory`; the scratch array in
-    `memory` and the memory of the observer, `observer_state`, are set to zero.
-    """
-    _copy(initial.state, memory.state)
-    _copy(initial.law_state, memory.law_state)
-    _fill(memory.scratch, 0.0)
-    _fill(observer_state, 0.0)
-    for i in range(memory.step_status.size):
-        memory.step_status[i] = initial.step_status[i]
-
-
-@inline
-def _start_window(memory, peaks, previous_peaks, n):
-    """Set the peak velocities of a run to zero, so that they are determined for a window of steps;
-    keep them in `previous_peaks` for `_end_window`.
-
-    A method can keep a copy of the peaks in the scratch array (RUN_PEAKS); its peak velocities are
-    set to zero as well.
-    """
-    _, _, scratch, step_status = memory
-    for i in range(n):
-        previous_peaks[i] = peaks[rows.PEAK_VELOCITY, i]
-        peaks[rows.PEAK_VELOCITY, i] = 0.0
-        if step_status[rows.RUN_PEAKS] != 0.0:
-            scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
-
-
-@inline
-def _end_window(peaks, previous_peaks, n):
-    """Return the maximum velocity (m/s) in a window of steps and the maximum displacement (m) of
-    the run over all floors, and restore the peak velocities of the run.
-    """
-    max_velocity = 0.0
-    max_displacement = 0.0
-    for i in range(n):
-        max_velocity = max(max_velocity, peaks[rows.PEAK_VELOCITY, i])
-        max_displacement = max(max_displacement, peaks[rows.PEAK_DISPLACEMENT, i])
-        peaks[rows.PEAK_VELOCITY, i] = max(previous_peaks[i], peaks[rows.PEAK_VELOCITY, i])
-    return max_velocity, max_displacement
-
-
-@kernel(INTEGRATE_MANY, parts=_PARTS)
-def integrate_many(
-    integrate,
-    step,
-    initialize_laws,
-    sum_law_energies,
-    update_shear_peaks,
-    max_halvings,
-    h,
-    samples,
-    runs,
-    points,
-    coefficients,
-    shifts,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    state_0,
-    law_state_0,
-    scratch_0,
-    step_status_0,
-    totals_0,
-    state,
-    law_state,
-    scratch,
-    step_status,
-    load,
-    ground,
-    observer_state,
-    limits,
-    previous_peaks,
-    history,
-    window_steps,
-    max_windows,
-    velocity_limit,
-    peaks,
-    drifts,
-    totals,
-    run_ends,
-):
-    """Integrate several runs of one building, one after the other, with different ground motions.
-
-    For each run, the ground motion is scaled, the memory is reset to its initial values, and the
-    equations of motion are integrated over the specified number of steps. After its last step, a
-    run continues in free vibration until the building is at rest, in windows of `window_steps`
-    steps and for at most `max_windows` windows (0: the run ends with its last step). The building
-    is at rest if the maximum velocity of a floor in a window is at most `velocity_limit` times the
-    maximum displacement of the run.
-
-    Parameters
-    ----------
-    runs : ndarray
-        Table of the runs, one row per run, with the columns GROUND_START and GROUND_SIZE (first
-        sample and number of samples), SCALE (scale factor), STEPS, PER_SAMPLE and STRIDE
-        (PER_SAMPLE steps have the length of STRIDE sampling intervals).
-    state_0, law_state_0, scratch_0, step_status_0, totals_0 : ndarray
-        Initial memory and totals, which each run copies. `scratch_0` is not used: the scratch array
-        of a run is set to zero.
-    previous_peaks : ndarray
-        Scratch array for peak velocities, with a single element for each story.
-    velocity_limit : float
-        Maximum velocity in a window in which the building is at rest, divided by the maximum
-        displacement of the run, 1/s.
-    peaks, drifts, totals, run_ends : ndarray
-        Results: peaks, residual drifts (m), totals and end of each run. The first axis is the run.
-        The caller must set `peaks` to zero, because peaks are only raised; the other results are
-        overwritten. The columns of `run_ends` are
-
-            CODE               return value of `integrate`
-            STEPS_COMPLETED    number of steps until the end of the ground motion or of the last
-                               complete window; 0 if the run failed during the ground motion
-            AT_REST            1 if the building is at rest at the end of a window, or, also for a
-                               failed run, if `max_windows` is 0; otherwise 0
-    """
-    kernels = _Kernels(integrate, step, initialize_laws, sum_law_energies, update_shear_peaks)
-    common = _CommonData(max_halvings, h, coefficients, shifts, load, ground, points)
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    initial = Memory(state_0, law_state_0, scratch_0, step_status_0)
-    memory = Memory(state, law_state, scratch, step_status)
-    failed_count = 0
-    n = linear_terms.shape[1] - 1
-    for run_index in range(runs.shape[0]):
-        # The rest of the array is filled with zeros.
-        first_sample = int(runs[run_index, GROUND_START])
-        sample_count = int(runs[run_index, GROUND_SIZE])
-        for i in range(ground.size):
-            ground[i] = (
-                samples[first_sample + i] * runs[run_index, SCALE] if i < sample_count else 0.0
-            )
-        _initialize_memory(initial, memory, observer_state)
-        for i in range(rows.TOTALS_SIZE):
-            totals[run_index, i] = totals_0[i]
-        seen = Seen(observer_state, peaks[run_index], limits, totals[run_index], history)
-        step_ratio = (int(runs[run_index, PER_SAMPLE]), int(runs[run_index, STRIDE]))
-        completed = 0
-        last_step = int(runs[run_index, STEPS])
-        code = 0
-        # Pass 0 integrates the specified steps, each further pass one window of free vibration.
-        at_rest = 1.0 if max_windows == 0 else 0.0
-        for window_index in range(max_windows + 1):
-            _start_window(memory, seen.peaks, previous_peaks, n)
-            code = _continue(kernels, common, step_ratio, last_step, completed, scene, memory, seen)
-            max_velocity, max_displacement = _end_window(seen.peaks, previous_peaks, n)
-            if code < 0:
-                break
-            completed = last_step
-            last_step += window_steps
-            if window_index > 0 and max_velocity <= velocity_limit * max_displacement:
-                at_rest = 1.0
-                break
-        # A failed run keeps the number of steps of its last complete pass.
-        if code < 0:
-            failed_count += 1
-        for i in range(n):
-            drifts[run_index, i] = law_state[rows.DRIFT, i]
-        run_ends[run_index, CODE] = code
-        run_ends[run_index, STEPS_COMPLETED] = completed
-        run_ends[run_index, AT_REST] = at_rest
-    return failed_count
