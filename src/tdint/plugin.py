@@ -41,7 +41,6 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.kernels.compiling import local as local
     from tdint.kernels.compiling import local_table as local_table
     from tdint.kernels.compiling import outlined as outlined
-    from tdint.kernels.compiling import specialized as specialized
     from tdint.kernels.equations.newton import EQUILIBRIUM_ROWS as EQUILIBRIUM_ROWS
     from tdint.kernels.equations.newton import ROW as ROW
     from tdint.kernels.equations.newton import factor_rows as factor_rows

@@ -23,7 +23,7 @@ from tdint.kernels.building import compilable, store
 from tdint.kernels.building import load_or_compile as building_module
 from tdint.kernels.building import process as process_module
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
-from tdint.kernels.building.compiler import objects_of, outlined, specialized
+from tdint.kernels.building.compiler import objects_of, outlined
 from tdint.kernels.building.load_or_compile import compile_ahead, load_or_compile
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.process import Compilation
@@ -438,14 +438,13 @@ def test_allocating_kernel_is_refused():
         objects_of(allocates, F8(VECTOR), [native()])
 
 
-@pytest.mark.parametrize(("decorate", "times"), [(outlined, 1), (specialized, 2)])
-def test_constants_specialize_only_marked_functions(decorate, times):
-    @decorate
+def test_outlined_function_is_compiled_once_for_all_constants():
+    @outlined
     def power(x, n):
         return x**n
 
     objects_of(lambda x: power(x, 2) + power(x, 3), F8(F8), [native()])
-    assert len(power.overloads) == times
+    assert len(power.overloads) == 1
 
 
 def test_text_of_variant_is_parsed_to_same_variant():

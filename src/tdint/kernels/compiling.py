@@ -40,7 +40,6 @@ __all__ = [
     "local",
     "local_table",
     "outlined",
-    "specialized",
 ]
 
 VECTOR = ArrayOf(1)
@@ -125,7 +124,6 @@ if COMPILES:
         local,
         local_table,
         outlined,
-        specialized,
     )
 else:
     # This process does not compile: it loads object files, or runs kernels as Python functions,
@@ -136,7 +134,7 @@ else:
         """Mark a function of an inner loop: when kernels are compiled, its code is copied into each
         caller.
 
-        Without compilation, the function is returned unchanged, as by the other two decorators.
+        Without compilation, the function is returned unchanged, as by `outlined`.
 
         Parameters
         ----------
@@ -148,17 +146,6 @@ else:
     def outlined(function: Callable[..., Any]) -> Any:
         """Mark a function that kernels call rarely: when kernels are compiled, it is compiled once
         and called, which reduces compile times. Without compilation, it is returned unchanged.
-
-        Parameters
-        ----------
-        function : callable
-            Function of numbers and arrays that numba can compile.
-        """
-        return function
-
-    def specialized(function: Callable[..., Any]) -> Any:
-        """Mark a function that is compiled once for each value of a constant argument, such as a
-        block of law states or a boolean. Without compilation, it is returned unchanged.
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ import llvmlite.binding as llvm
 import numba
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.types.misc import maybe_literal, unliteral
+from numba.core.types.misc import unliteral
 from numba.extending import intrinsic
 
 from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
@@ -83,20 +83,6 @@ _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 `_SYMBOL` every use (`@name`, or `$name` of a group of definitions)."""
 
 
-def _constant_of_module(context: Any, module: Any, name: str) -> Any:
-    """Return the numba type of an attribute of a module, such as `rows.FORCE`.
-
-    The function replaces `BaseContext.resolve_module_constants`, which returns an ordinary type for
-    a number, such as int64. A literal type contains the value; numba uses it for constants that are
-    imported by name. Functions marked `specialized` are then compiled once for each value.
-    """
-    value = getattr(module.pymod, name)
-    return maybe_literal(value) or context.resolve_value_type(value)
-
-
-numba.core.typing.context.BaseContext.resolve_module_constants = _constant_of_module
-
-
 _PROBE = "\n".join(
     f'module asm "{line}"'
     for line in (
@@ -124,25 +110,15 @@ def inline(function: Callable[..., Any]) -> Any:
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
-def specialized(function: Callable[..., Any]) -> Any:
-    """Mark a function so that numba compiles it once for each value of a constant argument.
-
-    numba compiles a function for each combination of argument types, and a constant argument has a
-    literal type, which contains its value. Therefore only the common options (_OPTIONS) are set.
-    In contrast, the code of an `inline` function is copied into each caller, and an `outlined`
-    function is compiled once for all values.
-    """
-    return numba.njit(**_OPTIONS)(function)
-
-
 def outlined(function: Callable[..., Any]) -> Any:
     """Mark a function so that numba compiles it once and calls it, instead of copying its code into
     each caller (`inline`).
 
-    Literal types of constant arguments, which contain the values, are replaced by ordinary types.
-    The function is therefore not compiled again for each value, as a `specialized` function is.
+    numba compiles a function for each combination of argument types. Literal types of constant
+    arguments, which contain the values, are replaced by ordinary types, so that the function is not
+    compiled again for each value.
     """
-    compiled = specialized(function)
+    compiled = numba.njit(**_OPTIONS)(function)
     get_call_template = compiled.get_call_template
     compiled.get_call_template = lambda arguments, named: get_call_template(
         tuple(map(unliteral, arguments)), named
@@ -274,7 +250,7 @@ def objects_of(
         raise ValueError(
             "NUMBA_OPT=0 leaves calls in the code that optimizing removes: unset NUMBA_OPT"
         )
-    compiled = specialized(function)
+    compiled = numba.njit(**_OPTIONS)(function)
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads

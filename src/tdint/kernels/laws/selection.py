@@ -116,11 +116,9 @@ def _choice(decorate: Any, cases: dict[int, Any], rest: Any) -> Any:
     The function is generated as text, because compiled functions cannot have a variable number of
     arguments.
     """
-    if rest is None:
-        *codes, last = cases
-        rest = cases[last]
-    else:
-        codes = list(cases)
+    codes = list(cases)
+    if rest is None and codes:
+        rest = cases[codes.pop()]
     if not codes:
         return rest
     body = getattr(rest, "py_func", rest).__code__
