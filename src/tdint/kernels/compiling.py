@@ -19,6 +19,7 @@ from tdint.kernels.building.compilable import (
     EVERYTHING,
     F8,
     I8,
+    PARTS,
     ArrayOf,
     Compilable,
     Signature,
@@ -52,8 +53,6 @@ COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
 VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
 """Variant that this process compiles. In other processes it contains all features, because the
 kernels are selected at run time."""
-
-_LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots", "elements", "braces", "tangent_damping")
 
 
 class Kernel(Compilable):
@@ -90,7 +89,7 @@ class Kernel(Compilable):
 
 
 def kernel(
-    signature: Signature, parts: tuple[str, ...] = _LAWS_AND_LOADS, vectorized: bool = False
+    signature: Signature, parts: tuple[str, ...] = PARTS, vectorized: bool = False
 ) -> Callable[[Callable[..., Any]], Kernel]:
     """Return a decorator that converts a function to a `Kernel`.
 
@@ -104,8 +103,7 @@ def kernel(
     signature : Signature
         Types of the arguments and of the result.
     parts : tuple of str
-        Features of the variant on which the compiled code depends. Default: all features, which are
-        laws, modal damping, forces on floors, dashpots and braces.
+        Features of the variant on which the compiled code depends. Default: all features.
     vectorized : bool
         True if the compiler may vectorize loops. Default: False.
 

@@ -99,13 +99,15 @@ class Variant:
         The result is the variant of a kernel that depends only on these attributes. The other
         attributes get the values of EVERYTHING, so that one compiled kernel serves more buildings.
         """
-        unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
+        unused = {name: getattr(EVERYTHING, name) for name in PARTS if name not in parts}
         return replace(self, **unused)
 
 
 EVERYTHING = Variant()
-_PARTS = tuple(field.name for field in fields(Variant))
-FEATURES = _PARTS[1:]
+PARTS = tuple(field.name for field in fields(Variant))
+"""Attributes of a variant: the laws and the features."""
+
+FEATURES = PARTS[1:]
 """Names of the features that a variant has or has not: all attributes except the laws."""
 
 
