@@ -22,7 +22,7 @@ from tdint.kernels import build
 from tdint.kernels.building import compilable, store
 from tdint.kernels.building import load_or_compile as building_module
 from tdint.kernels.building import process as process_module
-from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
+from tdint.kernels.building.compilable import EVERYTHING, Variant, bind, parse
 from tdint.kernels.building.compiler import objects_of, outlined
 from tdint.kernels.building.load_or_compile import compile_ahead, load_or_compile
 from tdint.kernels.building.loading import Loaded, pack, unpack
@@ -417,6 +417,14 @@ def test_loaded_kernel_accepts_numbers_and_arrays():
     table, numbers = np.ones((2, 4)), np.arange(3.0)
     assert kernel(table, numbers, 2.0, 1) == 4
     assert table.tolist() == [[1.0] * 4, [1.0, 3.0, 5.0, 1.0]]
+    # The bound function keeps the array alive and calls with its present values.
+    bound = bind(kernel, numbers.copy(), 3.0, 0)
+    assert (bound(table), bound(table)) == (4, 4)
+    assert table.tolist() == [[1.0, 7.0, 13.0, 1.0], [1.0, 3.0, 5.0, 1.0]]
+    assert bind(add, numbers, 2.0, 0)(table) == 4  # a Python function
+    assert table[0].tolist() == [1.0, 9.0, 17.0, 1.0]
+    with pytest.raises(ValueError, match="argument"):
+        bound(table, numbers)
     read_only = np.ones(3)
     read_only.flags.writeable = False
     for wrong, cause in (

@@ -23,7 +23,7 @@ from tdint.kernels.oscillators.between_steps import (
     largest_between,
     term_count,
 )
-from tdint.kernels.peaks_between_steps import _add_floor_forces
+from tdint.kernels.peaks_between_steps import add_floor_forces
 from tdint.kernels.stepping import Span
 from tdint.kernels.stories.branches import NONE, first_event
 from tdint.kernels.time_loop.ground import (
@@ -104,9 +104,9 @@ def test_floor_forces_are_interpolated_at_ends_and_quarters_of_step():
     t, h = 0.7, 0.05
     span = Span(t, h, 0.0, 0.0, False, False, False, False)
     # No floor is above: the sums of the first call are ignored.
-    above, below = _add_floor_forces(span, table, 0.0, 2, (7.0, 7.0, 7.0, 7.0), len(forces))
+    above, below = add_floor_forces(span, table, 0.0, 2, (7.0, 7.0, 7.0, 7.0), len(forces))
     for link, count in ((1.0, 3), (0.0, 1)):
-        (a0, a1, bulge, tilt), _ = _add_floor_forces(span, table, link, 1, above, below)
+        (a0, a1, bulge, tilt), _ = add_floor_forces(span, table, link, 1, above, below)
         for s in (0.0, 0.25, 0.75, 1.0):
             time = t - h + s * h
             expected = sum(

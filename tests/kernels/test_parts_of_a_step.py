@@ -15,7 +15,7 @@ from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, ROUNDING, TANGENT_TOLERANCE
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, STORE
 from tdint.kernels.linear_terms import force_moment, force_rate
-from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
+from tdint.kernels.step_interpolant import max_interior_bezier_point
 from tdint.kernels.stepping import Memory, Scene
 from tdint.kernels.stories.path import Integrals
 from tdint.methods.catalogue import parse
@@ -53,7 +53,7 @@ def test_bound_of_acceleration_is_maximum_inner_bezier_point():
         cubic = line + arch * np.polynomial.Polynomial([bulge + tilt, -2.0 * tilt])
         c0, c1, c2, _ = cubic.coef
         inner = abs(c0 + c1 / 3.0), abs(c0 + 2.0 * c1 / 3.0 + c2 / 3.0)
-        bound = _max_interior_bezier_point(a0, a1, bulge, tilt)
+        bound = max_interior_bezier_point(a0, a1, bulge, tilt)
         assert bound == pytest.approx(max(inner), rel=1e-12)
         assert np.max(np.abs(cubic(s))) <= max(bound, abs(a0), abs(a1)) * (1.0 + 1e-12)
 

@@ -8,7 +8,8 @@ import pytest
 
 from selection import every
 from tdint.kernels import layout as rows
-from tdint.kernels.peaks_between_steps import _cubic_extremum, find_interstep_peaks
+from tdint.kernels.peaks_between_steps import find_interstep_peaks
+from tdint.kernels.step_interpolant import cubic_extremum
 from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
 from tdint.kernels.time_loop.observer import _update_peaks, observe, observe_within_step
 from tdint.model.building import force_table
@@ -220,7 +221,7 @@ def test_largest_extremum_of_cubic(seed):
     values = np.polyval(p[::-1], s)
     inside = values[1:-1][np.diff(np.sign(np.diff(values))) != 0]
     expected = max([p[0], *inside], key=abs)
-    assert _cubic_extremum(*p) == pytest.approx(expected, abs=1e-8)
+    assert cubic_extremum(*p) == pytest.approx(expected, abs=1e-8)
 
 
 QUANTITIES = (

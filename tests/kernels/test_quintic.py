@@ -7,6 +7,7 @@ from scipy.interpolate import BPoly
 
 from tdint.kernels import layout as rows
 from tdint.kernels import peaks_between_steps as peaks
+from tdint.kernels import step_interpolant as interpolant
 from tdint.kernels.stepping import Ends, Passage, Span
 
 H = 0.04
@@ -66,8 +67,10 @@ def cubic_hermite(ends):
 @pytest.mark.parametrize("ends", random_ends(1, 20))
 def test_coefficients_bulge_and_tilt_of_the_quintic(ends):
     expected = in_powers(quintic(ends)).coef
-    assert peaks._quintic_coefficients(H, ends) == pytest.approx(expected[3:], rel=1e-9, abs=1e-9)
-    bulge, tilt = peaks._bulge_and_tilt(H, ends)
+    assert interpolant.quintic_coefficients(H, ends) == pytest.approx(
+        expected[3:], rel=1e-9, abs=1e-9
+    )
+    bulge, tilt = interpolant.bulge_and_tilt(H, ends)
     s = np.linspace(0.0, 1.0, 7)
     line = ends.a0 + (ends.a1 - ends.a0) * s
     acceleration = line + s * (1.0 - s) * (bulge + tilt * (1.0 - 2.0 * s))
@@ -197,7 +200,9 @@ def test_acceleration_is_searched_if_bezier_point_may_exceed_peak():
         assert not peaks.may_exceed_acceleration_peak(a0, a1, bulge, bound * JUST_ABOVE)
         for ratio in np.linspace(-2.0, 2.0, 21):
             weight = min(2.0 - abs(ratio), 1.0)
-            inner = peaks._max_interior_bezier_point(a0, a1, weight * bulge, weight * ratio * bulge)
+            inner = interpolant.max_interior_bezier_point(
+                a0, a1, weight * bulge, weight * ratio * bulge
+            )
             assert inner <= bound * JUST_ABOVE
     assert 20 < above_ends < 100
 
@@ -205,16 +210,16 @@ def test_acceleration_is_searched_if_bezier_point_may_exceed_peak():
 def test_limits_of_resolved_motion():
     zero = 0.0
     for scale, bulge, tilt in ((2.0, 4.0, -2.0), (1.0, -1.0, 2.0)):
-        assert peaks._is_near_line(bulge, tilt, scale)  # 3 times the scale
-        assert not peaks._is_near_line(bulge * JUST_ABOVE, tilt, scale)
-        assert not peaks._is_near_line(bulge, tilt * JUST_ABOVE, scale)
+        assert interpolant.is_near_line(bulge, tilt, scale)  # 3 times the scale
+        assert not interpolant.is_near_line(bulge * JUST_ABOVE, tilt, scale)
+        assert not interpolant.is_near_line(bulge, tilt * JUST_ABOVE, scale)
     # Second differences of velocities (5 - 2 * 2 + 6 = 7 = |5| + |2|) and accelerations
     for name in ("v", "a"):
         for earlier, expected in ((6.0, True), (6.0 + 1e-9, False), (-8.0, True), (-8.1, False)):
             values = {f"{name}0": 2.0, f"{name}1": 5.0, f"{name}_earlier": earlier}
             ends = Ends(**(dict.fromkeys(Ends._fields, zero) | values))
-            assert peaks._is_resolved(span(fast=True), ends) == expected
-            assert peaks._is_resolved(span(fast=False), ends)
+            assert interpolant.resolves_motion(span(fast=True), ends) == expected
+            assert interpolant.resolves_motion(span(fast=False), ends)
 
 
 def test_drift_has_extremum_if_its_rate_or_parabola_turns():
@@ -399,12 +404,12 @@ def test_extremum_is_next_to_best_of_seven_points():
         coefficients = tuple(random.normal(size=6))
         polynomial = Polynomial(coefficients)
         values = polynomial(points) * np.sign(coefficients[1])
-        s, best = peaks._best_of_samples(coefficients)
+        s, best = interpolant._best_of_samples(coefficients)
         assert s == points[np.argmax(values)]
         assert best == pytest.approx(polynomial(s), rel=1e-12, abs=1e-12)
-        assert peaks._value(0.3, coefficients) == pytest.approx(polynomial(0.3), abs=1e-12)
+        assert interpolant._value(0.3, coefficients) == pytest.approx(polynomial(0.3), abs=1e-12)
         # The result is at least as extreme as all points, and on the polynomial.
-        extremum = peaks._quintic_extremum(random.uniform(), coefficients)
+        extremum = interpolant.quintic_extremum(random.uniform(), coefficients)
         assert extremum * np.sign(coefficients[1]) >= max(values) - 1e-12
         if (extrema := interior_extrema(polynomial)).size:
             highest = max(
@@ -428,7 +433,7 @@ def test_three_newton_iterations():
             if curvature * coefficients[1] < 0.0:
                 s = np.clip(s - p.deriv()(s) / curvature, 0.0, 1.0)
         kept += s == start
-        found = peaks._nearest_extremum(start, coefficients)
+        found = interpolant._nearest_extremum(start, coefficients)
         assert found == pytest.approx(p(s), rel=1e-9, abs=1e-9)
     assert 10 < kept < 90
 
@@ -457,21 +462,21 @@ def test_motions_of_floors_and_stories_and_sums_above():
     random = np.random.default_rng(16)
     old, state, others = random.normal(size=(3, 8, 4))
     passage = Passage(old, 2, state, others, 3)
-    floors = [peaks._floor_ends(True, passage, i) for i in range(3)]
+    floors = [peaks.floor_ends(True, passage, i) for i in range(3)]
     for i, floor in enumerate(floors):
         assert floor == Ends(
             *old[2:5, i], *state[[rows.DISPLACEMENT, rows.VELOCITY], i], others[3, i], *old[5:7, i]
         )
-        calm = peaks._floor_ends(False, passage, i)
+        calm = peaks.floor_ends(False, passage, i)
         assert calm == floor._replace(v_earlier=floor.v0, a_earlier=floor.a0)
     for link in (0.0, 1.0):
-        story = peaks._story_ends(floors[1], floors[0], link, 7.0)
+        story = peaks.story_ends(floors[1], floors[0], link, 7.0)
         expected = np.subtract(floors[1], link * np.array(floors[0]))
         expected[3] = 7.0
         assert story == pytest.approx(expected, rel=1e-12)
         terms = np.zeros((rows.LINEAR_TERM_ROWS, 4))
         terms[rows.LINK], terms[rows.MASS] = (9.0, 9.0, link, 9.0), (1.0, 2.5, 1.0, 1.0)
-        sums, mass = peaks._add_floor_inertia(terms, 1, floors[1], floors[2], 3.0)
+        sums, mass = peaks.add_floor_inertia(terms, 1, floors[1], floors[2], 3.0)
         expected = link * np.array(floors[2]) + 2.5 * np.array(floors[1])
         assert sums == pytest.approx(expected, rel=1e-12)
         assert mass == link * 3.0 + 2.5

@@ -61,7 +61,7 @@ from mutants import mutant, places  # noqa: E402
 
 KERNELS = ROOT / "src" / "tdint" / "kernels"
 MODULES = (
-    *("peaks_between_steps.py", "linear_terms.py", "equations/*.py", "laws/[a-z]*.py"),
+    *("peaks_*.py", "step_interpolant.py", "linear_terms.py", "equations/*.py", "laws/[a-z]*.py"),
     *("oscillators/*.py", "stories/*.py", "time_loop/*.py"),
 )
 """Modules with the loops. `building` and `compiling.py` contain no loops."""

@@ -3,31 +3,8 @@
 A substep is the part of a step between two located branch changes of the hysteretic laws. This
 module searches its interior for the maximum absolute value of displacements, story drifts,
 velocities, drift rates, absolute accelerations and total shears. The caller records the values at
-the endpoints.
-
-Interpolant
------------
-With s = (t - t0) / h in [0, 1], the displacement u(s) of a floor is approximated by the quintic
-with displacement, velocity and acceleration (u0, v0, a0) at s = 0 and (u1, v1, a1) at s = 1. A
-story drift is the difference of two such quintics. The acceleration of the quintic is
-
-    a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
-    B = 6 (v1 - v0) / h - 3 (a0 + a1)                                     bulge
-    D = 60 ((u1 - u0) / h - (v0 + v1) / 2) / h + 5 (a1 - a0)              tilt
-
-B and D are the symmetric and antisymmetric deviations from the straight line between a0 and a1.
-For a harmonic response of circular frequency omega, the maximum error of a(s) is
-(omega h)^4 / 1920 of the acceleration amplitude.
-
-Accelerations
--------------
-The tilt depends on displacements, divided by h^2. A displacement error d of the time-integration
-method in one step changes a(s) by up to 5.8 d / h^2. For second-order methods this change is of the
-size of a1 - a0, so the tilt is not reliable. The weight w of B and D therefore depends on |D / B|:
-
-    |D| <= |B|              w = 1: a(s) stays on one side of the straight line
-    |B| < |D| < 2 |B|       w = 2 - |D / B|, so that peaks change continuously
-    |D| >= 2 |B|            the interior is not searched: the maximum is the larger endpoint value
+the endpoints. The response within a step is represented by the interpolant of
+`tdint.kernels.step_interpolant`.
 
 The force of a power-law dashpot with an exponent below 1 is nearly discontinuous at rest, and no
 cubic. In a step in which such a dashpot comes to rest, and near it, its force is separated from the
@@ -94,29 +71,26 @@ from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import (
     DASHPOTS,
     FORCES,
-    damping_change,
     force_value,
     hermite_rate,
     power_damper,
+)
+from tdint.kernels.step_interpolant import (
+    acceleration_bulge,
+    bulge_and_tilt,
+    cubic_extremum,
+    is_near_line,
+    max_interior_bezier_point,
+    quintic_coefficients,
+    quintic_extremum,
+    resolves_motion,
+    tilt_weight,
 )
 from tdint.kernels.stepping import Ends
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
 # endpoint accelerations do not explain the change of velocity, and the quintic is not used.
 _MAX_VELOCITY_MISMATCH = 0.5
-
-# Dimensionless. Maximum deviation of the interior Bezier points of the acceleration from the
-# straight line between the endpoints, divided by the sum of the absolute endpoint values.
-_MAX_ACCELERATION_DEVIATION = 1.0
-
-# Dimensionless. Ratio |tilt / bulge| above which both are ignored. They are fully used up to a
-# ratio of 1; the linear transition in between avoids jumps of peaks.
-_MAX_TILT_RATIO = 2.0
-
-# Dimensionless. Bound of the rounding errors of bulge and tilt, divided by the sum of the absolute
-# values of their terms (times 60 at most). The displacements of a sum or difference of floors have
-# rounding errors a thousand times as large as that of the sum.
-_TILT_ROUNDING = 60.0 * 1e3 * 2.2e-16
 
 # Number of points before and after the rest of a dashpot. The smallest distance from the rest is
 # 6e-4 of the part of the step.
@@ -156,8 +130,8 @@ class _NearRest(NamedTuple):
 
 _NOT_NEAR_REST = _NearRest(0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-_ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sum over no floors, above the roof
-_ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
+ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sum over no floors, above the roof
+ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `add_floor_forces` without forces on floors
 
 
 @inline
@@ -361,17 +335,15 @@ def find_interstep_peaks(
     reversal_count = 0
     n = linear_terms.shape[1] - 1
     # Sums over the floors from the roof down to floor i: mass times motion, mass, forces on floors
-    inertia, mass_sum = _ZERO_ENDS, 0.0
-    floor_forces = _ZERO_FORCES
+    inertia, mass_sum = ZERO_ENDS, 0.0
+    floor_forces = ZERO_FORCES
     next_row = scene.forces.shape[0]
     near_rest_above = _NOT_NEAR_REST
-    floor = _floor_ends(span.fast, passage, n - 1)
+    floor = floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         # The link of story 0 is 0, so floor 0 is passed without effect.
-        floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
-        story = _story_ends(
-            floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i]
-        )
+        floor_below = floor_ends(span.fast, passage, max(i - 1, 0))
+        story = story_ends(floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = limit_stiffness(linear_terms, scene.law_parameters, i)
@@ -428,12 +400,12 @@ def find_interstep_peaks(
                     _times(-factor, near_rest),
                     _times(factor * linear_terms[rows.LINK, i + 1], near_rest_above),
                 )
-                quantity = floor, 1.0, _ZERO_FORCES
+                quantity = floor, 1.0, ZERO_FORCES
                 _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
-            inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
+            inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
-                floor_forces, next_row = _add_floor_forces(
+                floor_forces, next_row = add_floor_forces(
                     span, scene.forces, link, i, floor_forces, next_row
                 )
             if not span.kinked or near_rest.factor != 0.0:
@@ -478,7 +450,7 @@ def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
 
 
 @inline
-def _floor_ends(has_unresolved_modes, passage, i):
+def floor_ends(has_unresolved_modes, passage, i):
     """Return the motion of floor `i` at both endpoints of a step, relative to the ground.
 
     Without unresolved modes, `passage.old` contains no values of the previous step; the fields
@@ -494,7 +466,7 @@ def _floor_ends(has_unresolved_modes, passage, i):
 
 
 @inline
-def _story_ends(floor, floor_below, link, drift):
+def story_ends(floor, floor_below, link, drift):
     """Return drift (m), drift rate and drift acceleration of a story at both endpoints of a step.
 
     The drift at the end is not the difference of the displacements of the floors, but the value in
@@ -513,7 +485,7 @@ def _story_ends(floor, floor_below, link, drift):
 
 
 @inline
-def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
+def add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     """Add mass times motion of floor `i` to the sums over the floors above.
 
     The floors above are excluded if the story above is supported by the ground instead of floor `i`
@@ -572,7 +544,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
     velocity_mismatch = abs(v1 - v0 - 0.5 * h * (a0 + a1))
-    is_resolved = _is_resolved(span, ends) and (
+    is_resolved = resolves_motion(span, ends) and (
         velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
     )
     if span.on_path and not is_resolved:
@@ -603,12 +575,12 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         # Coefficients of the cubic u0 + h v0 s + c2 s^2 + c3 s^3
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
-        extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
+        extremum = cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
         raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
-    c3, c4, c5 = _quintic_coefficients(h, ends)
+    c3, c4, c5 = quintic_coefficients(h, ends)
     # The first estimate is the zero of the straight line between v0 and v1.
-    extremum = _quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
+    extremum = quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
     raise_peak(peaks, row, i, extremum)
     return extremum
 
@@ -622,15 +594,15 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     """
     h = span.h
     _, v0, a0, _, _, a1, _, _ = ends
-    c3, c4, c5 = _quintic_coefficients(h, ends)
-    bulge, tilt = _bulge_and_tilt(h, ends)
-    is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
+    c3, c4, c5 = quintic_coefficients(h, ends)
+    bulge, tilt = bulge_and_tilt(h, ends)
+    is_resolved = resolves_motion(span, ends) and is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     if _max_velocity_bezier_point(h, 1.0 / h, ends) > peaks[row, i]:
         # Coefficients of 1, s, ..., s^5 in the velocity, which is of degree 4. The first estimate
         # of the extremum is the zero of the straight line between a0 and a1.
         velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
-        raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
+        raise_peak(peaks, row, i, quintic_extremum(a0 / (a0 - a1), velocity))
 
 
 @inline
@@ -654,24 +626,24 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
 
     For a total shear, `ends` contains the sum of mass times motion over the floors that the story
     supports, `mass` the sum of their masses (kg; 1 for a single floor), and `forces` the result of
-    `_add_floor_forces`. As the ground acceleration is linear within the step, it does not change
+    `add_floor_forces`. As the ground acceleration is linear within the step, it does not change
     bulge and tilt. The forces have the same weight w as the motion: a cubic with the complete tilt
     of the forces, but not of the accelerations that they cause, would have a too large extremum.
     """
     peak = peaks[peak_row, i]
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
-    bulge, tilt = _bulge_and_tilt(span.h, ends)
+    bulge, tilt = bulge_and_tilt(span.h, ends)
     bulge, tilt = bulge - forces[2], tilt - forces[3]
-    weight = _tilt_weight(bulge, tilt)
+    weight = tilt_weight(bulge, tilt)
     bulge, tilt = weight * bulge, weight * tilt
-    if weight > 0.0 and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
+    if weight > 0.0 and max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
-        is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
+        is_resolved = resolves_motion(span, ends) and is_near_line(bulge, tilt, scale)
         row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
         # Coefficients of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s
         c1 = absolute_1 - absolute_0 + bulge + tilt
-        extremum = _cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
+        extremum = cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
         raise_peak(peaks, row, i, extremum)
 
 
@@ -775,7 +747,7 @@ def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
     mean += weight * _forces_near_rest(h, linear_terms, dashpots, 0.5 - distance)
     mean += weight * _forces_near_rest(h, linear_terms, dashpots, 0.5 + distance)
     bulge -= 6.0 * mean
-    is_resolved = _is_resolved(span, ends) and _is_near_line(
+    is_resolved = resolves_motion(span, ends) and is_near_line(
         bulge, 0.0, abs(smooth_0) + abs(smooth_1)
     )
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
@@ -799,198 +771,7 @@ def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
 
 
 @outlined
-def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
-    """Raise the peaks of velocities, drift rates, absolute accelerations and total shears in a part
-    of a kinked step.
-
-    `part` contains the endpoints of the part as fractions of the step. Between them, the tables of
-    forces are linear. The rows LOAD_DEVIATION, VELOCITY_DEVIATION and MODAL_DEVIATION of the memory
-    of the observer, and the rows after them, contain the deviations from the response under the
-    lines of the tables at both endpoints. The deviations of the forces of the dampers follow from
-    those of the velocities. They do not include dampers with braces, whose forces do not depend on
-    the drift rate itself. The rows VELOCITY_BULGE and MODAL_BULGE are the same for all parts.
-
-    If the kernel of the method has computed peaks (`span.cornered`), the extrema of velocities and
-    total shears inside the part are not searched.
-    """
-    linear_terms, _, _, forces, flags = scene
-    observer_state, peaks = seen.observer_state, seen.peaks
-    n = linear_terms.shape[1] - 1
-    has_dashpots = flags[rows.HAS_DASHPOTS] != 0.0
-    inertia, mass_sum = _ZERO_ENDS, 0.0
-    floor_forces = _ZERO_FORCES
-    next_row = forces.shape[0]
-    # Results of `damping_change`, N: for the story above, and for the sum of the damping forces on
-    # the floors that the story supports
-    above, floors = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
-    floor = _floor_ends(span.fast, passage, n - 1)
-    for i in range(n - 1, -1, -1):
-        floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
-        link, link_above = linear_terms[rows.LINK, i], linear_terms[rows.LINK, i + 1]
-        story = _story_ends(floor, floor_below, link, law_state[rows.DRIFT, i])
-        inverse_mass = linear_terms[rows.INVERSE_MASS, i]
-        floor_rates = _floor_deviation(linear_terms, observer_state, i)
-        below = _floor_deviation(linear_terms, observer_state, max(i - 1, 0))
-        story_rates = (
-            floor_rates[0] - link * below[0],
-            floor_rates[1] - link * below[1],
-            floor_rates[2] - link * below[2],
-            floor_rates[3] - link * below[3],
-            floor_rates[4] - link * below[4],
-        )
-        row = rows.PEAK_VELOCITY
-        _raise_velocity_in_part(span, floor, part, floor_rates, peaks, row, i)
-        if DASHPOTS and has_dashpots:
-            row = rows.PEAK_DRIFT_RATE
-            _raise_velocity_in_part(span, story, part, story_rates, peaks, row, i)
-        changes = damping_change(span.h, scene, law_state, story, part, story_rates, i)
-        damper = linear_terms[rows.FLOOR_DAMPER, i]
-        own = (
-            damper * floor_rates[0] + observer_state[rows.MODAL_DEVIATION, i],
-            damper * floor_rates[1] + observer_state[rows.MODAL_DEVIATION + 1, i],
-            damper * floor_rates[4] + observer_state[rows.MODAL_DEVIATION + 2, i],
-            damper * observer_state[rows.VELOCITY_BULGE, i] + observer_state[rows.MODAL_BULGE, i],
-        )
-        deviations = (
-            floor_rates[2] - inverse_mass * (own[0] + changes[0] - link_above * above[0]),
-            floor_rates[3] - inverse_mass * (own[1] + changes[1] - link_above * above[1]),
-            -inverse_mass * (own[2] + changes[2] - link_above * above[2]),
-            -inverse_mass * (own[3] + changes[3] - link_above * above[3]),
-        )
-        quantity = floor, 1.0, _ZERO_FORCES
-        row = rows.PEAK_ACCELERATION
-        _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i)
-        # The searched sum is minus the total shear (`find_interstep_peaks`).
-        floors = (
-            link_above * floors[0] + own[0],
-            link_above * floors[1] + own[1],
-            link_above * floors[2] + own[2],
-            link_above * floors[3] + own[3],
-        )
-        inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
-        floor_forces, next_row = _add_floor_forces(
-            span, forces, link_above, i, floor_forces, next_row
-        )
-        is_at_rest = DASHPOTS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1)
-        if not (span.cornered or is_at_rest):
-            deviations = (
-                -floors[0] - changes[0],
-                -floors[1] - changes[1],
-                -floors[2] - changes[2],
-                -floors[3] - changes[3],
-            )
-            quantity = inertia, mass_sum, floor_forces
-            row = rows.PEAK_TOTAL_SHEAR
-            _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i)
-        above = changes
-        floor = floor_below
-
-
-@inline
-def _floor_deviation(linear_terms, observer_state, i):
-    """Return the deviations of the velocity of floor `i` (m/s) at both endpoints of a part, those
-    of the forces of tables divided by the mass (m/s^2), and the bulge of the first (m/s).
-    """
-    inverse_mass = linear_terms[rows.INVERSE_MASS, i]
-    return (
-        observer_state[rows.VELOCITY_DEVIATION, i],
-        observer_state[rows.VELOCITY_DEVIATION + 1, i],
-        inverse_mass * observer_state[rows.LOAD_DEVIATION, i],
-        inverse_mass * observer_state[rows.LOAD_DEVIATION + 1, i],
-        observer_state[rows.VELOCITY_DEVIATION + 2, i],
-    )
-
-
-@outlined
-def _raise_velocity_in_part(span, ends, part, deviation, peaks, peak_row, i):
-    """Raise the peak of a velocity or drift rate in a part of a kinked step.
-
-    The velocity is the derivative of the quintic with the weight w of the tilt D, plus a deviation
-    with the values `deviation[0]` and `deviation[1]` (m/s) and the derivatives `deviation[2]` and
-    `deviation[3]` (m/s^2) at the endpoints of the part. The derivative of the deviation is linear
-    in the part. The derivative of the quintic is the cubic Hermite interpolant of the velocity plus
-    h D s^2 (1 - s)^2 / 2.
-    """
-    h = span.h
-    s, length = part[0], part[1] - part[0]
-    _, v0, a0, _, v1, a1, _, _ = ends
-    bulge, tilt = _bulge_and_tilt(h, ends)
-    # Coefficients of the velocity in powers of s, then of x, from 0 to 1 in the part, including the
-    # deviation
-    tilt *= _tilt_weight(bulge, tilt)
-    c4 = 0.5 * h * tilt
-    c1, c2 = h * a0, 3.0 * (v1 - v0) - h * (2.0 * a0 + a1) + c4
-    c3 = h * (a0 + a1) - 2.0 * (v1 - v0) - 2.0 * c4
-    p0 = v0 + s * (c1 + s * (c2 + s * (c3 + s * c4))) + deviation[0]
-    p1 = length * (c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * 4.0 * c4)) + h * deviation[2])
-    p2 = length * length * (c2 + s * (3.0 * c3 + s * 6.0 * c4))
-    p2 += 0.5 * h * length * (deviation[3] - deviation[2])
-    p3 = length * length * length * (c3 + s * 4.0 * c4)
-    p4 = length * length * length * length * c4
-    is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
-    row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
-    # The caller records the end of the step.
-    if part[1] < 1.0:
-        raise_peak(peaks, row, i, p0 + p1 + p2 + p3 + p4)
-    slope = p1 + 2.0 * p2 + 3.0 * p3 + 4.0 * p4
-    if p1 * slope < 0.0 and not span.cornered:
-        velocity = (p0, p1, p2, p3, p4, 0.0)
-        raise_peak(peaks, row, i, _quintic_extremum(p1 / (p1 - slope), velocity))
-
-
-@outlined
-def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i):
-    """Raise the peak of an absolute acceleration or of a total shear in a part of a kinked step.
-
-    The quantity is the cubic of `_raise_acceleration_peak`, plus a deviation, a parabola in the
-    part: `deviations` contains its values at the endpoints and its bulge. If the tilt of the step
-    is not reliable, neither is the bulge of a second-order method. The last element of
-    `deviations`, the bulge of the forces of the dampers, replaces it: after a jump inside the step,
-    it is proportional to the length of the step, the remaining bulge to its square.
-
-    If the step does not resolve the motion, the straight line between the endpoint values of the
-    step replaces the cubic, whose extremum is a possible peak. `quantity` contains the arguments
-    `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
-    """
-    s_0, s_1 = part
-    deviation_0, deviation_1, part_bulge, damping_bulge = deviations
-    ends, mass, forces = quantity
-    absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
-    absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
-    bulge, tilt = _bulge_and_tilt(span.h, ends)
-    bulge, tilt = bulge - forces[2], tilt - forces[3]
-    weight = _tilt_weight(bulge, tilt)
-    # With linear accelerations of the method itself, both are rounding errors, and so is their
-    # ratio.
-    u0, v0, a0, u1, v1, a1, _, _ = ends
-    terms = ((abs(u0) + abs(u1)) / span.h + abs(v0) + abs(v1)) / span.h + abs(a0) + abs(a1)
-    excess = abs(bulge) + abs(tilt) - _TILT_ROUNDING * terms
-    if excess < _TILT_ROUNDING * terms:
-        weight *= max(excess / (_TILT_ROUNDING * terms), 0.0)
-    bulge = weight * bulge + (1.0 - weight) * damping_bulge
-    tilt *= weight
-    # Coefficients of the cubic in powers of s, then of x, from 0 to 1 in the part, including the
-    # deviation
-    length = s_1 - s_0
-    c1 = absolute_1 - absolute_0 + bulge + tilt
-    c2, c3 = -bulge - 3.0 * tilt, 2.0 * tilt
-    p0 = absolute_0 + s_0 * (c1 + s_0 * (c2 + s_0 * c3)) + deviation_0
-    p1 = length * (c1 + s_0 * (2.0 * c2 + 3.0 * s_0 * c3)) + deviation_1 - deviation_0
-    p1 += part_bulge
-    p2 = length * length * (c2 + 3.0 * s_0 * c3) - part_bulge
-    p3 = length * length * length * c3
-    scale = abs(absolute_0) + abs(absolute_1) + abs(deviation_0) + abs(deviation_1)
-    if not (_is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)):
-        rise = absolute_1 - absolute_0
-        raise_peak(peaks, row, i, absolute_0 + rise * s_0 + deviation_0)
-        raise_peak(peaks, row, i, absolute_0 + rise * s_1 + deviation_1)
-        row += rows.PEAK_ROWS
-    raise_peak(peaks, row, i, _cubic_extremum(p0, p1, p2, p3))
-    raise_peak(peaks, row, i, p0 + p1 + p2 + p3)
-
-
-@outlined
-def _add_floor_forces(span, forces, link, i, sums_above, next_row):
+def add_floor_forces(span, forces, link, i, sums_above, next_row):
     """Add the forces on floor `i` to the sums over the floors above.
 
     A force is a known function of time. With s from 0 to 1 over the step, its deviation from the
@@ -1037,161 +818,3 @@ def _add_floor_forces(span, forces, link, i, sums_above, next_row):
             bulge += 8.0 / 3.0 * (early + late)
             tilt += 16.0 / 3.0 * (early - late)
     return (sum_0, sum_1, bulge, tilt), next_row
-
-
-@inline
-def _bulge_and_tilt(h, ends):
-    """Return bulge B and tilt D of the acceleration of the quintic interpolant."""
-    u0, v0, a0, u1, v1, a1, _, _ = ends
-    by_h = 1.0 / h
-    tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
-    return acceleration_bulge(by_h, ends), tilt
-
-
-@inline
-def _tilt_weight(bulge, tilt):
-    """Return the weight w of bulge and tilt, from 0 to 1."""
-    if abs(tilt) >= _MAX_TILT_RATIO * abs(bulge):
-        return 0.0
-    return min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
-
-
-@inline
-def acceleration_bulge(by_h, ends):
-    """Return the bulge B of the acceleration within a step; displacements are not used.
-
-    With this B, the mean of the acceleration is (v1 - v0) / h for any tilt. `by_h` is 1 / h.
-    """
-    return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
-
-
-@inline
-def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
-    """Return the larger absolute value of the two interior Bezier points of an acceleration."""
-    point_1_times_3 = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
-    point_2_times_3 = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
-    return max(point_1_times_3, point_2_times_3) / 3.0
-
-
-@inline
-def _is_near_line(bulge, tilt, scale):
-    """Return True if an acceleration is close to the straight line between its endpoint values.
-
-    Its interior Bezier points deviate from the line by at most (|B| + |D|) / 3. `scale` is the sum
-    of the absolute endpoint values.
-    """
-    return abs(bulge) + abs(tilt) <= 3.0 * _MAX_ACCELERATION_DEVIATION * scale
-
-
-@inline
-def _is_resolved(span, ends):
-    """Return True if velocities and accelerations of two successive steps are nearly linear.
-
-    The result is always True without unresolved modes (`span.fast` is False).
-    """
-    v_difference = abs(ends.v1 - 2.0 * ends.v0 + ends.v_earlier)
-    a_difference = abs(ends.a1 - 2.0 * ends.a0 + ends.a_earlier)
-    velocities = v_difference <= abs(ends.v0) + abs(ends.v1)
-    accelerations = a_difference <= abs(ends.a0) + abs(ends.a1)
-    return not span.fast or (velocities and accelerations)
-
-
-@inline
-def _quintic_coefficients(h, ends):
-    """Return the coefficients c3, c4, c5 of the quintic u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4
-    s^4 + c5 s^5, m.
-    """
-    u0, v0, a0, u1, v1, a1, _, _ = ends
-    # Value, slope and half of the curvature at s = 1 of the terms from s^3 on, m
-    value = u1 - u0 - h * (v0 + 0.5 * h * a0)
-    slope = h * (v1 - v0 - h * a0)
-    half_curvature = 0.5 * h * h * (a1 - a0)
-    c3 = 10.0 * value - 4.0 * slope + half_curvature
-    c4 = -15.0 * value + 7.0 * slope - 2.0 * half_curvature
-    c5 = 6.0 * value - 3.0 * slope + half_curvature
-    return c3, c4, c5
-
-
-@inline
-def _quintic_extremum(s, coefficients):
-    """Return the maximum or minimum of the polynomial p0 + p1 s + ... + p5 s^5 for s in [0, 1].
-
-    The sign of p1, which must not be zero, determines the type of the extremum: a maximum if the
-    polynomial increases at s = 0. Newton's method is repeated from the best of seven points if this
-    point is more extreme than the extremum near the estimate `s`. The result is a value of the
-    polynomial within the step, so it never exceeds the true maximum.
-    """
-    extremum = _nearest_extremum(s, coefficients)
-    s, best = _best_of_samples(coefficients)
-    if (best - extremum) * coefficients[1] > 0.0:
-        extremum = _nearest_extremum(s, coefficients)
-        extremum = best if (best - extremum) * coefficients[1] > 0.0 else extremum
-    return extremum
-
-
-@inline
-def _nearest_extremum(s, coefficients):
-    """Return the value of a quintic polynomial at the extremum near `s`, by three Newton
-    iterations.
-
-    The convergence is not tested: the result is a value of the polynomial in any case, and the
-    caller compares it with other values.
-    """
-    _, p1, p2, p3, p4, p5 = coefficients
-    for _ in range(3):
-        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        curvature = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
-        # Where the curvature has the sign of p1, Newton's method would approach the opposite
-        # extremum: keep s.
-        s -= slope / curvature if curvature * p1 < 0.0 else 0.0
-        s = min(max(s, 0.0), 1.0)
-    return _value(s, coefficients)
-
-
-@inline
-def _best_of_samples(coefficients):
-    """Return the location of the best of the points 1/8, 2/8, ..., 7/8 of a quintic polynomial, and
-    its value there.
-    """
-    s, best = 0.125, _value(0.125, coefficients)
-    # p1 > 0: the largest value is the best; p1 < 0: the smallest.
-    for k in range(2, 8):
-        value = _value(0.125 * k, coefficients)
-        if (value - best) * coefficients[1] > 0.0:
-            s, best = 0.125 * k, value
-    return s, best
-
-
-@inline
-def _value(s, coefficients):
-    """Return the value p0 + p1 s + ... + p5 s^5 of a polynomial at `s`; `coefficients` are p0 to
-    p5.
-    """
-    p0, p1, p2, p3, p4, p5 = coefficients
-    return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-
-
-@inline
-def _cubic_extremum(p0, p1, p2, p3):
-    """Return the value with the largest absolute value: p0 or an interior extremum of a cubic.
-
-    The cubic is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 with 0 < s < 1. Its value at s = 1 is not
-    considered, because the caller records the end of the step.
-    """
-    largest = p0
-    # The extrema are at the zeros of p'(s) = p1 + 2 p2 s + 3 p3 s^2. The first zero is
-    # numerator / (3 p3), with the sign of the square root for which `numerator` has no
-    # cancellation. The product of both zeros is p1 / (3 p3), so the second zero is p1 / numerator.
-    # For p3 = 0, p' is linear, and the second zero is its only zero.
-    discriminant = p2 * p2 - 3.0 * p1 * p3
-    if discriminant >= 0.0:
-        numerator = -(p2 + math.copysign(math.sqrt(discriminant), p2))
-        s = numerator / (3.0 * p3) if p3 != 0.0 else 0.0
-        if 0.0 < s < 1.0:
-            value = p0 + s * (p1 + s * (p2 + s * p3))
-            largest = value if abs(value) > abs(largest) else largest
-        s = p1 / numerator if numerator != 0.0 else 0.0
-        if 0.0 < s < 1.0:
-            value = p0 + s * (p1 + s * (p2 + s * p3))
-            largest = value if abs(value) > abs(largest) else largest
-    return largest

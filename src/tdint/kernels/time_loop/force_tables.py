@@ -24,7 +24,8 @@ from tdint.kernels.linear_terms import (
     force_value,
     power_damper,
 )
-from tdint.kernels.peaks_between_steps import raise_peak, raise_peaks_in_part
+from tdint.kernels.peaks_between_steps import raise_peak
+from tdint.kernels.peaks_in_parts import raise_peaks_in_part
 from tdint.kernels.stepping import Passage
 
 # Points nearer to an endpoint of the step than these fractions of the step and of the time are at

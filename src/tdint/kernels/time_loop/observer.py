@@ -33,7 +33,6 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.peaks_between_steps import (
-    acceleration_bulge,
     element_force,
     find_interstep_peaks,
     is_near_rest,
@@ -46,6 +45,7 @@ from tdint.kernels.peaks_between_steps import (
     story_reach,
     velocity_reach,
 )
+from tdint.kernels.step_interpolant import acceleration_bulge
 from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import (
     hysteretic_energy,
