@@ -46,6 +46,7 @@ FAMILIES = (
     "noh_bathe",
     "model_based",
     "runge_kutta",
+    "gauss",
     "exact",
 )
 """Files of the families in this directory, in the order of the catalogue."""
