@@ -5,7 +5,7 @@ import numpy as np
 from tdint.analysis.cyclic import follow_path
 from tdint.kernels import layout
 from tdint.kernels.stories import law_state
-from tdint.methods.workspace import law_state_table
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.model.building import assemble
 from tdint.model.definition import simple_model
 from tdint.model.story import simple_story

@@ -15,7 +15,7 @@ from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
-from tdint.methods.workspace import law_state_table
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.model.story_laws import LAWS
 
 SOFT = (1.0 - HARDENING) * FY

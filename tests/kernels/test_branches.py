@@ -19,7 +19,7 @@ from tdint.kernels.stories.branches import (
     first_event,
 )
 from tdint.kernels.stories.law_state import restoring_force, start
-from tdint.methods.workspace import law_state_table
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.model.law_checks import path_faults
 from tdint.model.story_laws import LAWS
 

@@ -23,6 +23,7 @@ from tdint.kernels.stories.law_state import (
     start,
     strain_energy,
 )
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.kernels.stories.path import (
     MAX_POINTS,
     NODES,
@@ -34,7 +35,6 @@ from tdint.kernels.stories.path import (
     locate_reversals,
     remains_on_branch,
 )
-from tdint.methods.workspace import law_state_table
 
 LAWS = {law.name: law for law in COMPILED}
 DY = FY / K

@@ -31,10 +31,10 @@ from tdint.kernels.equations import moment4 as equations
 from tdint.kernels.linear_terms import force_moment
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import enter
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.kernels.time_loop.ground import fitted_line
 from tdint.methods import moment4
 from tdint.methods.catalogue import parse
-from tdint.methods.workspace import law_state_table
 from tdint.model.building import assemble, force_table
 from tdint.model.story import PowerDashpot
 

@@ -22,7 +22,7 @@ from tdint.kernels.stories.law_state import (
     TANGENT,
     follow,
 )
-from tdint.methods.workspace import law_state_table
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.model.building import (
     Building,
     assemble,

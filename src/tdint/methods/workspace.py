@@ -12,6 +12,7 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import LAWS
 from tdint.kernels.stepping import Memory, Seen
+from tdint.kernels.stories.law_tables import law_state_table
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.system import available_memory
@@ -151,26 +152,6 @@ def workspace(
         history=np.zeros((row_count, width)),
         forces=np.zeros((0, rows.FORCE_COLUMNS)) if forces is None else forces.copy(),
     )
-
-
-def law_state_table(law_parameters: Array) -> Array:
-    """Return a new table of law states filled with zeros, except for the values that mark a failed
-    law.
-
-    After EXTRA_ROWS rows, the table has further rows for each block, the maximum of
-    `DriftLaw.extra_rows` of the laws.
-    """
-    codes = law_parameters[rows.CODE].astype(int)
-    # The column of zeros counts as the linear law; stories with elements have no law.
-    used_codes = sorted(set(codes[codes >= 0].tolist()))
-    extra_rows = max((LAWS[code].extra_rows for code in used_codes), default=0)
-    law_state = np.zeros(
-        (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
-    )
-    if np.any(codes < 0):
-        for code in used_codes:
-            law_state[rows.FAILED_INTERNAL][codes == code] = LAWS[code].failed
-    return law_state
 
 
 def collapse_limits(building: Building, collapse_drift: float) -> Array:
