@@ -150,13 +150,11 @@ LAW_STATE_BLOCKS = 5
 # The next rows are used only in the columns of elements. In the column of a story with elements,
 # the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the
 # elements, and INTERNAL is 1 if all elements have failed.
-FAILED_INTERNAL = (
-    LAW_STATE_BLOCKS * LAW_STATE_ROWS
-)  # value of INTERNAL after the failure; nan if the law cannot fail
+# Value of INTERNAL after the failure; nan if the law cannot fail
+FAILED_INTERNAL = LAW_STATE_BLOCKS * LAW_STATE_ROWS
 PEAK_FORCE = FAILED_INTERNAL + 1  # maximum absolute force, N
-ENERGY_SPENT = (
-    FAILED_INTERNAL + 2
-)  # dissipated energy since the start, J, when energies were last summed
+# Dissipated energy since the start, J, when energies were last summed
+ENERGY_SPENT = FAILED_INTERNAL + 2
 INITIAL_SPENT = FAILED_INTERNAL + 3  # dissipated energy up to the initial drift, J
 # First extra row, for laws that need more rows: one block for each block of the states, in the same
 # order
