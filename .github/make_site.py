@@ -198,7 +198,7 @@ def paragraphs(text: str) -> str:
 
 def command_page(name: str) -> str:
     """Return the page of a command: the text of `tdint NAME --help-all`."""
-    command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
+    command = import_module(COMMANDS[name][0]).command
     assert isinstance(command, Command)
     context = click.Context(
         command,
@@ -335,7 +335,7 @@ def source_files(page: str, layout: Mapping[str, Mapping[str, Any]]) -> list[str
     if (ROOT / page).is_file():
         return [page]
     if folder == "cli" and name in COMMANDS:
-        return [f"cli/tdint_cli/commands/{COMMANDS[name][0]}.py"]
+        return [f"cli/{COMMANDS[name][0].replace('.', '/')}.py"]
     if folder == METHODS and name in catalogue():
         module = parse(name).method.family.step.function.__module__
         return [f"src/{module.replace('.', '/')}.py"]

@@ -29,9 +29,9 @@ GROUPS = {
         "Records and suites",
         (
             "tdint.ground_motion",
-            "tdint.analysis.matching",
-            "tdint.campaign.scaling",
-            "tdint.campaign.selection",
+            "tdint.studies.matching",
+            "tdint.studies.scaling",
+            "tdint.studies.selection",
             "tdint.output.tables.spectra",
         ),
     ),
@@ -46,15 +46,15 @@ GROUPS = {
         ),
     ),
     "spectra": ("Spectra", ("tdint.analysis.spectra",)),
-    "studies": ("Studies of many runs", ("tdint.campaign",)),
+    "studies": ("Studies of many runs", ("tdint.studies",)),
     "methods": (
         "Methods",
-        ("tdint.methods", "tdint.analysis.assessment", "tdint.analysis.chart", "tdint.analysis"),
+        ("tdint.methods", "tdint.assessment", "tdint.assessment.chart", "tdint.analysis"),
     ),
     "results": ("Results and errors", ("tdint.",)),
 }
 """Title of each page, and the modules that define its names. The first match is used, so a name of
-`tdint.campaign.scaling` is on the page of records."""
+`tdint.studies.scaling` is on the page of records."""
 
 PLUGIN_PAGE = "plug-ins"
 TABLE_PAGE = "results"
@@ -81,7 +81,7 @@ def public_names() -> dict[str, str]:
 
 
 def public_object(name: str) -> Any:
-    """Return the function or class of a public name; `tdint.campaign` is also a package."""
+    """Return the function or class of a public name; `tdint.methods` is also a package."""
     return tdint.__getattr__(name)
 
 

@@ -26,17 +26,17 @@ from as_printed import (
     nonlinear_step,
 )
 from tdint import run
-from tdint.analysis.assessment.failures import attempt, problems
-from tdint.analysis.assessment.order import observed_order, order_problem
-from tdint.analysis.assessment.paper_examples import (
+from tdint.analysis.run.compiled_steps import amplification
+from tdint.assessment.failures import attempt, problems
+from tdint.assessment.order import observed_order, order_problem
+from tdint.assessment.paper_examples import (
     DT,
     EQUAL_ERRORS,
     METHODS,
     examples,
     run_example,
 )
-from tdint.analysis.assessment.stability import STARTS, critical_step, overshoot, stability
-from tdint.analysis.run.compiled_steps import amplification
+from tdint.assessment.stability import STARTS, critical_step, overshoot, stability
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble

@@ -28,7 +28,7 @@ _REGION = " && ".join(
     next(
         [command.replace("{", "{{").replace("}", "}}") for command, _ in session[:2]]
         for session in readmes.sessions(
-            (readmes.ROOT / "src" / "tdint" / "campaign" / "README.md").read_text()
+            (readmes.ROOT / "src" / "tdint" / "studies" / "README.md").read_text()
         )
         if "region.yaml" in "".join(command for command, _ in session)
     )

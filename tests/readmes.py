@@ -23,28 +23,21 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tdint import plugin
-from tdint.analysis.assessment.failures import HardProblem, problems
 from tdint.analysis.spectra.drift import DriftSpectrum
 from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum
 from tdint.analysis.spectra.inelastic import InelasticSpectrum
-from tdint.campaign.fragility.measures import run_measure
+from tdint.assessment.failures import HardProblem, problems
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.story_laws import LAWS
-from tdint.output.tables import (
-    buildings,
-    campaign,
-    damage_states,
-    methods,
-    responses,
-    spectra,
-    studies,
-    transfer,
-)
+from tdint.output.tables import buildings, methods, responses, spectra, transfer
 from tdint.output.tables import table as shared
 from tdint.output.tables.table import columns_of
+from tdint.studies.fragility.measures import run_measure
+from tdint.assessment.tables import assessment
+from tdint.studies.tables import campaign, comparison, damage_states, studies
 from tdint_cli.main import GROUPS
 
 ROOT = Path(__file__).parents[1]
@@ -204,7 +197,8 @@ def layer_table():
         "contracts"
     ]
     rows = ["| layer | description |", "|---|---|"]
-    for layer in next(contract["layers"] for contract in contracts if contract["type"] == "layers"):
+    layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    for layer in " | ".join(layers).split(" | "):
         name = layer.strip("()").replace(".", "/")
         path = ROOT / ("src" if name.startswith("tdint/") else "cli") / name
         module = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
@@ -241,9 +235,9 @@ def columns():
         "tdint law": buildings.CYCLIC,
         "tdint pushover": buildings.pushover(1),
         "tdint pushover --target": buildings.TARGET_DISPLACEMENT,
-        "tdint compare": (*buildings.COMPARISON, buildings.of_event("")),
+        "tdint compare": (*comparison.COMPARISON, buildings.of_event("")),
         "spectra.csv of tdint compare": (*buildings.COMPARISON_SPECTRA, buildings.of_event("")),
-        "fit.csv of tdint compare": buildings.FITTED,
+        "fit.csv of tdint compare": comparison.FITTED,
         "tdint inventory": buildings.INVENTORY,
         "tdint inventory --rules capacity": buildings.CLASS_COLUMNS,
         "tdint info": spectra.INFO,
@@ -286,12 +280,12 @@ def columns():
         "tdint fragility": (*studies.FRAGILITY, studies.FRAGILITY_TOTAL, *studies.COUNTED),
         "tdint fragility --im sa,pga": (*studies.COMPARED, *studies.DEPENDENCE),
         "tdint methods": methods.METHOD,
-        "tdint stability": methods.STABILITY,
-        "tdint overshoot": methods.OVERSHOOT,
-        "tdint order": methods.ORDER,
-        "tdint failures": methods.FAILURE,
-        "tdint examples": (*methods.EXAMPLE, methods.rank(lambda run: None), methods.OUTCOME),
-        "tdint chart": (methods.CHART_STORIES, *methods.CHART),
+        "tdint stability": assessment.STABILITY,
+        "tdint overshoot": assessment.OVERSHOOT,
+        "tdint order": assessment.ORDER,
+        "tdint failures": assessment.FAILURE,
+        "tdint examples": (*assessment.EXAMPLE, assessment.rank(lambda run: None), assessment.OUTCOME),
+        "tdint chart": (assessment.CHART_STORIES, *assessment.CHART),
     }
 
 

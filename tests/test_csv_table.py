@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 from tdint import csv_table
 from tdint.analysis.cyclic import read_drift_path
 from tdint.analysis.spectra.target import read_target
-from tdint.campaign.definition import FactorsFile
-from tdint.campaign.fragility.fit_table import fragility
-from tdint.campaign.inputs import read_factors
-from tdint.campaign.motions import GridFile
-from tdint.campaign.sites import read_grid
 from tdint.csv_table import TextColumn, read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.model.inventory import read_inventory
+from tdint.studies.definition import FactorsFile
+from tdint.studies.fragility.fit_table import fragility
+from tdint.studies.inputs import read_factors
+from tdint.studies.inventory import read_inventory
+from tdint.studies.motions import GridFile
+from tdint.studies.sites import read_grid
 
 
 def grid(source):

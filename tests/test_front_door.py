@@ -200,7 +200,7 @@ def test_public_functions_document_parameters_returns_and_errors(name):
     assert signature.return_annotation not in (signature.empty, "Any")
 
 
-@pytest.mark.parametrize("name", ["methods", "campaign"])
+@pytest.mark.parametrize("name", ["methods"])
 def test_help_of_callable_package_shows_parameters(name):
     import_module(f"tdint.{name}")
     text = pydoc.render_doc(getattr(tdint, name), renderer=pydoc.plaintext)

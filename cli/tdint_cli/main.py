@@ -64,12 +64,25 @@ GROUPS = {
 """The commands in the groups and in the order of the help, with the first sentence of the help of
 each command."""
 
-COMMANDS = {
-    name: (name.replace("-", "_"), sentence)
-    for group in GROUPS.values()
-    for name, sentence in group.items()
+STUDIES = {
+    *("campaign", "compare", "fragility", "ida", "inventory", "match", "scale", "sensitivity"),
 }
-"""The commands of all groups, with the name of the module in `commands` and the first sentence."""
+ASSESSMENT = {"chart", "examples", "failures", "order", "overshoot", "stability", "validate"}
+"""Commands of the packages `studies` and `assessment`; the others are in `commands`."""
+
+
+def _module(name: str) -> str:
+    """Return the module of a command."""
+    if name == "rerun":  # repeats commands of all packages
+        return "tdint_cli.rerun"
+    package = "studies" if name in STUDIES else "assessment" if name in ASSESSMENT else "commands"
+    return f"tdint_cli.{package}.{name.replace('-', '_')}"
+
+
+COMMANDS = {
+    name: (_module(name), sentence) for group in GROUPS.values() for name, sentence in group.items()
+}
+"""The commands of all groups, with their module and the first sentence."""
 
 
 class LazyGroup(HelpAsData, click.Group):
@@ -86,7 +99,7 @@ class LazyGroup(HelpAsData, click.Group):
         """Import and return a command; None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
-        command = import_module(f"tdint_cli.commands.{COMMANDS[cmd_name][0]}").command
+        command = import_module(COMMANDS[cmd_name][0]).command
         assert isinstance(command, click.Command)
         return command
 

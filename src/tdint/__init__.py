@@ -53,27 +53,8 @@ from tdint.system import __version__ as __version__
 from tdint.tabular import FunctionPackage, Tabular, declared_homes
 
 if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
-    from tdint.analysis.assessment.failures import Trial as Trial
-    from tdint.analysis.assessment.failures import failures as failures
-    from tdint.analysis.assessment.order import ObservedOrder as ObservedOrder
-    from tdint.analysis.assessment.order import order as order
-    from tdint.analysis.assessment.paper_examples import ExampleRun as ExampleRun
-    from tdint.analysis.assessment.paper_examples import paper_examples as paper_examples
-    from tdint.analysis.assessment.stability import Overshoot as Overshoot
-    from tdint.analysis.assessment.stability import StabilityCurve as StabilityCurve
-    from tdint.analysis.assessment.stability import overshoot as overshoot
-    from tdint.analysis.assessment.stability import stability as stability
-    from tdint.analysis.chart.profiles import FieldChart as FieldChart
-    from tdint.analysis.chart.profiles import performance_profiles as performance_profiles
-    from tdint.analysis.chart.work_precision import Chart as Chart
-    from tdint.analysis.chart.work_precision import chart as chart
-    from tdint.analysis.compare import Comparison as Comparison
-    from tdint.analysis.compare import compare as compare
     from tdint.analysis.cyclic import CyclicTest as CyclicTest
     from tdint.analysis.cyclic import cyclic_test as cyclic_test
-    from tdint.analysis.matching import Match as Match
-    from tdint.analysis.matching import match as match
-    from tdint.analysis.matching import match_suite as match_suite
     from tdint.analysis.overview import Overview as Overview
     from tdint.analysis.overview import modes as modes
     from tdint.analysis.overview import overview
@@ -120,23 +101,22 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.spectra.transfer import transfer_function as transfer_function
     from tdint.analysis.target_displacement import TargetDisplacements as TargetDisplacements
     from tdint.analysis.target_displacement import target_displacements as target_displacements
-    from tdint.campaign.execute import CampaignRuns as CampaignRuns
-    from tdint.campaign.execute import campaign as campaign
-    from tdint.campaign.fragility.fit_table import FragilityResult as FragilityResult
-    from tdint.campaign.fragility.fit_table import fragility as fragility
-    from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
-    from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
-    from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
-    from tdint.campaign.fragility.fragility_function import Fragility as Fragility
-    from tdint.campaign.ida import IdaSettings as IdaSettings
-    from tdint.campaign.ida import IdaStudy as IdaStudy
-    from tdint.campaign.ida import ida as ida
-    from tdint.campaign.ida_curve import Mainshock as Mainshock
-    from tdint.campaign.scaling import Scaling as Scaling
-    from tdint.campaign.scaling import scale as scale
-    from tdint.campaign.selection import select as select
-    from tdint.campaign.sensitivity import ParameterEffect as ParameterEffect
-    from tdint.campaign.sensitivity import sensitivity as sensitivity
+    from tdint.assessment.chart.profiles import FieldChart as FieldChart
+    from tdint.assessment.chart.profiles import performance_profiles as performance_profiles
+    from tdint.assessment.chart.work_precision import Chart as Chart
+    from tdint.assessment.chart.work_precision import chart as chart
+    from tdint.assessment.failures import Trial as Trial
+    from tdint.assessment.failures import failures as failures
+    from tdint.assessment.order import ObservedOrder as ObservedOrder
+    from tdint.assessment.order import order as order
+    from tdint.assessment.paper_examples import ExampleRun as ExampleRun
+    from tdint.assessment.paper_examples import paper_examples as paper_examples
+    from tdint.assessment.stability import Overshoot as Overshoot
+    from tdint.assessment.stability import StabilityCurve as StabilityCurve
+    from tdint.assessment.stability import overshoot as overshoot
+    from tdint.assessment.stability import stability as stability
+    from tdint.assessment.validation import ValidationResult as ValidationResult
+    from tdint.assessment.validation import validate as validate
     from tdint.errors import TdintError as TdintError
     from tdint.ground_motion.choice import TextLayout as TextLayout
     from tdint.ground_motion.horizontals import Horizontals as Horizontals
@@ -151,8 +131,6 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.methods.method import Integrator as Integrator
     from tdint.model.config.model_file import load_model as load_model
     from tdint.model.definition import Model as Model
-    from tdint.model.inventory import InventoryBuilding as InventoryBuilding
-    from tdint.model.inventory import inventory as inventory
     from tdint.model.modes import Modes as Modes
     from tdint.model.story_curves import model_template as model_template
     from tdint.model.story_laws import register_law as register_law
@@ -160,9 +138,31 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.output.tables.spectra import RecordInfo as RecordInfo
     from tdint.output.tables.spectra import record_info as record_info
     from tdint.output.to_dict import to_dict as to_dict
+    from tdint.studies.compare import Comparison as Comparison
+    from tdint.studies.compare import compare as compare
+    from tdint.studies.execute import CampaignRuns as CampaignRuns
+    from tdint.studies.execute import campaign as campaign
+    from tdint.studies.fragility.fit_table import FragilityResult as FragilityResult
+    from tdint.studies.fragility.fit_table import fragility as fragility
+    from tdint.studies.fragility.fits import fit_capacities as fit_capacities
+    from tdint.studies.fragility.fits import fit_cloud as fit_cloud
+    from tdint.studies.fragility.fits import fit_stripes as fit_stripes
+    from tdint.studies.fragility.fragility_function import Fragility as Fragility
+    from tdint.studies.ida import IdaSettings as IdaSettings
+    from tdint.studies.ida import IdaStudy as IdaStudy
+    from tdint.studies.ida import ida as ida
+    from tdint.studies.ida_curve import Mainshock as Mainshock
+    from tdint.studies.inventory import InventoryBuilding as InventoryBuilding
+    from tdint.studies.inventory import inventory as inventory
+    from tdint.studies.matching import Match as Match
+    from tdint.studies.matching import match as match
+    from tdint.studies.matching import match_suite as match_suite
+    from tdint.studies.scaling import Scaling as Scaling
+    from tdint.studies.scaling import scale as scale
+    from tdint.studies.selection import select as select
+    from tdint.studies.sensitivity import ParameterEffect as ParameterEffect
+    from tdint.studies.sensitivity import sensitivity as sensitivity
     from tdint.tabular import ResultList as ResultList
-    from tdint.validation import ValidationResult as ValidationResult
-    from tdint.validation import validate as validate
 
     check = overview
     methods = list_methods
@@ -172,6 +172,10 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
 # them. This module is above both layers, and gives the results their table and figure functions.
 Tabular.tables = lambda: import_module("tdint.output.to_dict")
 Tabular.figures = lambda: import_module("tdint.output.plotting")
+Tabular._presentations = lambda: [
+    import_module("tdint.studies.presentations").PRESENTATIONS,
+    import_module("tdint.assessment.presentations").PRESENTATIONS,
+]
 
 _DEFINED_AS = {"check": "overview", "methods": "list_methods"}
 """Public names that differ from the names in the modules that define them, with these names."""

@@ -18,7 +18,7 @@ from tdint.errors import did_you_mean
 from tdint.tabular import declared_homes
 
 if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
-    from tdint.analysis.chart.problem import Problem as Problem
+    from tdint.assessment.chart.problem import Problem as Problem
     from tdint.errors import AnalysisError as AnalysisError
     from tdint.errors import RecordError as RecordError
     from tdint.errors import UsageError as UsageError

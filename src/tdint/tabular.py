@@ -119,6 +119,7 @@ class Tabular:
 
     tables: ClassVar[Callable[[], Any]]
     figures: ClassVar[Callable[[], Any]]
+    _presentations: ClassVar[Callable[[], list[Any]]]
 
     def _headline(self) -> str:
         """Return the result in one line without the class name, for `repr` and the HTML caption."""
@@ -289,7 +290,7 @@ def map_over_first(function: Callable[..., Any]) -> Callable[..., Any]:
 class FunctionPackage(ModuleType):
     """Package with the same name as a public function: calling the package calls the function.
 
-    After its import, a package such as `tdint.campaign` replaces the function `tdint.campaign` as
+    After its import, a package such as `tdint.methods` replaces the function `tdint.methods` as
     the attribute of `tdint`; this class therefore makes the package callable.
 
     Attributes
@@ -307,7 +308,7 @@ class FunctionPackage(ModuleType):
 
     @property
     def _function(self) -> Callable[..., Any]:
-        """Public function with the name of the package, such as `campaign` for `tdint.campaign`."""
+        """Public function with the name of the package, such as `methods` for `tdint.methods`."""
         return type(self).functions(self.__name__.rpartition(".")[2])
 
     @property

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 import tdint
 from building_cases import noise, ten_bilinear
-from tdint.analysis.chart import problem as references
-from tdint.analysis.chart import profiles
 from tdint.analysis.run import analysis_kernels
+from tdint.assessment.chart import problem as references
+from tdint.assessment.chart import profiles
 from tdint.methods.catalogue import parse
 
 MOTION = noise(samples=201, peak=6.0)

@@ -10,14 +10,14 @@ from scipy.optimize import LinearConstraint, minimize
 
 import tdint
 from building_cases import noise
-from tdint.analysis import matching_problem
-from tdint.analysis.matching import _spectra
-from tdint.analysis.matching_problem import MatchingProblem, SparseRows, solve_program
 from tdint.analysis.spectra.target import read_target, read_targets
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import components
 from tdint.kernels.oscillators.extremes import OSCILLATOR, TIME, VALUE
+from tdint.studies import matching_problem
+from tdint.studies.matching import _spectra
+from tdint.studies.matching_problem import MatchingProblem, SparseRows, solve_program
 
 TARGET = "asce7:sds=0.6,sd1=0.4,tl=8"
 

@@ -26,8 +26,8 @@ from common import ROOT, components
 
 from building_cases import LINEAR, Law, RayleighCoefficients, model, story
 from tdint import load_model, prepare
-from tdint.analysis.chart.profiles import METHODS
 from tdint.analysis.run.run import model_record
+from tdint.assessment.chart.profiles import METHODS
 from tdint.errors import TdintError
 from tdint.model.building import assemble
 

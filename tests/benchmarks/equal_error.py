@@ -15,9 +15,9 @@ import math
 from common import ROOT
 
 from tdint import load_model
-from tdint.analysis.chart.peers import openseespy_points
-from tdint.analysis.chart.problem import pose
-from tdint.analysis.chart.work_precision import measure
+from tdint.assessment.chart.peers import openseespy_points
+from tdint.assessment.chart.problem import pose
+from tdint.assessment.chart.work_precision import measure
 from tdint.methods.catalogue import parse
 
 MODEL = ROOT / "configs" / "ten-story-bilinear.yaml"

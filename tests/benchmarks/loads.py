@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from tdint.analysis.arguments import model_of
-from tdint.analysis.chart.problem import pose
-from tdint.analysis.chart.profiles import METHODS, PEAKS, Measured, crossed, measure_problem
+from tdint.assessment.chart.problem import pose
+from tdint.assessment.chart.profiles import METHODS, PEAKS, Measured, crossed, measure_problem
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
 

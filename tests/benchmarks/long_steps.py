@@ -28,8 +28,8 @@ from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.time_steps import choose_steps
-from tdint.campaign.batch import Batch, CampaignSettings, Run, building_step
 from tdint.methods.catalogue import catalogue, parse
+from tdint.studies.batch import Batch, CampaignSettings, Run, building_step
 
 MODELS = {
     name: load_model(ROOT / "configs" / f"{name}.yaml")

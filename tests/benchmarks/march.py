@@ -27,10 +27,10 @@ from newmark_loop import loop_arguments, plain_loop
 
 from law_examples import example
 from tdint import load_model, run, system
-from tdint.analysis.chart.problem import stretched
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
 from tdint.analysis.time_steps import choose_steps
+from tdint.assessment.chart.problem import stretched
 from tdint.errors import TdintError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse

@@ -23,11 +23,11 @@ from march import with_law
 from building_cases import story
 from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
 from tdint import load_model, run
-from tdint.analysis.assessment.failures import problems
-from tdint.analysis.chart.profiles import STANDARD, read_problems
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.assessment.chart.profiles import STANDARD, read_problems
+from tdint.assessment.failures import problems
 from tdint.methods import moment4
 from tdint.methods.catalogue import parse
 from tdint.model.story_laws import LAWS

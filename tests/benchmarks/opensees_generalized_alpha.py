@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from tdint.analysis.chart.opensees_worker import load
+from tdint.assessment.chart.opensees_worker import load
 
 RHO = 0.8
 # Weights of the end of the step in the inertia force and in the restoring force and the load. In

@@ -14,7 +14,7 @@ from statistics import geometric_mean, median
 
 import raw_points
 
-from tdint.analysis.chart.profiles import (
+from tdint.assessment.chart.profiles import (
     COARSE,
     PEAKS,
     TOLERANCES,
@@ -22,8 +22,8 @@ from tdint.analysis.chart.profiles import (
     Measured,
     has_specified_steps,
 )
-from tdint.analysis.chart.work_precision import BY_TOLERANCE, NOT_RUN
-from tdint.model.damage_states import DONE
+from tdint.assessment.chart.work_precision import BY_TOLERANCE, NOT_RUN
+from tdint.model.status import DONE
 
 HERE = Path(__file__).parent
 WORDS = {

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tdint.analysis.chart.profiles import PEAKS, STANDARD, Measured, PeakErrors, read_problems
-from tdint.analysis.chart.work_precision import Peer, Point, Timing
+from tdint.assessment.chart.profiles import PEAKS, STANDARD, Measured, PeakErrors, read_problems
+from tdint.assessment.chart.work_precision import Peer, Point, Timing
 
 HERE = Path(__file__).parent
 POINTS, PROBLEMS, CONDITIONS = (

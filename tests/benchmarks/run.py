@@ -43,10 +43,10 @@ from raw_points import Conditions, Entry
 import png_text
 import tdint
 from tdint import system
-from tdint.analysis.chart import opensees_worker, profiles, work_precision
-from tdint.analysis.chart import peers as peers_module
-from tdint.analysis.chart.problem import FloorMotion, Reference, ending_together
-from tdint.analysis.chart.profiles import (
+from tdint.assessment.chart import opensees_worker, profiles, work_precision
+from tdint.assessment.chart import peers as peers_module
+from tdint.assessment.chart.problem import FloorMotion, Reference, ending_together
+from tdint.assessment.chart.profiles import (
     COARSE,
     METHODS,
     PARTS,
@@ -60,12 +60,12 @@ from tdint.analysis.chart.profiles import (
     measure_problem,
     read_problems,
 )
-from tdint.analysis.chart.work_precision import Chart, PerformanceProfile, Point, within
+from tdint.assessment.chart.work_precision import Chart, PerformanceProfile, Point, within
+from tdint.assessment.figures.assessment import chart_picture
+from tdint.assessment.figures.chart_profiles import profile_picture
 from tdint.errors import TdintError
 from tdint.kernels.building.sources import digest_of_all
 from tdint.methods.catalogue import chosen, parse
-from tdint.output.figures.assessment import chart_picture
-from tdint.output.figures.comparison import profile_picture
 from tdint.output.figures.style import picture
 
 HERE = Path(__file__).parent
@@ -792,7 +792,7 @@ Twelve problems with known solutions, on which methods dissipate or generate ene
 
 OWN = """\
 Your own method is a Python file ([how to write it](../../src/tdint/methods/README.md#adding-a-method)), your own problems are
-a YAML file like [the standard problems](../../src/tdint/analysis/chart/standard_problems.yaml):
+a YAML file like [the standard problems](../../src/tdint/assessment/chart/standard_problems.yaml):
 
 ```
 $ tdint chart --problems standard --plugin verlet.py --method verlet,impulse4,newmark-average --plot profile.png
@@ -802,7 +802,7 @@ $ tdint chart office.yaml tower.yaml a.mseed b.mseed
 
 The lines of plug-ins are thick and in front; `--highlight NAME` highlights another line instead.
 To add a problem to this page, add an entry to the file of standard problems; to add a method, add its name to `METHODS`
-of [profiles.py](../../src/tdint/analysis/chart/profiles.py). Then run the command above.
+of [profiles.py](../../src/tdint/assessment/chart/profiles.py). Then run the command above.
 """  # noqa: E501
 
 

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/studies.py
 
-The region of src/tdint/campaign/README.md has forty buildings of four classes, under the ground
+The region of src/tdint/studies/README.md has forty buildings of four classes, under the ground
 motions of records at six levels of PGA. The program prints the medians of cloud analysis divided by
 the medians of stripe analysis (the reference), and the loss ratios that are computed with fragility
 functions divided by the loss ratios of the runs.

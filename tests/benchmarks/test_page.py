@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.analysis.chart.profiles import (
+from tdint.assessment.chart.profiles import (
     PARTS,
     PEAKS,
     STANDARD,
@@ -18,7 +18,7 @@ from tdint.analysis.chart.profiles import (
     PeakErrors,
     read_problems,
 )
-from tdint.analysis.chart.work_precision import Point
+from tdint.assessment.chart.work_precision import Point
 
 HERE = Path(__file__).parent
 specification = importlib.util.spec_from_file_location("benchmark_page", HERE / "run.py")

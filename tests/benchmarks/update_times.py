@@ -29,8 +29,9 @@ import numpy as np
 import raw_points
 from common import ROOT
 
-from tdint.analysis.chart.problem import ending_together
-from tdint.analysis.chart.profiles import (
+from tdint.analysis.run.error_estimate import attempt
+from tdint.assessment.chart.problem import ending_together
+from tdint.assessment.chart.profiles import (
     PARTS,
     PEAKS,
     STANDARD,
@@ -39,8 +40,7 @@ from tdint.analysis.chart.profiles import (
     _peak_errors,
     read_problems,
 )
-from tdint.analysis.chart.work_precision import CHOOSING, DONE, by_tolerance
-from tdint.analysis.run.error_estimate import attempt
+from tdint.assessment.chart.work_precision import CHOOSING, DONE, by_tolerance
 from tdint.methods.catalogue import parse
 
 ROUNDS = 3

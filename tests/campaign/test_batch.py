@@ -14,8 +14,8 @@ from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
 from tdint.analysis.run.outcome import STORY_QUANTITIES, FailedRun
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.sequence import run_sequence
-from tdint.campaign.batch import REPEATS, Batch, CampaignSettings, Run, RunRow
 from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.studies.batch import REPEATS, Batch, CampaignSettings, Run, RunRow
 
 RECORDS = {
     number: tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
@@ -252,7 +252,7 @@ def test_number_of_repetitions_of_failing_run(
             run_batch(subject, motions, runs, **named), failures={0: FailedRun("", status, "", 0.1)}
         )
 
-    monkeypatch.setattr("tdint.campaign.batch.run_batch", failing)
+    monkeypatch.setattr("tdint.studies.batch.run_batch", failing)
     (row,) = of.results([RUNS[0]]).runs
     assert (row.status, row.repeats, row.peak_drift) == (status, expected, None)
     assert steps == pytest.approx([steps[0] / 2.0**repeats for repeats in range(expected + 1)])

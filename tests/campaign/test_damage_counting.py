@@ -10,13 +10,15 @@ from scipy.stats import norm
 
 from building_cases import Law, model, noise, story
 from tdint import run
-from tdint.campaign.batch import Run
-from tdint.campaign.fragility.runs import BuildingDamage, _Group, probabilities
-from tdint.campaign.ida import _elastic_scale
-from tdint.campaign.pairs import PairRule
-from tdint.campaign.profiles import SuiteRules
+from tdint.analysis.run.damage import probabilities
 from tdint.model.building import assemble
-from tdint.model.damage_states import DONE, FALLEN, DamageStates
+from tdint.model.damage_states import DamageStates
+from tdint.model.status import DONE, FALLEN
+from tdint.studies.batch import Run
+from tdint.studies.fragility.runs import BuildingDamage, _Group
+from tdint.studies.ida import _elastic_scale
+from tdint.studies.pairs import PairRule
+from tdint.studies.profiles import SuiteRules
 
 STATES = DamageStates(
     "drift_ratio",
@@ -34,18 +36,18 @@ def damage(states: DamageStates = STATES) -> BuildingDamage:
     probability = probabilities(states, DEMANDS, ENDS)
     unknown = np.full(len(ENDS), math.nan)
     return BuildingDamage(
-        1,
-        "a",
-        "a",
-        1.0,
-        states,
-        KEYS,
-        np.zeros(len(ENDS), int),
-        list(ENDS),
-        DEMANDS,
-        probability,
-        unknown,
-        unknown,
+        number=1,
+        building="a",
+        type="a",
+        period=1.0,
+        states=states,
+        keys=KEYS,
+        rank=np.zeros(len(ENDS), int),
+        status=list(ENDS),
+        demand=DEMANDS,
+        probability=probability,
+        sa=unknown,
+        pga=unknown,
     )
 
 

@@ -7,14 +7,14 @@ import pytest
 
 import tdint
 from building_cases import noise, ten_bilinear
-from tdint.campaign import ida as ida_module
-from tdint.campaign import sensitivity as sensitivity_module
-from tdint.campaign.definition import Distribution, ParameterSweep
-from tdint.campaign.ida import IdaSettings, ida
-from tdint.campaign.intensity import pga
-from tdint.campaign.reader import load_campaign
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.studies import ida as ida_module
+from tdint.studies import sensitivity as sensitivity_module
+from tdint.studies.definition import Distribution, ParameterSweep
+from tdint.studies.ida import IdaSettings, ida
+from tdint.studies.intensity import pga
+from tdint.studies.reader import load_campaign
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,2,1987,C1,900\n"
 LOW = IdaSettings(max_im=0.2)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from tdint.campaign import execute as module
-from tdint.campaign.execute import Advance, Shard, execute_plan, threads
 from tdint.errors import UsageError
+from tdint.studies import execute as module
+from tdint.studies.execute import Advance, Shard, execute_plan, threads
 
 CHUNKS = 9
 

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from facts import each_states, states
-from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table, fragility
-from tdint.campaign.fragility.fit_types import TypeRuns, fit_states
-from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
-from tdint.campaign.fragility.fragility_function import Fragility
-from tdint.campaign.fragility.measure_comparison import line
-from tdint.campaign.fragility.measures import motions_of
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import DamageStates
+from tdint.studies.fragility.fit_table import FragilityRequest, fit_table, fragility
+from tdint.studies.fragility.fit_types import TypeRuns, fit_states
+from tdint.studies.fragility.fits import fit_cloud, fit_stripes
+from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.fragility.measure_comparison import line
+from tdint.studies.fragility.measures import motions_of
 
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
 MOTIONS = 12
@@ -327,7 +327,7 @@ class PairStore:
 def test_rows_are_assigned_to_motions_without_component_column(
     tmp_path, monkeypatch, columns, motions
 ):
-    monkeypatch.setattr("tdint.campaign.fragility.measures._store_of_table", lambda _: PairStore())
+    monkeypatch.setattr("tdint.studies.fragility.measures._store_of_table", lambda _: PairStore())
     rows = [("a.txt", "HN1"), ("b.txt", "HN2"), ("c.txt", "HN1"), ("a.txt", "HN1")]
     lines = [",".join(columns), *(",".join(row[: len(columns)]) for row in rows)]
     file = tmp_path / "runs.csv"

@@ -8,9 +8,9 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, norm
 
-from tdint.campaign.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
-from tdint.campaign.fragility.fragility_function import Fragility, Points
 from tdint.errors import AnalysisError, UsageError
+from tdint.studies.fragility.fits import empirical, fit_capacities, fit_cloud, fit_stripes
+from tdint.studies.fragility.fragility_function import Fragility, Points
 from tdint.units import OutputUnits
 
 # Public data of Baker (2015), https://www.jackwbaker.com/fragility.html

@@ -12,9 +12,12 @@ import tdint
 from building_cases import model, story
 from tdint import load_model, spectrum
 from tdint.analysis.run.demands import RUN
-from tdint.campaign.batch import Batch, RunRow
-from tdint.campaign.ida import IdaSettings, ida
-from tdint.campaign.ida_curve import (
+from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+from tdint.studies.batch import Batch, RunRow
+from tdint.studies.ida import IdaSettings, ida
+from tdint.studies.ida_curve import (
     IdaCurve,
     IdaRun,
     LevelSearch,
@@ -22,10 +25,7 @@ from tdint.campaign.ida_curve import (
     below_collapse,
     fractiles,
 )
-from tdint.campaign.intensity import pga
-from tdint.errors import ModelError, UsageError
-from tdint.ground_motion.horizontals import Horizontals
-from tdint.ground_motion.record import Record
+from tdint.studies.intensity import pga
 
 FRAME = Path(__file__).parents[2] / "configs" / "collapse-prone-frame.yaml"
 
@@ -303,7 +303,7 @@ def test_stored_runs_at_outdated_levels_are_repeated(tmp_path, frame, monkeypatc
     """If a later version selects other levels, the rows of both versions would be mixed."""
     settings = IdaSettings(precision=0.3)
     with monkeypatch.context() as before:
-        before.setattr("tdint.campaign.ida_curve._HUNT", 1.4)
+        before.setattr("tdint.studies.ida_curve._HUNT", 1.4)
         ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     again = ida(frame, [motion(0)], pga(), settings, folder=tmp_path)
     assert again.resumed == 0

@@ -11,15 +11,15 @@ import pytest
 from scipy.linalg import eigh
 
 from building_cases import model, noise, story
+from tdint.analysis.run.damage import divisor_and_period_of_model as type_of_model
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
-from tdint.campaign.definition import AnalysisOverrides, InventoryFile
-from tdint.campaign.fragility.type_states import _divisor_and_period_of_model as type_of_model
-from tdint.campaign.inputs import adapted, read_rows
-from tdint.campaign.pairs import recording_numbers
-from tdint.campaign.scaling import scale, scale_asce7, scale_p695
-from tdint.campaign.store_differences import all_differences, differences
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.studies.definition import AnalysisOverrides, InventoryFile
+from tdint.studies.inputs import adapted, read_rows
+from tdint.studies.pairs import recording_numbers
+from tdint.studies.scaling import scale, scale_asce7, scale_p695
+from tdint.studies.store_differences import all_differences, differences
 
 HEIGHTS = (4.0, 3.0, 3.5)
 BUILDING = model(

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.campaign.batch import RunRow, run_chunk
-from tdint.campaign.inputs import read_inputs
-from tdint.campaign.motions import GridFile, GridMotions, GridSamples
-from tdint.campaign.plan import Plan, make_plan
-from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError, RecordError, TdintError
 from tdint.ground_motion.record import Record
-from tdint.model.inventory import NEEDED, derive_all, model_text, read_inventory
+from tdint.studies.batch import RunRow, run_chunk
+from tdint.studies.inputs import read_inputs
+from tdint.studies.inventory import NEEDED, derive_all, model_text, read_inventory
+from tdint.studies.motions import GridFile, GridMotions, GridSamples
+from tdint.studies.plan import Plan, make_plan
+from tdint.studies.reader import load_campaign
 from tdint.units import STANDARD_GRAVITY
 
 STUDY = """\

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from json_schema import spoiled, tree, valid
-from tdint.campaign.definition import RecordFiles
-from tdint.campaign.reader import CAMPAIGN, campaign_schema, load_campaign
 from tdint.errors import ModelError
 from tdint.ground_motion.horizontals import USUAL, PairNames
+from tdint.studies.definition import RecordFiles
+from tdint.studies.reader import CAMPAIGN, campaign_schema, load_campaign
 
 STUDY = """\
 buildings: {models: [model.yaml]}

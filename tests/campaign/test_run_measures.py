@@ -11,11 +11,11 @@ from scipy.stats import t as student
 
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
-from tdint.campaign.fragility.measure_comparison import compare_measures, line
-from tdint.campaign.fragility.measures import run_measure
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.ground_motion.measures import cumulative_absolute_velocity_above, measure
 from tdint.ground_motion.record import Record
+from tdint.studies.fragility.measure_comparison import compare_measures, line
+from tdint.studies.fragility.measures import run_measure
 from tdint.units import STANDARD_GRAVITY
 
 

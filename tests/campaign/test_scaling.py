@@ -10,14 +10,6 @@ from facts import each_states
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
-from tdint.campaign.intensity import MotionIntensity, pga, pseudo_accelerations, sa, sa_average
-from tdint.campaign.scaling import (
-    scale_asce7,
-    scale_ec8,
-    scale_p695,
-    scale_to_target,
-    scale_to_value,
-)
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals
@@ -26,6 +18,14 @@ from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.suites import read_components, read_suite
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import Grid
+from tdint.studies.intensity import MotionIntensity, pga, pseudo_accelerations, sa, sa_average
+from tdint.studies.scaling import (
+    scale_asce7,
+    scale_ec8,
+    scale_p695,
+    scale_to_target,
+    scale_to_value,
+)
 
 ROOT = Path(__file__).parents[2]
 PERIODS = np.array([0.3, 1.0])

@@ -10,10 +10,10 @@ import pytest
 
 import tdint
 from building_cases import noise
-from tdint.campaign.scaling import raise_to_rule
-from tdint.campaign.selection import _search, events_of, named_events
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.studies.scaling import raise_to_rule
+from tdint.studies.selection import _search, events_of, named_events
 
 PERIODS = np.geomspace(0.2, 2.0, 20)
 TARGET = "asce7:sds=1,sd1=0.6,tl=8"
@@ -217,8 +217,8 @@ def test_event_table_requires_one_row_per_recording():
 def few_starts(monkeypatch):
     """Search from few starting points, and compare averages with the target at few periods, where
     neither is the subject."""
-    monkeypatch.setattr("tdint.campaign.selection._START_LIMITS", (3, 3))
-    monkeypatch.setattr("tdint.campaign.scaling._MIN_TOLERANCE", 0.3)
+    monkeypatch.setattr("tdint.studies.selection._START_LIMITS", (3, 3))
+    monkeypatch.setattr("tdint.studies.scaling._MIN_TOLERANCE", 0.3)
 
 
 def weak_pairs(count, peak):

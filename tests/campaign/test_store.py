@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 
 from tdint import spectrum, system
 from tdint.analysis.run.batch import Subject
-from tdint.campaign.batch import CampaignSettings, spectral_accelerations
-from tdint.campaign.buildings import model_buildings
-from tdint.campaign.execute import Advance, merge
-from tdint.campaign.motions import EveryMotion, MotionFactors
-from tdint.campaign.plan import Plan
-from tdint.campaign.store_opening import open_store
-from tdint.campaign.store_schema import refuse_network
 from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
+from tdint.studies.batch import CampaignSettings, spectral_accelerations
+from tdint.studies.buildings import model_buildings
+from tdint.studies.execute import Advance, merge
+from tdint.studies.motions import EveryMotion, MotionFactors
+from tdint.studies.plan import Plan
+from tdint.studies.store_opening import open_store
+from tdint.studies.store_schema import refuse_network
 
 MOUNTS = """\
 22 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw

@@ -9,8 +9,10 @@ import pytest
 from scipy.stats import lognorm, norm, uniform
 
 import tdint
-from tdint.campaign.batch import CampaignSettings
-from tdint.campaign.definition import (
+from tdint.errors import ModelError, UsageError
+from tdint.ground_motion.choice import RecordChoice
+from tdint.studies.batch import CampaignSettings
+from tdint.studies.definition import (
     AnalysisOverrides,
     CampaignFile,
     Distribution,
@@ -18,16 +20,14 @@ from tdint.campaign.definition import (
     ParameterSweep,
     RecordFiles,
 )
-from tdint.campaign.execute import execute_plan, threads
-from tdint.campaign.inputs import Inputs, suite_motions
-from tdint.campaign.motions import CampaignMotions, Scales
-from tdint.campaign.plan import make_plan
-from tdint.campaign.reader import load_campaign
-from tdint.campaign.sensitivity import one_at_a_time, parameter_effects, rank_correlations
-from tdint.campaign.store_opening import open_store
-from tdint.errors import ModelError, UsageError
-from tdint.ground_motion.choice import RecordChoice
-from tdint.output.tables.campaign import write_runs
+from tdint.studies.execute import execute_plan, threads
+from tdint.studies.inputs import Inputs, suite_motions
+from tdint.studies.motions import CampaignMotions, Scales
+from tdint.studies.plan import make_plan
+from tdint.studies.reader import load_campaign
+from tdint.studies.sensitivity import one_at_a_time, parameter_effects, rank_correlations
+from tdint.studies.store_opening import open_store
+from tdint.studies.tables.campaign import write_runs
 
 STORY = {
     "mass": 1e4,

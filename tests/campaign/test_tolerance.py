@@ -13,8 +13,8 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import STORY_QUANTITIES
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.step_choice import choose_step, step_within
-from tdint.campaign.batch import Batch, CampaignSettings, Rows, Run, building_step
 from tdint.ground_motion.record import Record
+from tdint.studies.batch import Batch, CampaignSettings, Rows, Run, building_step
 
 
 def first_part(name: str, component: str, samples: int = 1601) -> Record:

@@ -15,9 +15,9 @@ import pytest
 
 from cli.conftest import Command, change, copy_of, made_once, write_folder, write_record
 from csv_rows import rows
-from tdint.campaign.store import FILE
-from tdint.campaign.store_schema import locked
-from tdint.output.tables import campaign
+from tdint.studies.store import FILE
+from tdint.studies.store_schema import locked
+from tdint.studies.tables import campaign
 
 COLUMNS = [column.name for column in campaign.RUNS]
 STUDY = """\
@@ -345,8 +345,8 @@ def test_an_unresponsive_scheduler_is_reported(
     """The error is the same if no program listens at the port, and if a program listens without
     responding."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("tdint.campaign.cluster._NOTICE_AFTER", 0.1)
-    monkeypatch.setattr("tdint.campaign.cluster._TIMEOUT", 0.6)
+    monkeypatch.setattr("tdint.studies.cluster._NOTICE_AFTER", 0.1)
+    monkeypatch.setattr("tdint.studies.cluster._TIMEOUT", 0.6)
     with socket.create_server(("127.0.0.1", 0)) as server:
         result = tdint(
             "campaign study.yaml -o new --dask", f"tcp://127.0.0.1:{port_of(server)}", code=2

@@ -19,9 +19,9 @@ from cli.conftest import STUDY, Command, change, made_once, write_folder
 from cli.read_only import read_only
 from facts import states
 from selection import every
-from tdint.campaign import store_schema
-from tdint.campaign.store import FILE
-from tdint.campaign.store_schema import LOCK
+from tdint.studies import store_schema
+from tdint.studies.store import FILE
+from tdint.studies.store_schema import LOCK
 
 TABLES = ("runs.csv", "stories.csv")
 

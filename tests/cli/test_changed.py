@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from selection import every
-from tdint.campaign import batch, plan
+from tdint.studies import batch, plan
 
 MODEL = """
 units: {{force: kN, mass: t}}

@@ -10,12 +10,12 @@ import pytest
 from csv_rows import rows
 from facts import states
 from selection import every
-from tdint.analysis.chart import peers, problem, profiles
 from tdint.analysis.defaults import PEAKS, QUANTITIES
+from tdint.assessment.chart import peers, problem, profiles
 from tdint.methods.catalogue import parse
 from tdint.system import version_of_sources
 from tdint_cli import terminal
-from tdint_cli.commands import chart
+from tdint_cli.assessment import chart
 
 QUICK = (
     "--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01",

@@ -5,7 +5,7 @@ import shutil
 import click
 import pytest
 
-from tdint.campaign import execute, ida
+from tdint.studies import execute, ida
 from tdint.system import processors
 from tdint_cli import processes
 from tdint_cli.main import COMMANDS, cli

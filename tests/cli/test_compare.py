@@ -9,8 +9,8 @@ import pytest
 
 from cli.conftest import Command, made_once
 from csv_rows import rows
-from tdint.analysis import fit as fitting
 from tdint.model.config.model_file import load_model
+from tdint.studies import fit as fitting
 
 MODEL = """\
 name: frame

@@ -12,10 +12,10 @@ import tdint as package
 from cli.conftest import STUDY, Command, change, copy_of, made_once, write_folder, write_record
 from csv_rows import rows
 from selection import every
-from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
-from tdint.campaign.fragility.fragility_function import Fragility
-from tdint.campaign.fragility.type_states import curve_medians
 from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity
+from tdint.studies.fragility.fits import fit_cloud, fit_stripes
+from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.fragility.type_states import curve_medians
 
 DAMAGE = """\
 damage:

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from csv_rows import rows
-from tdint.analysis.assessment.paper_examples import DT, ExampleMotion, ExampleRun
+from tdint.assessment.paper_examples import DT, ExampleMotion, ExampleRun
 from tdint.number_parsing import parse_grid
-from tdint_cli.commands import examples as commands
+from tdint_cli.assessment import examples as commands
 
 FILES = {
     "1": ["example-1-errors.csv", "example-1-errors.json", "figure-07.png", "figure-08.png"],

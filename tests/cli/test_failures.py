@@ -3,8 +3,8 @@
 import pytest
 
 from csv_rows import rows
-from tdint.analysis.assessment.failures import problems, usual_methods
-from tdint_cli.commands.failures import command
+from tdint.assessment.failures import problems, usual_methods
+from tdint_cli.assessment.failures import command
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from cli.conftest import Command, check_parquet
 from csv_rows import rows
 from facts import each_states, states
 from selection import every
-from tdint.analysis.chart.problem import _load
+from tdint.assessment.chart.problem import _load
 from tdint.kernels.building.store import _find_in, file_name
 from tdint.kernels.building.target import native
 from tdint.system import locked, version_of_sources

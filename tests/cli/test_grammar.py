@@ -129,7 +129,7 @@ def test_an_invalid_figure_is_refused_before_the_computation(
 
 
 PARAMETERS = {
-    name: import_module(f"tdint_cli.commands.{module}").command.params
+    name: import_module(module).command.params
     for name, (module, _) in COMMANDS.items()
 }
 TABLES = [
@@ -301,7 +301,7 @@ def test_options_that_depend_on_others_declare_them():
 MODES = {
     name: modes
     for name, (module, _) in COMMANDS.items()
-    if (modes := getattr(import_module(f"tdint_cli.commands.{module}"), "MODES", ()))
+    if (modes := getattr(import_module(module), "MODES", ()))
 }
 MODE_ARGUMENTS = {
     ("spectrum", "without RECORD"): "--target ec8:type=1,soil=B,ag=0.25g",

@@ -10,9 +10,9 @@ import pytest
 from csv_rows import rows
 from facts import states
 from selection import every
-from tdint.campaign.batch import Batch
-from tdint.campaign.ida import STORE
-from tdint.campaign.store_schema import LOCK
+from tdint.studies.batch import Batch
+from tdint.studies.ida import STORE
+from tdint.studies.store_schema import LOCK
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 FRAME = CONFIGS / "collapse-prone-frame.yaml"

@@ -14,11 +14,11 @@ from cli.conftest import Command
 from csv_rows import rows
 from json_schema import valid
 from selection import every
-from tdint.campaign.reader import campaign_schema
 from tdint.ground_motion.pulse import VelocityPulse
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
+from tdint.studies.reader import campaign_schema
 
 
 @pytest.mark.parametrize("units", every(2, ["si", "us"]))

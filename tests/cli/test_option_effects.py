@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tdint.analysis.assessment.stability as stability
+import tdint.assessment.stability as stability
 from cli.conftest import STUDY, write_record
 from csv_rows import rows
-from tdint.analysis.chart import problem as references
+from tdint.assessment.chart import problem as references
 from tdint.methods.catalogue import parse
 from tdint_cli.options import analysis as analysis_options
 

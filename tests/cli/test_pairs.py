@@ -9,8 +9,9 @@ import pytest
 from cli.test_report import Page
 from csv_rows import rows
 from peer_files import write_at2
-from tdint.campaign.ida_curve import IdaCurve, IdaRun, PairCurve
 from tdint.ground_motion.record import Record
+from tdint.studies import figures as studies_figures
+from tdint.studies.ida_curve import IdaCurve, IdaRun, PairCurve
 
 MATCH = "match RSN1_EQ_GIL067.AT2 RSN1_EQ_GIL337.AT2 --pairs rotd100"
 TARGET = "--target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:0.5"
@@ -187,12 +188,11 @@ def test_a_pair_demand_without_pairs_is_refused(suite, tdint):
 @pytest.mark.long
 def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeypatch):
     """The pairs were scaled as pairs and are run as separate files."""
-    from tdint.output import figures
 
     drawn = []
-    draw = figures.collapse.suite_picture
+    draw = studies_figures.collapse.suite_picture
     monkeypatch.setattr(
-        figures.collapse,
+        studies_figures.collapse,
         "suite_picture",
         lambda *arguments: drawn.append(arguments[0]) or draw(*arguments),
     )

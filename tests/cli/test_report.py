@@ -22,12 +22,12 @@ from matplotlib.image import imread
 from cli.conftest import Command, change, write_record
 from csv_rows import rows
 from selection import every
-from tdint.campaign.motions import MotionFactors
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
-from tdint.output.report import _scaled_motions
 from tdint.output.spectrum_text import spectrum_text
+from tdint.studies.motions import MotionFactors
+from tdint.studies.output.suite_report import _scaled_motions
 
 CONFIGS, RECORDS = (Path(__file__).parents[2] / name for name in ("configs", "records"))
 EMPTY = {"meta", "img", "br"}

@@ -8,7 +8,7 @@ import pytest
 
 from csv_rows import rows
 from facts import states
-from tdint.campaign.intensity import AVERAGE
+from tdint.studies.intensity import AVERAGE
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

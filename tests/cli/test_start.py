@@ -19,7 +19,7 @@ HEAVY = {"numba", "scipy.stats", "scipy.optimize", "matplotlib", "obspy"}
 
 UNNEEDED = {
     "scipy", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
-    "tdint.campaign", "tdint.analysis.run.sequence", "tdint.analysis.spectra.floors",
+    "tdint.studies", "tdint.analysis.run.sequence", "tdint.analysis.spectra.floors",
     "tdint.analysis.run.step_choice", "tdint.ground_motion.horizontals",
     "tdint.ground_motion.reading.instrument",
 }  # fmt: skip
@@ -68,7 +68,7 @@ BEFORE = {
 UNNEEDED_BY_COMMAND = {
     "run": UNNEEDED
     | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"}
-    | {"tdint_cli.campaigns", "tdint.model.law_checks", "tdint.methods.step_check"}
+    | {"tdint_cli.studies.campaign_files", "tdint.model.law_checks", "tdint.methods.step_check"}
     | {f"tdint.kernels.laws.{law}" for law in ("imk", "bouc_wen", "multilinear_pinching", "gap")}
     | {"tdint.kernels.oscillators", "tdint.analysis.spectra", "tdint.csv_table"}
     | {"tdint.ground_motion.processing_steps", "tdint.output.run_summary", "tdint.output.summary"}

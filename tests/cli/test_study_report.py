@@ -11,7 +11,7 @@ import pytest
 from cli.conftest import Command
 from cli.test_report import CONFIGS, RECORDS, page, table_with
 from csv_rows import rows
-from tdint.campaign.fragility.fits import fit_capacities
+from tdint.studies.fragility.fits import fit_capacities
 
 G = 9.80665
 

@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from tdint import validation as cases
-from tdint.validation import compute_case
+from tdint.assessment import validation as cases
+from tdint.assessment.validation import compute_case
 
 
 def test_all_cases_are_within_their_tolerances(tdint):

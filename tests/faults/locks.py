@@ -17,8 +17,8 @@ from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
 from tdint import system
-from tdint.campaign import store_schema
 from tdint.errors import OutputError
+from tdint.studies import store_schema
 
 Lock = Callable[[Path], AbstractContextManager[None]]
 

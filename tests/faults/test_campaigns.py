@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from faults.conftest import wait_until
-from tdint.campaign.store import FILE
+from tdint.studies.store import FILE
 
 pytestmark = pytest.mark.slow
 
@@ -33,13 +33,13 @@ SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
 KILLER = """\
 import os, random, shutil, signal, sys, time
 from pathlib import Path
-from tdint.campaign.execute import compile_for
-from tdint.campaign.inputs import read_inputs
-from tdint.campaign.plan import make_plan
-from tdint.campaign.reader import load_campaign
+from tdint.studies.execute import compile_for
+from tdint.studies.inputs import read_inputs
+from tdint.studies.plan import make_plan
+from tdint.studies.reader import load_campaign
 from tdint_cli.main import cli
-import tdint.output.summary, tdint.output.tables.campaign
-import tdint_cli.campaigns, tdint_cli.commands.campaign
+import tdint.output.summary, tdint.studies.tables.campaign
+import tdint_cli.studies.campaign_files, tdint_cli.studies.campaign
 
 def campaign(folder):
     cli(["-q", "campaign", "study.yaml", "-o", folder, "--jobs", "2"], standalone_mode=False)

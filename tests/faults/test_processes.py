@@ -117,7 +117,7 @@ def test_a_complete_run_removes_the_files_of_a_killed_run(folder, start):
 
 WORKER = """\
 import sys, time
-from tdint.analysis.chart import opensees_worker
+from tdint.assessment.chart import opensees_worker
 opensees_worker.find_spec = lambda name: print("started", flush=True) or time.sleep(100)
 sys.exit(opensees_worker.main())
 """

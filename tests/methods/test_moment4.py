@@ -24,8 +24,8 @@ from random_buildings import CONSERVATIVE, HYSTERETIC, degrading_building, rando
 from selection import every
 from step_checks import RAYLEIGH, building
 from tdint import load_model, run
-from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.run.compiled_steps import amplification, spectral_radius
+from tdint.assessment.failures import attempt, problems
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import moment4 as equations
 from tdint.kernels.linear_terms import force_moment

@@ -16,13 +16,13 @@ from building_cases import noise
 from registered import compiled_truth, forgotten, plain  # noqa: F401 (fixtures)
 from selection import every
 from tdint import plugin
-from tdint.analysis.assessment.order import check_law, check_method
-from tdint.analysis.chart.problem import pose
-from tdint.campaign.fragility.measures import run_measure
+from tdint.assessment.chart.problem import pose
+from tdint.assessment.order import check_law, check_method
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.methods.exact import oscillator
 from tdint.model.plugins import peers
+from tdint.studies.fragility.measures import run_measure
 from tdint_cli.main import cli
 
 RECIPES = Path(__file__).parent / "recipes"

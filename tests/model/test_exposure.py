@@ -11,7 +11,7 @@ import pytest
 from facts import states
 from tdint.errors import ModelError
 from tdint.model.capacity import read_classes
-from tdint.model.inventory import InventoryRow, derive_all, read_inventory
+from tdint.studies.inventory import InventoryRow, derive_all, read_inventory
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 MAPPING = """\

@@ -16,7 +16,6 @@ from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
-from tdint.model.inventory import derive_all, model_text, read_inventory
 from tdint.model.mdof_lu import (
     LEVELS,
     STRUCTURES,
@@ -26,6 +25,7 @@ from tdint.model.mdof_lu import (
     hazus_type,
     hazus_types,
 )
+from tdint.studies.inventory import derive_all, model_text, read_inventory
 from tdint.units import LENGTH
 
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"

@@ -8,9 +8,9 @@ import pytest
 
 from selection import every
 from tdint.model.capacity import read_classes
-from tdint.model.inventory import read_inventory
 from tdint.model.mdof_lu import STRUCTURES, USUAL_STORIES
-from tdint.model.unusual_rows import unusual_rows
+from tdint.studies.inventory import read_inventory
+from tdint.studies.unusual_rows import unusual_rows
 
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,height\n"
 

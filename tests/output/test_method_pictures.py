@@ -7,15 +7,15 @@ from contextlib import contextmanager
 
 import pytest
 
-from tdint.analysis.assessment.failures import Trial
-from tdint.analysis.chart.problem import Errors, Reference
-from tdint.analysis.chart.profiles import PARTS, Measured, PeakErrors, field_chart
-from tdint.analysis.chart.work_precision import Chart, Point, Timing
+from tdint.assessment.chart.problem import Errors, Reference
+from tdint.assessment.chart.profiles import PARTS, Measured, PeakErrors, field_chart
+from tdint.assessment.chart.work_precision import Chart, Point, Timing
+from tdint.assessment.failures import Trial
+from tdint.assessment.figures.assessment import chart_picture
+from tdint.assessment.figures.chart_profiles import profile_picture
+from tdint.assessment.figures.failure_matrix import failure_picture
 from tdint.errors import UsageError
 from tdint.methods import catalogue
-from tdint.output.figures.assessment import chart_picture
-from tdint.output.figures.comparison import profile_picture
-from tdint.output.figures.failure_matrix import failure_picture
 from tdint.output.figures.style import picture
 from tdint.output.printed import PRINTED, parse_style
 

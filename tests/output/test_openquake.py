@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from tdint.campaign.fragility.fragility_function import Fragility
 from tdint.errors import UsageError
-from tdint.output.tables.exports import fragility_model, vulnerability_model, whole_types
+from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.tables.exports import fragility_model, vulnerability_model, whole_types
 
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 

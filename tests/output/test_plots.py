@@ -10,21 +10,19 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from selection import every
-from tdint.analysis.assessment.order import order
 from tdint.analysis.run.outcome import STORY_QUANTITIES, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.inelastic import constant_strength
-from tdint.campaign.profiles import FloorSuite, Profile
-from tdint.campaign.sensitivity import PEAKS, ParameterEffect
+from tdint.assessment.figures.assessment import order_picture
+from tdint.assessment.order import order
 from tdint.errors import OutputError
 from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.output.figures.assessment import order_picture
-from tdint.output.figures.runs import run_picture, sensitivity_picture
+from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_curves import (
     draw_adrs,
     draw_tripartite,
@@ -33,7 +31,10 @@ from tdint.output.figures.spectrum_curves import (
     spectrum_picture,
 )
 from tdint.output.figures.style import changed, picture, titled
-from tdint.output.figures.suites import floor_suite_picture, profile_picture
+from tdint.studies.figures.sensitivity import sensitivity_picture
+from tdint.studies.figures.suites import floor_suite_picture, profile_picture
+from tdint.studies.profiles import FloorSuite, Profile
+from tdint.studies.sensitivity import PEAKS, ParameterEffect
 from tdint.units import parse_output_units
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")

@@ -11,14 +11,14 @@ from matplotlib.text import Text
 from building_cases import model, story
 from selection import every
 from tdint.analysis.spectra.target import TargetSpectrum
-from tdint.campaign.fragility.fits import fit_capacities, fit_cloud, fit_stripes
-from tdint.campaign.ida import IdaStudy
-from tdint.campaign.ida_curve import IdaCurve, IdaRun
-from tdint.campaign.intensity import MotionIntensity, pga, sa, sa_average
-from tdint.campaign.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
-from tdint.output.figures.collapse import fragility_picture, ida_picture, suite_picture
+from tdint.studies.figures.collapse import fragility_picture, ida_picture, suite_picture
+from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_stripes
+from tdint.studies.ida import IdaStudy
+from tdint.studies.ida_curve import IdaCurve, IdaRun
+from tdint.studies.intensity import MotionIntensity, pga, sa, sa_average
+from tdint.studies.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
 

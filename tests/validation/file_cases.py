@@ -7,8 +7,8 @@ from fetch import SOURCES
 from numpy.typing import NDArray
 
 import tdint
+from tdint.assessment.validation import MODEL, NUMERICAL, ROUNDING, ValidationCase
 from tdint.ground_motion.record import Record
-from tdint.validation import MODEL, NUMERICAL, ROUNDING, ValidationCase
 
 Array = NDArray[np.float64]
 

@@ -165,7 +165,7 @@ def main() -> None:
     """Compute the results again; with --print, they are printed instead of stored."""
     from obspy import read
 
-    from tdint.analysis.chart.opensees_worker import load
+    from tdint.assessment.chart.opensees_worker import load
 
     ops = load()
     ground = np.asarray(

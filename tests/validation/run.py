@@ -24,9 +24,7 @@ from manufactured import AMPLITUDE, STEPS, observe_all
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
 import png_text
 import tdint
-from tdint.errors import TdintError
-from tdint.methods.catalogue import parse
-from tdint.validation import (
+from tdint.assessment.validation import (
     MODEL,
     NUMERICAL,
     ROUNDING,
@@ -36,6 +34,8 @@ from tdint.validation import (
     compute_case,
     textbook_cases,
 )
+from tdint.errors import TdintError
+from tdint.methods.catalogue import parse
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -55,7 +55,7 @@ MODES = (
     help="Write transfer functions instead of the modes: floor accelerations divided by the ground "
     "acceleration (ground, default), or displacements divided by a force on this floor.",
 )
-@options.studies.target(
+@options.spectra.target(
     "Run a response spectrum analysis and write the peak responses of the stories instead of the "
     "modes"
 )

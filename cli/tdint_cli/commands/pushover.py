@@ -49,7 +49,7 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
     default=200,
     help="Number of steps of the roof displacement; 200 by default.",
 )
-@options.studies.target(
+@options.spectra.target(
     "Write the target displacement for a design spectrum instead of the pushover curve"
 )
 @options.output.to_files(picture=options.output.PICTURE, page=True)

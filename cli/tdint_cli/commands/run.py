@@ -29,9 +29,10 @@ from tdint_cli.commands.run_request import (
     Request,
 )
 from tdint_cli.drawing import emit_table
+from tdint_cli.handlers import call
+from tdint_cli.limits import check_limit_options, outcome_text
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
-from tdint_cli.options.suite import check_limit_options, outcome_text
 from tdint_cli.terminal import complain, is_debug, is_quiet, note, note_of_runs, say, warn
 
 if TYPE_CHECKING:
@@ -139,9 +140,7 @@ def command(request: Request) -> None:
     ):
         refuse_idle(SEVERAL, MODES)
         request.floor_request.check(request.output)
-        from tdint_cli.commands.many_runs import run_many
-
-        run_many(request, records)
+        call("several runs", request, records)
     else:
         refuse_idle(SINGLE, MODES)
         _run(request)
@@ -164,7 +163,7 @@ def _run(request: Request) -> None:
     check_limit_options(request.limit, request.require, [model])
     request.floor_request.chosen_floors(len(model.stories))
     if model.damage:
-        from tdint.campaign.fragility.type_states import own_type
+        from tdint.analysis.run.damage import own_type
 
         own_type(model)  # invalid damage states are refused before the run
     events = _sequence_records(request, model)
@@ -655,7 +654,7 @@ def _maximum_demands(
 
 def _damage(response: Response, units: OutputUnits) -> str:
     """Return a sentence on the damage according to the damage states of the model."""
-    from tdint.campaign.fragility.runs import damage_of_run
+    from tdint.analysis.run.damage import damage_of_run
     from tdint.model.damage_states import DEMANDS
 
     damage = damage_of_run(response.model, response.stories, response.status)

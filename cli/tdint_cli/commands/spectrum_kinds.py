@@ -249,7 +249,7 @@ class SpectrumRequest(TablesRequest):
         rare=True,
         help="With --oscillator: write a row for each sample.",
     )
-    target: str | None = options.studies.target(
+    target: str | None = options.spectra.target(
         "Draw this spectrum with the spectra of the records (--plot) or, without RECORD, write it "
         "as a table",
         grammar.SPECTRUM,

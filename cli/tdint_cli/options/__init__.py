@@ -6,9 +6,9 @@ from tdint.tabular import modules_on_use
 from tdint_cli.options.grammar import argument, command, of, option, request
 
 if TYPE_CHECKING:
-    from tdint_cli.options import analysis, output, record, spectra, studies
+    from tdint_cli.options import analysis, output, record, spectra
 
-__all__ = ["analysis", "output", "record", "spectra", "studies"]
+__all__ = ["analysis", "output", "record", "spectra"]
 __all__ += ["argument", "command", "of", "option", "request"]
 
 __getattr__ = modules_on_use(__name__)

@@ -403,7 +403,7 @@ def to_files(
         if in_units:
             declarations.append(units)
         declarations.append(overwrite)
-        return grammar.together(*declarations)(cast(Function, call_with_outputs))
+        return grammar.together(*declarations)(cast("Function", call_with_outputs))
 
     return decorate
 

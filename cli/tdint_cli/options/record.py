@@ -220,7 +220,7 @@ def _with_layout_and_processing(command: Function) -> Function:
         layout["column"] = layout["column"] or ()
         return command(**values, layout=TextLayout(**layout), processing=Processing(**steps))
 
-    return cast(Function, call_with_layout_and_processing)
+    return cast("Function", call_with_layout_and_processing)
 
 
 _READING = (units, component, *_LAYOUT, inventory)

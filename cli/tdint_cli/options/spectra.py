@@ -12,10 +12,9 @@ import click
 from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.output import figures, tables
-from tdint.system import processors
 from tdint_cli.options import grammar, output
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.option_types import ListOf, Number, grid
+from tdint_cli.options.option_types import FileName, ListOf, Number, grid
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,9 +22,6 @@ if TYPE_CHECKING:
 
     from tdint.analysis.run.outcome import Response
     from tdint.analysis.spectra.floors import FloorSpectrum
-    from tdint.campaign.plan import Plan
-    from tdint.campaign.profiles import FloorSuite
-    from tdint.campaign.store import Store
     from tdint.files import Content
     from tdint.number_parsing import Grid
     from tdint.units import OutputUnits
@@ -145,6 +141,19 @@ def periods_as_given(
     return items
 
 
+def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
+    """Declare the option --target with the heading `heading`; `text` describes its use in the
+    command, for the help."""
+    spectra = (
+        "asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times), asce7-22:FILE or mcer-22:FILE (JSON file of "
+        "USGS), ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s "
+        "and sa_g or sa_m_s2."
+    )
+    return grammar.option(
+        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {spectra}"
+    )
+
+
 export_floors = output.option(
     "--export-floors",
     type=click.Choice(["mseed"]),
@@ -193,51 +202,6 @@ class FloorRequest:
         """Return the periods of the floor spectra, s."""
         return chosen_periods(self.floor_periods, PERIODS)
 
-    def suite_spectra(
-        self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
-    ) -> tuple[dict[str, Content], Sequence[FloorSuite]]:
-        """Return the floor spectra of a suite, and their files; empty if no floor is requested.
-
-        Every run of the campaign is repeated for its floor motions.
-
-        Parameters
-        ----------
-        jobs : int | None
-            Number of processes; None for one per processor.
-
-        Returns
-        -------
-        contents : dict of str to Content
-            The contents of the files by file name.
-
-        Raises
-        ------
-        UsageError
-            A building has no such floor.
-        """
-        if not self.floors:
-            return {}, ()
-        from tdint.campaign.profiles import FloorChoice, floor_suites, run_floors
-
-        # A store contains no response histories, so the runs are repeated for the floor motions.
-        choice = FloorChoice(self.floors, self.chosen_periods(), self.floor_damping)
-        floors = run_floors(plan, store, choice, jobs or processors())
-        suites = list(floor_suites(store, floors))
-        contents: dict[str, Content] = {
-            SPECTRA: tables.campaign.run_floor_table(store, floors).in_units(units).csv(),
-            SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
-        }
-        if plot and suites:
-            # The figure marks the first periods of the buildings. A store may contain no periods.
-            periods = []
-            for number, (name, _) in store.buildings().items():
-                period = store.period(number)
-                if period is not None:
-                    periods.append((name, period))
-            draw = partial(figures.suites.floor_suite_picture, suites, units, periods)
-            contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
-        return contents, suites
-
     def run_spectra(self, response: Response) -> Sequence[FloorSpectrum]:
         """Return the requested floor spectra of a run; empty without --floor-spectra."""
         if not self.floors:
@@ -275,7 +239,7 @@ class FloorRequest:
 
                 title = response.model.name
                 draw = partial(
-                    figures.suites.floor_picture,
+                    figures.floors.floor_picture,
                     spectra,
                     units,
                     title=title,

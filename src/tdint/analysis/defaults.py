@@ -38,7 +38,7 @@ QUANTITIES = {
     "acceleration": "error of the accelerations (L2 of the history)",
 }
 """Descriptions of the errors by their names on the command line. The names are the fields of
-`tdint.analysis.chart.problem.Errors`."""
+`tdint.assessment.chart.problem.Errors`."""
 
 PEAKS = {
     "peak-drift": "maximum error of the peak drifts of the stories",
@@ -46,7 +46,7 @@ PEAKS = {
     "peak-total-shear": "maximum error of the peak total shears of the stories",
 }
 """Descriptions of the errors for many problems: the fields of
-`tdint.analysis.chart.profiles.PeakErrors`."""
+`tdint.assessment.chart.profiles.PeakErrors`."""
 
 BETAS = ("1/120", "1/143", "1/144", "1/145", "1/160")
 """Values of beta of `impulse`: 1/144 of the paper, and values with a stability limit."""

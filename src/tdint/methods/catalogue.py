@@ -378,7 +378,7 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
         else:
             require_version(method, "METHODS", file, digest)
     except UsageError as error:
-        return Integrator(cast(Method, _Unknown(text, file, digest, str(error))))
+        return Integrator(cast("Method", _Unknown(text, file, digest, str(error))))
     return parse(text)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from tdint.errors import UsageError
+from tdint.model.status import FALLEN
 
 STATES = ("slight", "moderate", "extensive", "complete")
 """Damage states of Hazus; the toolkits of GEM use the same states."""
@@ -14,12 +15,6 @@ STATES = ("slight", "moderate", "extensive", "complete")
 NONE = "none"
 """Outcome of a building without damage."""
 
-DONE = "done"
-"""Status of a run without collapse of the building."""
-
-FALLEN = ("collapsed", "failed-story")
-"""Statuses of runs in which the building collapses; they are reported in addition to the damage
-states."""
 
 COST, NUMBER = "cost", "number"
 """Columns of an inventory: cost of a building, and number of buildings that a row represents

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.figures.style import picture, style_context
-from tdint.output.presentations import PRESENTATIONS, Presentation
+from tdint.output.presentations import Presentation, presentations
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
 from tdint.tabular import ResultList
 from tdint.units import SI, parse_output_units
@@ -141,9 +141,9 @@ def _drawing_of(results: Sequence[Any]) -> Presentation:
     names = " and ".join(sorted(result_type.__name__ for result_type in types))
     if len(types) > 1:
         raise UsageError(f"plot: {names} cannot share a figure; plot each type separately")
-    drawing = PRESENTATIONS.get(names)
+    drawing = presentations().get(names)
     if drawing is None or drawing.picture is None:
-        available = [name for name, known in PRESENTATIONS.items() if known.picture]
+        available = [name for name, known in presentations().items() if known.picture]
         raise UsageError(
             f"plot: no figure is available for {names}; available for {', '.join(available)}"
         )

@@ -9,22 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.output import figures, tables
+from tdint.tabular import Tabular
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tdint.output.tables.table import Column, Table
     from tdint.units import OutputUnits
-
-
-_PERIODS = (0.04, 4.0, 100)
-"""Range (s) and number of periods of spectra in comparisons with recordings."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +52,9 @@ class Presentation:
     only_si: str = ""
 
 
-def _columns(find: Callable[[], Sequence[Column]]) -> Callable[[Any], list[tuple[Column, Any]]]:
+def fixed_columns(
+    find: Callable[[], Sequence[Column]],
+) -> Callable[[Any], list[tuple[Column, Any]]]:
     """Return the function `table` of a class with fixed columns, which `find` returns when they are
     used."""
     return lambda result: tables.values.column_values(find(), result)
@@ -71,7 +68,7 @@ def _columns_of_floors(result: Any) -> list[tuple[Column, Any]]:
     return tables.values.column_values(columns, result)
 
 
-def _row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any], OutputUnits], Table]:
+def row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any], OutputUnits], Table]:
     """Return the function `rows` of a class with fixed columns, which `find` returns."""
     return lambda results, _: tables.table.Table.of_results(find(), results)
 
@@ -91,16 +88,6 @@ def _infos(records: Sequence[Any]) -> list[Any]:
     ]
 
 
-def _comparison_picture(comparisons: Sequence[Any], units: OutputUnits) -> Figure:
-    """Return the figure of comparisons of computed with recorded responses of a building."""
-    shortest, longest, count = _PERIODS
-    # Periods below two sampling intervals are omitted, because there a spectrum depends on the
-    # interpolation between samples.
-    shortest = max(shortest, 2.0 * comparisons[0].event.base.dt)
-    periods = np.geomspace(shortest, longest, count)
-    return figures.comparison.comparison_picture(comparisons, periods, SA_DAMPING, units)
-
-
 def _info_picture(records: Sequence[Any], units: OutputUnits) -> Figure:
     """Return the figure of records or of their properties."""
     return figures.comparison.info_picture(_infos(records), units)
@@ -112,20 +99,8 @@ def _draw_record(axes: Any, records: Sequence[Any], units: OutputUnits) -> None:
 
 
 PRESENTATIONS: dict[str, Presentation] = {
-    "CampaignRuns": Presentation(lambda result: tables.values.campaign_columns(result)),
-    "Chart": Presentation(
-        lambda result: tables.methods.chart_table(result),
-        picture=lambda result, _: figures.assessment.chart_picture(
-            result, name="Work-precision diagram", target="peak-drift"
-        ),
-        alone=True,
-    ),
-    "Comparison": Presentation(
-        lambda result: tables.buildings.comparison_table([result]),
-        picture=_comparison_picture,
-    ),
     "CyclicTest": Presentation(
-        _columns(lambda: tables.buildings.CYCLIC),
+        fixed_columns(lambda: tables.buildings.CYCLIC),
         picture=lambda result, units: figures.comparison.cyclic_picture(result, units),
         on_axes=lambda ax, result, units: figures.comparison.draw_loop(ax, result, units),
         alone=True,
@@ -136,62 +111,25 @@ PRESENTATIONS: dict[str, Presentation] = {
             results, units
         ),
     ),
-    "ElementPeaks": Presentation(_columns(lambda: tables.responses.ELEMENT_COLUMNS)),
-    "ExampleRun": Presentation(rows=lambda results, _: tables.methods.example_table(results)),
-    "FieldChart": Presentation(
-        lambda result: tables.methods.profile_table(result),
-        picture=lambda result, _: figures.comparison.profile_picture(result, target="peak-drift"),
-        alone=True,
-    ),
+    "ElementPeaks": Presentation(fixed_columns(lambda: tables.responses.ELEMENT_COLUMNS)),
     "FloorSpectrum": Presentation(
         lambda result: tables.values.floor_spectrum_columns(result),
-        picture=lambda results, units: figures.suites.floor_picture(results, units),
+        picture=lambda results, units: figures.floors.floor_picture(results, units),
     ),
     "FourierSpectrum": Presentation(
         _record_columns,
         picture=lambda results, units: figures.comparison.fourier_picture(results, units),
         on_axes=lambda ax, results, units: figures.comparison.draw_fourier(ax, results, units),
     ),
-    "Fragility": Presentation(
-        rows=lambda results, _: tables.studies.fragility_table(results),
-        picture=lambda results, _: figures.collapse.fragility_picture(results),
-        on_axes=lambda ax, results, _: figures.collapse.draw_functions(ax, results),
-    ),
-    "FragilityResult": Presentation(
-        lambda result: tables.studies.fragility_table(result.functions),
-        picture=lambda result, _: figures.collapse.fragility_picture(result.functions),
-        on_axes=lambda ax, result, _: figures.collapse.draw_functions(ax, result.functions),
-        alone=True,
-    ),
-    "Gradient": Presentation(
-        lambda result: tables.values.column_values(
-            tables.responses.gradient_columns(result), result
-        ),
-        picture=lambda result, units: figures.many_runs.gradient_picture(result, units),
-        alone=True,
-        only_si="derivatives are in SI units: units cannot be selected for a gradient",
-    ),
     "History": Presentation(lambda result: tables.values.history_columns(result)),
-    "IdaStudy": Presentation(
-        lambda result: tables.studies.ida_table(result),
-        picture=lambda result, units: figures.collapse.ida_picture(result.in_units(units)),
-        on_axes=lambda ax, result, units: figures.collapse.draw_ida(ax, result.in_units(units)),
-        alone=True,
-    ),
     "InelasticSpectrum": Presentation(
         _record_columns,
         picture=lambda results, units: figures.spectrum_curves.inelastic_picture(results, units),
     ),
     "Integrator": Presentation(rows=lambda results, _: tables.methods.method_table(results)),
-    "InventoryBuilding": Presentation(rows=_row(lambda: tables.buildings.INVENTORY)),
-    "Match": Presentation(
-        lambda result: tables.spectra.match_table([result]),
-        picture=lambda result, units: figures.comparison.match_picture(result, units),
-        on_axes=lambda ax, result, units: figures.comparison.draw_match(ax, result, units),
-        alone=True,
-    ),
+    "InventoryBuilding": Presentation(rows=row(lambda: tables.buildings.INVENTORY)),
     "ModalResponse": Presentation(
-        _columns(lambda: tables.buildings.MODAL_RESPONSE),
+        fixed_columns(lambda: tables.buildings.MODAL_RESPONSE),
         picture=lambda result, units: figures.mode_shapes.modal_response_picture(result, units),
         on_axes=lambda ax, result, units: figures.mode_shapes.draw_modal_drifts(ax, result, units),
         alone=True,
@@ -202,15 +140,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         on_axes=lambda ax, result, _: figures.mode_shapes.draw_modes(ax, result),
         alone=True,
     ),
-    "ObservedOrder": Presentation(
-        lambda result: tables.methods.order_table([result]),
-        picture=lambda results, _: figures.assessment.order_picture(results),
-    ),
-    "Overshoot": Presentation(
-        _columns(lambda: tables.methods.OVERSHOOT),
-        picture=lambda results, _: figures.assessment.overshoot_picture(results),
-    ),
-    "Overview": Presentation(rows=_row(lambda: tables.buildings.OVERVIEW)),
+    "Overview": Presentation(rows=row(lambda: tables.buildings.OVERVIEW)),
     "Pushover": Presentation(
         lambda result: tables.values.column_values(
             tables.buildings.pushover(result.drift.shape[1]), result
@@ -220,7 +150,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         alone=True,
     ),
     "Record": Presentation(
-        _columns(lambda: tables.spectra.SAMPLES), picture=_info_picture, on_axes=_draw_record
+        fixed_columns(lambda: tables.spectra.SAMPLES), picture=_info_picture, on_axes=_draw_record
     ),
     "RecordInfo": Presentation(
         rows=lambda results, _: tables.spectra.info_table(results),
@@ -237,18 +167,6 @@ PRESENTATIONS: dict[str, Presentation] = {
         lambda result: tables.values.rotated_columns(result),
         picture=lambda results, units: figures.spectrum_curves.rotated_picture(results, units),
     ),
-    "Runs": Presentation(
-        lambda result: tables.values.runs_columns(result),
-        picture=lambda result, units: figures.many_runs.runs_picture(result, units),
-        on_axes=lambda ax, result, units: figures.many_runs.draw_runs(ax, result, units),
-        alone=True,
-    ),
-    "Scaling": Presentation(
-        lambda result: tables.studies.factor_table(result),
-        picture=lambda result, units: figures.collapse.suite_picture(result, units),
-        on_axes=lambda ax, result, units: figures.collapse.draw_suite(ax, result, units),
-        alone=True,
-    ),
     "Spectrum": Presentation(
         _record_columns,
         picture=lambda results, units: figures.spectrum_curves.spectrum_picture(
@@ -258,18 +176,9 @@ PRESENTATIONS: dict[str, Presentation] = {
             ax, results, units
         ),
     ),
-    "StabilityCurve": Presentation(
-        _columns(lambda: tables.methods.STABILITY),
-        picture=lambda results, _: figures.assessment.stability_picture(results),
-        on_axes=lambda ax, results, _: figures.assessment.draw_radius(ax, results),
-    ),
-    "StoryPeaks": Presentation(_columns(lambda: tables.responses.STORY_COLUMNS)),
-    "ParameterEffect": Presentation(
-        rows=lambda results, units: tables.studies.parameter_effect_table(results, units),
-        picture=lambda results, units: figures.runs.sensitivity_picture(results, units),
-    ),
+    "StoryPeaks": Presentation(fixed_columns(lambda: tables.responses.STORY_COLUMNS)),
     "TargetDisplacement": Presentation(
-        _columns(lambda: tables.buildings.TARGET_DISPLACEMENT),
+        fixed_columns(lambda: tables.buildings.TARGET_DISPLACEMENT),
         picture=lambda results, units: figures.comparison.target_picture(results, units),
     ),
     "TransferFunction": Presentation(
@@ -277,12 +186,14 @@ PRESENTATIONS: dict[str, Presentation] = {
         picture=lambda result, units: figures.mode_shapes.transfer_picture(result, units),
         alone=True,
     ),
-    "Trial": Presentation(
-        rows=lambda results, _: tables.methods.failure_table(results),
-        picture=lambda results, _: figures.failure_matrix.failure_picture(results),
-    ),
-    "ValidationResult": Presentation(
-        rows=lambda results, _: tables.methods.validation_table(results)
-    ),
 }
 """Presentations by the class name of the results. Messages list them in this order."""
+
+
+@cache
+def presentations() -> dict[str, Presentation]:
+    """Return the tables and figures of all classes of results, also of studies and of the
+    assessment of methods, whose modules `tdint/__init__.py` names."""
+    return PRESENTATIONS | {
+        name: known for module in Tabular._presentations() for name, known in module.items()
+    }

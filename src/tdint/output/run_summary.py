@@ -431,7 +431,7 @@ def _damage(response: Response) -> dict[str, Any]:
     if response.model.damage is None:
         return {}
     # Imported here, because runs of buildings without damage states do not need it.
-    from tdint.campaign.fragility.runs import damage_of_run
+    from tdint.analysis.run.damage import damage_of_run
 
     damage = damage_of_run(response.model, response.stories, response.status)
     assert damage is not None

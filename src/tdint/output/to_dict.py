@@ -12,8 +12,8 @@ import numpy as np
 from tdint.analysis.run.outcome import STORY_QUANTITIES, History
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.output.presentations import PRESENTATIONS
-from tdint.output.tables import campaign
+from tdint.output.presentations import presentations
+from tdint.output.tables.runs import varied_columns
 from tdint.output.tables.table import (
     Column,
     Table,
@@ -55,7 +55,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     # `rows`. Otherwise each result has a table, and these tables are joined.
     is_sequence = isinstance(result, list | tuple | ResultList)
     first = (result[0] if len(result) else None) if is_sequence else result
-    known = PRESENTATIONS.get(type(first).__name__)
+    known = presentations().get(type(first).__name__)
     if is_sequence and (known is None or known.rows is None):
         return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
@@ -132,7 +132,7 @@ def to_xarray(runs: Runs) -> Any:
     table = to_dict(runs)
     run_columns = [
         *RUN_COORDINATES,
-        *(column.name for column in campaign.varied_columns(runs.varied)),
+        *(column.name for column in varied_columns(runs.varied)),
     ]
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in run_columns}
     coordinates |= {
@@ -211,7 +211,7 @@ def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
         return _in_rows(list(result), units)
     # The table of a base class applies to subclasses without a separate table.
     for result_class in type(result).__mro__:
-        known = PRESENTATIONS.get(result_class.__name__)
+        known = presentations().get(result_class.__name__)
         if known is not None and known.table is not None:
             table = known.table(result)
             return table.by_column() if isinstance(table, Table) else table
@@ -222,6 +222,6 @@ def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
 
 def _in_rows(results: Sequence[Any], units: OutputUnits) -> list[tuple[Column, Any]]:
     """Return the columns, with their cells, of the table with one row for each result."""
-    rows = PRESENTATIONS[type(results[0]).__name__].rows
+    rows = presentations()[type(results[0]).__name__].rows
     assert rows is not None
     return rows(results, units).by_column()

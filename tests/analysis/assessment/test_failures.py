@@ -14,7 +14,7 @@ import readmes
 from references import matrices, smooth
 from selection import every
 from tdint import load_model, run
-from tdint.analysis.assessment.failures import (
+from tdint.assessment.failures import (
     attempt,
     hardening_motion,
     problems,

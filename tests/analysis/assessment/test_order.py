@@ -9,7 +9,8 @@ import pytest
 from building_cases import Force, Law, RayleighRatio, model, noise, oscillator, story
 from references import smooth
 from selection import every
-from tdint.analysis.assessment.order import (
+from tdint.analysis.run.run import run
+from tdint.assessment.order import (
     LOADS,
     OBSERVED_HALVINGS,
     STORY_LAWS,
@@ -17,7 +18,6 @@ from tdint.analysis.assessment.order import (
     observed_order,
     order_problem,
 )
-from tdint.analysis.run.run import run
 from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import Excitation

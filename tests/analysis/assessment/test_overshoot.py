@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from selection import every
-from tdint.analysis.assessment.stability import EXACT_POWERS, STARTS, overshoot, verdict
+from tdint.assessment.stability import EXACT_POWERS, STARTS, overshoot, verdict
 from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from tdint.analysis.assessment.paper_examples import examples
-from tdint.analysis.assessment.stability import critical_step, stability
+from tdint.assessment.paper_examples import examples
+from tdint.assessment.stability import critical_step, stability
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 

@@ -17,8 +17,8 @@ import readmes
 from references import smooth
 from selection import every
 from tdint import load_model, run
-from tdint.analysis.assessment import paper_examples
-from tdint.analysis.assessment.paper_examples import (
+from tdint.assessment import paper_examples
+from tdint.assessment.paper_examples import (
     DT,
     EXACT,
     default_integrators,

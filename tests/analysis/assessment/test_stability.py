@@ -8,10 +8,10 @@ import pytest
 
 from facts import states
 from selection import every
-from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.compiled_steps import amplification
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
+from tdint.assessment.stability import critical_step, false_limit, stability
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.workspace import workspace

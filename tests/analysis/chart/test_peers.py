@@ -18,10 +18,15 @@ from building_cases import Force, Law, model, noise, story, ten_bilinear, ten_li
 from facts import each_states
 from opensees_stand_in import Domain
 from selection import every
-from tdint.analysis.chart import opensees_worker, peers
-from tdint.analysis.chart.peers import openseespy_points, solve_ivp_points, with_peers, with_plugins
-from tdint.analysis.chart.problem import Errors, Reference, find_reference, pose
-from tdint.analysis.chart.work_precision import measure
+from tdint.assessment.chart import opensees_worker, peers
+from tdint.assessment.chart.peers import (
+    openseespy_points,
+    solve_ivp_points,
+    with_peers,
+    with_plugins,
+)
+from tdint.assessment.chart.problem import Errors, Reference, find_reference, pose
+from tdint.assessment.chart.work_precision import measure
 from tdint.errors import UsageError
 from tdint.methods.catalogue import load_plugin, parse
 from tdint.model.definition import ModalDamping, RayleighCoefficients

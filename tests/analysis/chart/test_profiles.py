@@ -12,8 +12,8 @@ import pytest
 
 from building_cases import noise, ten_bilinear, ten_linear
 from tdint import performance_profiles, run, to_dict
-from tdint.analysis.chart.problem import pose
-from tdint.analysis.chart.profiles import (
+from tdint.assessment.chart.problem import pose
+from tdint.assessment.chart.profiles import (
     PARTS,
     PEAKS,
     STANDARD,
@@ -25,7 +25,7 @@ from tdint.analysis.chart.profiles import (
     measure_problem,
     read_problems,
 )
-from tdint.analysis.chart.work_precision import (
+from tdint.assessment.chart.work_precision import (
     PerformanceProfile,
     Point,
     performance_ratios,

@@ -12,8 +12,8 @@ from building_cases import Force, Law, model, noise, oscillator, story, ten_bili
 from references import drifts, exact_linear
 from tdint import run, system
 from tdint.analysis.arguments import model_of
-from tdint.analysis.chart import problem as references
-from tdint.analysis.chart.problem import (
+from tdint.assessment.chart import problem as references
+from tdint.assessment.chart.problem import (
     Errors,
     FloorMotion,
     errors,
@@ -21,7 +21,7 @@ from tdint.analysis.chart.problem import (
     pose,
     stretched,
 )
-from tdint.analysis.chart.work_precision import (
+from tdint.assessment.chart.work_precision import (
     CHOOSING,
     Point,
     Timing,

@@ -11,7 +11,15 @@ import pytest
 from building_cases import LINEAR, Force, Law, model, story
 from facts import states
 from selection import every
-from tdint.analysis.compare import (
+from tdint.analysis.run.run import prepare, run_case
+from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.reading.scale import differentiated
+from tdint.ground_motion.record import Record
+from tdint.ground_motion.signal import Signal, has_offset
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import ModalDamping, RayleighCoefficients
+from tdint.studies.compare import (
     _REQUIREMENTS,
     Event,
     _mean_signal,
@@ -21,7 +29,8 @@ from tdint.analysis.compare import (
     respond,
     unmet,
 )
-from tdint.analysis.fit import (
+from tdint.studies.figures.recorded import comparison_picture
+from tdint.studies.fit import (
     _MAX_SCANNED_STARTS,
     _SCANNED_FACTORS,
     _STIFFNESS,
@@ -31,17 +40,8 @@ from tdint.analysis.fit import (
     _start_values,
     fit,
 )
-from tdint.analysis.fit import _smoothed as smoothed
-from tdint.analysis.run.run import prepare, run_case
-from tdint.errors import AnalysisError, RecordError, UsageError
-from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.scale import differentiated
-from tdint.ground_motion.record import Record
-from tdint.ground_motion.signal import Signal, has_offset
-from tdint.model.config.model_file import load_model
-from tdint.model.definition import ModalDamping, RayleighCoefficients
-from tdint.model.recorded import load_recording
-from tdint.output.figures.comparison import comparison_picture
+from tdint.studies.fit import _smoothed as smoothed
+from tdint.studies.recorded import load_recording
 
 DT, SIZE = 0.02, 1500
 MODEL = """\

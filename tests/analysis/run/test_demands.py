@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.demands import DECLARED, demands, demands_of_runs
+from tdint.analysis.run.demands import DECLARED, demand_cells, demands, demands_of_runs
 from tdint.analysis.run.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks
-from tdint.campaign.batch import demand_cells
 from tdint.kernels import layout as rows
 from tdint.model.building import assemble
 

@@ -23,7 +23,7 @@ from tdint import load_model, run
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
 from tdint.analysis.run.prepared import Motions
-from tdint.campaign.batch import Batch, CampaignSettings, Run
+from tdint.studies.batch import Batch, CampaignSettings, Run
 from tdint.units import parse_output_units
 
 ROOT = Path(__file__).parents[3]

@@ -9,10 +9,11 @@ import pytest
 
 import tdint
 from tdint.analysis.run.settings import RunSettings, settings_from
-from tdint.campaign.batch import CampaignSettings
-from tdint.campaign.reader import campaign_schema
 from tdint.errors import UsageError
-from tdint_cli.commands import ida, run
+from tdint.studies.batch import CampaignSettings
+from tdint.studies.reader import campaign_schema
+from tdint_cli.commands import run
+from tdint_cli.studies import ida
 
 NAMES = {item.name for item in fields(RunSettings)}
 

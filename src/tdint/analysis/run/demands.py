@@ -359,3 +359,16 @@ def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]
         **{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED}
     )
     return tuple(float(quantity.value(largest)) for quantity in RUN_WITH_ERROR if quantity.value)
+
+
+def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
+    """Return the demands of several runs: one dictionary per run, from the name of a demand, such
+    as `peak_drift_ratio`, to its value.
+
+    `stories` contains the peak responses of all stories, in arrays of shape (runs, stories).
+    """
+    columns = {name: column.tolist() for name, column in demand_columns(stories).items()}
+    return [
+        dict(zip(columns, run_values, strict=True))
+        for run_values in zip(*columns.values(), strict=True)
+    ]

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from tdint.errors import ModelError
+from tdint.model.building_rules import CAPACITY, RULES
 from tdint.model.capacity import (
     DAMPING_RATIO,
     UNIT_MASS,
@@ -15,7 +16,6 @@ from tdint.model.capacity import (
     read_curve,
 )
 from tdint.model.config.sections import ModelUnits
-from tdint.model.inventory import CAPACITY, RULES
 from tdint.model.keys.fields import (
     POSITIVE,
     RATIO,

@@ -13,18 +13,13 @@ from typing import TYPE_CHECKING
 from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
-    from tdint.output.figures import assessment as assessment
-    from tdint.output.figures import collapse as collapse
     from tdint.output.figures import comparison as comparison
-    from tdint.output.figures import examples as examples
-    from tdint.output.figures import failure_matrix as failure_matrix
+    from tdint.output.figures import floors as floors
     from tdint.output.figures import loads as loads
-    from tdint.output.figures import many_runs as many_runs
     from tdint.output.figures import mode_shapes as mode_shapes
     from tdint.output.figures import runs as runs
     from tdint.output.figures import spectrum_curves as spectrum_curves
     from tdint.output.figures import style as style
-    from tdint.output.figures import suites as suites
 
 # The messages of matplotlib about its font cache are not relevant to users.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)

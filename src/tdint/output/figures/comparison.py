@@ -5,36 +5,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import wrap
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
-from tdint.analysis.defaults import PEAKS
 from tdint.arrays import Array
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.ground_motion.record import Record, component_names
-from tdint.model.building import assemble
-from tdint.number_parsing import pluralize
-from tdint.output.figures.legends import add_legend
-from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
     LIGHT,
     MARK,
     MARKERS,
-    NARROW,
     add_ratio_axis,
     changed,
     is_narrow,
     line_style,
-    mark_first_periods,
-    method_styles,
     over_stories,
-    plain_logarithmic,
     plain_numbers,
     record_name,
     record_names,
@@ -43,216 +33,20 @@ from tdint.output.figures.style import (
     write_note,
 )
 from tdint.output.spectrum_text import spectrum_text
-from tdint.output.tables.methods import PEER
 from tdint.output.tables.spectra import RecordInfo
-from tdint.system import CLOCKS, version_of_sources
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.analysis.chart.profiles import FieldChart
-    from tdint.analysis.chart.work_precision import PerformanceProfile
-    from tdint.analysis.compare import Comparison, FloorComparison, FloorSpectra
     from tdint.analysis.cyclic import CyclicTest
-    from tdint.analysis.matching import Match
     from tdint.analysis.pushover import Pushover
     from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.target_displacement import TargetDisplacement
 
-_RECORDED, _COMPUTED = LIGHT, MARK
-_MAX_ROWS, _WORST_ROWS = 6, 4
+RECORDED, COMPUTED = LIGHT, MARK
+MAX_ROWS, WORST_ROWS = 6, 4
 """Maximum number of floors that have a row of panels each, and the number of floors with a row if
 there are more. These are then the floors with the lowest correlation; a fifth row would not fit on
 a page with the overview of all floors."""
-_ENERGY_BOUNDS = (0.0005, 0.9995)
-"""Fractions of the final integral of the squared recorded motion. They determine the start and the
-end of the time axis, so that it excludes the quiet parts of a recording."""
-_CYCLES = 8  # number of recorded cycles in the close-up; single oscillations remain visible
-_UNITS = {"acceleration": "m/s^2", "displacement": "m"}
-"""SI unit of each recorded quantity."""
-
-
-def comparison_picture(
-    comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits = SI
-) -> Figure:
-    """Plot the computed and the recorded floor motions of a building in one or several events, and
-    their response spectra.
-
-    Each floor of each event has a row of three panels, with the highest floor of an event on top.
-    If there are more than `_MAX_ROWS` floors, only the floors with the lowest correlation have a
-    row, and two panels below show the correlation and the peak ratio of all floors. The title names
-    the building, the first recording and the method.
-    """
-    units = units.in_figures
-    period = assemble(comparisons[0].response.model).first_period
-    rows: list[_FloorRow] = []
-    for comparison in comparisons:
-        all_spectra = comparison.spectra(periods, damping)
-        floor_rows = [
-            _FloorRow(comparison, floor, spectra)
-            for floor, spectra in zip(comparison.floors, all_spectra, strict=True)
-        ]
-        rows += reversed(floor_rows)
-    floor_count = len(rows)
-    has_overview = floor_count > _MAX_ROWS
-    if has_overview:
-        rows = sorted(rows, key=lambda row: row.floor.correlation)[:_WORST_ROWS]
-    # A row of panels is 1.55 inches high. If the figure has the width of a column of a page, the
-    # panels of a floor are on two lines, and the labels are wrapped to more lines.
-    row_height = 4.4 if is_narrow() else 1.55
-    height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
-    figure = Figure(figsize=(7.5, height), layout="constrained")
-    upper: Any = figure
-    if has_overview:
-        subfigures: Any = figure.subfigures(2, 1, height_ratios=(row_height * len(rows), 2.6))
-        upper, lower = subfigures
-        _draw_overview(lower.subplots(2, 1, sharex=True), comparisons)
-    panels = _floor_panels(upper, len(rows))
-    for row, row_panels in zip(rows, panels, strict=True):
-        _draw_floor(row_panels, row, units, period, name_event=len(comparisons) > 1)
-    for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
-        axes.set_xlabel(label)
-    panels[0][2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
-    # The legend also states the first period, which the spectra mark.
-    lines = [*panels[0][0].get_lines()[:2], *panels[0][2].get_lines()[2:]]
-    names = ["recorded", "computed", *(str(line.get_label()) for line in lines[2:])]
-    figure.legend(lines, names, loc="outside lower center", ncols=len(lines), handlelength=3.0)
-    # The agreement depends on the method and on the processing of the recordings, so the second
-    # line of the title states both.
-    first = comparisons[0]
-    response, recording = first.response, first.event.recording
-    facts = [f"{response.method}, dt {response.dt:.4g} s"]
-    if recording.band:
-        facts.append(f"{recording.band[0]:g} to {recording.band[1]:g} Hz")
-    if first.shift:
-        facts.append(f"recordings shifted by {first.shift:.4g} s")
-    if has_overview:
-        facts.append(f"the {_WORST_ROWS} floors with least agreement; below all {floor_count}")
-    return titled(
-        figure,
-        f"{response.model.name} and {record_name(recording.source)}\n{', '.join(facts)}",
-    )
-
-
-def _floor_panels(figure: Any, count: int) -> list[list[Any]]:
-    """Return the panels of `count` floors: history, close-up and spectra of each floor. In one
-    column of a page, the history is above the two other panels."""
-    if not is_narrow():
-        rows = figure.subplots(count, 3, squeeze=False, width_ratios=(2.0, 1.3, 1.5))
-        return [list(row) for row in rows]
-    grid = figure.add_gridspec(2 * count, 2)
-    return [
-        [figure.add_subplot(grid[2 * i, :])]
-        + [figure.add_subplot(grid[2 * i + 1, column]) for column in range(2)]
-        for i in range(count)
-    ]
-
-
-class _FloorRow(NamedTuple):
-    """Content of one row of panels in the figure of comparisons."""
-
-    comparison: Comparison
-    floor: FloorComparison
-    spectra: FloorSpectra
-
-
-def _draw_floor(
-    panels: Any, row: _FloorRow, units: OutputUnits, period: float, *, name_event: bool
-) -> None:
-    """Plot the motion of a floor, a close-up of the strongest cycles, and the response spectra with
-    a mark at the first period of the building.
-    """
-    comparison, floor, spectra = row
-    history, close_up, spectrum = panels
-    event = f"{record_name(comparison.event.recording.source)}, " if name_event else ""
-    agreement = f"correlation {floor.correlation:.3f}, peak ratio {floor.peak_ratio:.3f}"
-    _draw_histories(history, floor, units)
-    label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
-    history.set(xlim=_strong_motion(comparison), ylabel=label)
-    history.set_title(
-        f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False
-    )
-    _draw_histories(close_up, floor, units)
-    close_up.set_xlim(*_strongest_cycles(comparison))
-    # Next to the history, the close-up has its axis.
-    close_up.tick_params(labelleft=is_narrow())
-    for values, color, width in (
-        (spectra.recorded, _RECORDED, 1.5),
-        (spectra.computed, _COMPUTED, 0.9),
-    ):
-        spectrum.plot(spectra.periods, units.of(values, "m/s^2"), color=color, linewidth=width)
-    spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
-    spectrum.tick_params(axis="x", which="both", labelsize=7.0)
-    log_periods(spectrum, spectra.periods)
-    mark_first_periods(spectrum, [("", period)], color="black")
-
-
-def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
-    """Plot the correlation and the peak ratio of every floor in two panels with a common x axis.
-
-    With several events, the x axis is the number of the event, and the highest floor has a dark
-    marker. With a single event, the x axis is the number of the floor.
-    """
-    correlation_axes, ratio_axes = panels
-    for event_number, comparison in enumerate(comparisons, start=1):
-        for floor in comparison.floors:
-            x = event_number if len(comparisons) > 1 else floor.floor
-            color = "0.15" if floor is comparison.floors[-1] else LIGHT
-            correlation_axes.plot([x], [floor.correlation], "o", color=color, markersize=3.0)
-            ratio_axes.plot([x], [floor.peak_ratio], "o", color=color, markersize=3.0)
-    correlation_axes.set_ylabel("correlation")
-    correlation_axes.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
-    ratio_axes.set_ylabel("peaks, computed\ndivided by recorded")
-    ratio_axes.axhline(1.0, color=LIGHT, linewidth=0.8)
-    ratio_axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
-    ratio_axes.set_xlabel(
-        "event, in the order of the command line" if len(comparisons) > 1 else "floor"
-    )
-
-
-def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:
-    """Plot the recorded and the computed motion of a floor over the time in the unit of `units`."""
-    unit = _UNITS[floor.quantity]
-    axes.plot(floor.time, units.of(floor.recorded, unit), color=_RECORDED, linewidth=1.6)
-    axes.plot(floor.time, units.of(floor.computed, unit), color=_COMPUTED, linewidth=0.7)
-    axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
-    axes.xaxis.set_major_locator(MaxNLocator(5))
-
-
-def _strong_motion(comparison: Comparison) -> tuple[float, float]:
-    """Return the start and the end of the strong motion of all floors, s; those of the recorded
-    motion if they are equal.
-
-    The energy of a floor is the integral of its squared recorded motion. The strong motion starts
-    when the first floor reaches the first fraction in `_ENERGY_BOUNDS` of its final energy, and
-    ends when the last floor reaches the second fraction.
-    """
-    times = []
-    for floor in comparison.floors:
-        energy = np.cumsum(floor.recorded**2)
-        for fraction in _ENERGY_BOUNDS:
-            times.append(floor.time[int(np.searchsorted(energy, fraction * energy[-1]))])
-    if min(times) < max(times):
-        return min(times), max(times)
-    return comparison.floors[0].time[0], comparison.floors[0].time[-1]
-
-
-def _strongest_cycles(comparison: Comparison) -> tuple[float, float]:
-    """Return the start and the end of a close-up, s.
-
-    The interval contains the `_CYCLES` cycles around the recorded peak of the highest floor. If the
-    recording has fewer than two zero crossings near the peak, the interval of the strong motion is
-    returned.
-    """
-    floor = comparison.floors[-1]
-    # `zero_crossings` contains the indices of the samples before a change of sign. `middle` is the
-    # number of zero crossings before the peak.
-    zero_crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
-    middle = int(np.searchsorted(zero_crossings, int(np.argmax(np.abs(floor.recorded)))))
-    # A cycle has two zero crossings.
-    near = zero_crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
-    if near.size < 2:
-        return _strong_motion(comparison)
-    return floor.time[near[0]], floor.time[near[-1]]
 
 
 # ---- Figures of buildings without ground motion: cyclic tests and pushovers
@@ -525,7 +319,7 @@ MOST_RECORDS = 3
 
 _ENERGY_FRACTIONS = (0.05, 0.75, 0.95)
 """Fractions of the Arias intensity that bound the significant durations D5-75 and D5-95."""
-_MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 """Quantities over time from top to bottom, with their SI units."""
 
 
@@ -547,97 +341,17 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
     grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
     for column, info in zip(grid.T, infos, strict=True):
         _draw_record(column, info, units)
-    for axes, (name, si) in zip(grid[:, 0], _MOTION.items(), strict=False):
+    for axes, (name, si) in zip(grid[:, 0], MOTION.items(), strict=False):
         axes.set_ylabel(f"{name} ({units.label(si)})")
     grid[-1, 0].set_ylabel("Arias intensity (%)")
     return figure
 
 
-def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
-    """Plot a spectrally matched ground motion and the scaled record from which it was computed.
-
-    The upper panel shows the response spectra with the target spectrum. The panels below show
-    acceleration, velocity, displacement and Arias intensity of each component over the time.
-    """
-    from tdint.analysis.spectra.target import source_of
-
-    units = units.in_figures
-    parts = matched.parts
-    figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
-    grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
-    draw_match(figure.add_subplot(grid[0, :]), matched, units)
-    for column, part in enumerate(parts):
-        panels = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
-        # The seed is plotted first, so that the matched ground motion is in front. The first item
-        # of `motions` is the matched ground motion, the first style of `_MATCHED` is for the seed.
-        for record, motion, plot_style in zip(
-            (part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True
-        ):
-            energy = np.cumsum(record.acceleration**2)
-            time = record.dt * np.arange(record.acceleration.size)
-            motions = (record.acceleration, motion.velocity, motion.displacement)
-            for axes, values, si in zip(panels, motions, _MOTION.values(), strict=False):
-                axes.plot(time, units.of(values, si), **plot_style)
-            panels[3].plot(time, 100.0 * (energy / energy[-1]), **plot_style)
-        panels[3].set_xlabel("time (s)")
-        if column == 0:
-            for axes, (name, si) in zip(panels, _MOTION.items(), strict=False):
-                axes.set_ylabel(f"{name} ({units.label(si)})")
-            panels[3].set_ylabel("Arias intensity (%)")
-        if len(parts) > 1:
-            panels[0].set_title(part.after.component, fontsize="medium")
-    subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
-    source = source_of([spectrum.target for spectrum in matched.by_damping])
-    target = spectrum_text(source) if matched.target.curve else record_name(source)
-    pair_text = ", RotD100" if len(parts) > 1 else ""
-    ratios = ", ".join(f"{100.0 * spectrum.damping:g}" for spectrum in matched.by_damping)
-    return titled(figure, f"{subject} matched to {target}\n{ratios} % damping{pair_text}")
-
-
-_MATCHED: dict[str, dict[str, Any]] = {
+MATCHED: dict[str, dict[str, Any]] = {
     "scaled seed": {"color": "0.6", "linewidth": 0.9},
     "matched": {"color": COLORS[0], "linewidth": 0.9},
 }
 """Line style of the record before and after spectral matching, by the label in the legend."""
-
-
-def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
-    """Plot the response spectra of a matched ground motion and of its scaled seed, and the target.
-
-    The axes contain the spectra for each damping ratio; the legend has a single entry for all
-    ratios. Periods outside of the matched range have a gray background.
-
-    Parameters
-    ----------
-    matched : Match
-        Result of the matching. For a pair, the spectra of both components are plotted also.
-    """
-    shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
-    periods = matched.shown_periods
-    for number, spectrum in enumerate(matched.by_damping):
-        # matplotlib omits labels with a leading underscore from the legend.
-        hidden = "_" if number else ""
-        target = spectrum.target
-        inside = (periods >= target.periods[0]) & (periods <= target.periods[-1])
-        values = units.of(target.at(periods[inside]), "m/s^2")
-        axes.plot(periods[inside], values, color=COLORS[1], linewidth=2.2, label=f"{hidden}target")
-        # The first item of `spectra` is the demand that was matched. For a pair, the spectra of the
-        # two components follow. Each item contains the matched ground motion and the seed.
-        spectra = spectrum.spectra_at(periods)
-        for psa, (name, plot_style) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
-            axes.plot(periods, units.of(psa, "m/s^2"), label=f"{hidden}{name}", **plot_style)
-        for part, (after, _), style in zip(spectrum.parts, spectra[1:], (":", "--"), strict=False):
-            name = f"{hidden}matched, {part.after.component or 'component'}"
-            plot_style = _MATCHED["matched"] | {"linestyle": style}
-            axes.plot(periods, units.of(after, "m/s^2"), label=name, **plot_style)
-    # The gray background marks the periods outside of the matched range.
-    for first, last in ((periods[0], shortest), (longest, periods[-1])):
-        if first < last:
-            axes.axvspan(first, last, color="0.92", zorder=0)
-    axes.set(xscale="log", yscale="log", xlabel="period (s)", xlim=(periods[0], periods[-1]))
-    axes.set_ylabel(f"Sa ({units.label('m/s^2')})")
-    plain_logarithmic(axes)
-    axes.legend(loc="lower left")
 
 
 def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI) -> Figure:
@@ -710,7 +424,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     time = np.arange(record.acceleration.size) * record.dt
     peaks = (measures.pga, measures.pgv, measures.pgd)
     motions = (record.acceleration, motion.velocity, motion.displacement)
-    for axes, values, peak, si in zip(column, motions, peaks, _MOTION.values(), strict=False):
+    for axes, values, peak, si in zip(column, motions, peaks, MOTION.values(), strict=False):
         axes.plot(time, units.of(values, si), color=COLORS[0], linewidth=0.8)
         axes.axhline(0.0, color=LIGHT, linewidth=0.6)
         axes.yaxis.set_major_locator(MaxNLocator(5, symmetric=True))
@@ -737,123 +451,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
 
 # ---- Performance profiles: methods compared over many problems
 
-_MAX_COST_RATIO = 30.0  # end of the axis of cost ratios; slower methods are not of interest
-_BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
-"""Line widths (points) of emphasized methods: the methods that tdint recommends, and the method
-that most programs use."""
 
-_PROFILE_FOOT, _NARROW_FOOT = 110, 64
+PROFILE_FOOT, NARROW_FOOT = 110, 64
 """Characters per line of the footnote in a figure of full width, and in a figure with the width of
 one column of a page."""
-
-
-def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> Figure:
-    """Plot performance profiles (Dolan and More 2002), with a panel for each tolerance.
-
-    A profile is the fraction of problems that a method solves within a factor of the minimum cost.
-
-    Parameters
-    ----------
-    target : str
-        Quantity of the error, a key of `PEAKS`.
-    highlight : str
-        Method that has a thick line in front of the other lines; empty by default, which emphasizes
-        the methods in `_BOLD`.
-    """
-    quantity = target.replace("-", "_")
-    profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
-    tolerances = sorted({profile.tolerance for profile in profiles}, reverse=True)
-    narrow = is_narrow()
-    figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
-    panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
-    plot_styles = method_styles(chart.lines, highlight)
-    handles: dict[str, Any] = {}
-    for axes, tolerance in zip(panels.flat, tolerances, strict=False):
-        shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        handles |= _plot_profiles(axes, shown, plot_styles)
-        count = max(profile.problems for profile in shown)
-        axes.set_title(f"error within {100.0 * tolerance:g} % ({pluralize(count, 'problem')})")
-    for axes in panels.flat[len(tolerances) :]:
-        axes.set_axis_off()
-    for axes in panels[:, 0]:
-        axes.set_ylabel("fraction of problems solved")
-    for axes in panels[-1]:
-        axes.set_xlabel("time divided by minimum time")
-    shown_lines = [line for line in chart.lines if line in handles]
-    add_legend(
-        figure,
-        panels[0, 0],
-        [handles[line] for line in shown_lines],
-        [
-            # The second text is empty (times False) if the method was run for all problems.
-            chart.named(line)
-            + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
-            for line in shown_lines
-        ],
-        NARROW,
-    )
-    _add_profile_footnote(figure, chart, narrow)
-    return titled(
-        figure,
-        f"Performance profiles over {pluralize(len(chart.measured), 'problem')}\n{PEAKS[target]}",
-    )
-
-
-def _plot_profiles(
-    axes: Any, profiles: Sequence[PerformanceProfile], plot_styles: dict[str, dict[str, Any]]
-) -> dict[str, Any]:
-    """Plot the performance profiles of all methods for a single tolerance, over the cost divided by
-    the minimum cost.
-
-    If a line style (`method_styles`) has a line width, its method is emphasized instead of the
-    methods in `_BOLD`.
-    """
-    line_widths = {
-        method: plot_style["linewidth"]
-        for method, plot_style in plot_styles.items()
-        if "linewidth" in plot_style
-    } or _BOLD
-    lines: dict[str, Any] = {}
-    # Emphasized methods are plotted last, so that their lines are in front.
-    for profile in sorted(profiles, key=lambda profile: line_widths.get(profile.method, 0.0)):
-        # The profile rises by a single problem at each cost ratio. At the end of the panel it
-        # reaches the fraction of problems that the method solves within the maximum cost ratio.
-        ratios = [ratio for ratio in profile.ratios if ratio <= _MAX_COST_RATIO]
-        solved_fractions = np.arange(len(ratios) + 1) / max(profile.problems, 1)
-        x, y = [1.0, *ratios, _MAX_COST_RATIO], [*solved_fractions, solved_fractions[-1]]
-        plot_style = plot_styles[profile.method] | {"markersize": 3.5, "markevery": 0.2}
-        plot_style |= {"linewidth": line_widths.get(profile.method, 1.0)}
-        # Methods of other programs have hollow markers.
-        plot_style |= {"markerfacecolor": "white"} if PEER in profile.method else {}
-        (lines[profile.method],) = axes.step(x, y, where="post", **plot_style)
-    axes.set(xscale="log", xlim=(1.0, _MAX_COST_RATIO), ylim=(0.0, 1.03))
-    axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 30.0]))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    plain_numbers(axes.xaxis)
-    axes.axvline(2.0, color=LIGHT, linewidth=0.6)
-    return lines
-
-
-def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> None:
-    """Write the conditions of the measurement below performance profiles: clock, processor and
-    versions of the programs.
-
-    The text is the title of the legend, because the layout reserves space for a legend. A figure of
-    a single method has no legend and no such text.
-    """
-    timing = chart.timing
-    programs = [
-        f"tdint {version_of_sources()[0]}",
-        *(f"{peer.name} {peer.version}" for peer in chart.peers),
-    ]
-    conditions = (
-        "Each method has the cheapest time step that is within the tolerance together with all "
-        "smaller time steps; lines end at the fraction solved within "
-        f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
-        f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}; {', '.join(programs)}"
-    )
-    for legend in figure.legends:
-        footnote = wrap(conditions, _NARROW_FOOT if narrow else _PROFILE_FOOT)
-        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
-        legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
-        legend.get_title().set_multialignment("center")

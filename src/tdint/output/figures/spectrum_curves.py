@@ -18,7 +18,7 @@ from tdint.arrays import Array
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
 from tdint.number_parsing import pluralize
-from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
+from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.legends import add_legend
 from tdint.output.figures.style import (
     COLORS,

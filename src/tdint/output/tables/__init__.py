@@ -6,12 +6,11 @@ from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
     from tdint.output.tables import buildings as buildings
-    from tdint.output.tables import campaign as campaign
     from tdint.output.tables import differences as differences
     from tdint.output.tables import methods as methods
     from tdint.output.tables import responses as responses
+    from tdint.output.tables import runs as runs
     from tdint.output.tables import spectra as spectra
-    from tdint.output.tables import studies as studies
     from tdint.output.tables import table as table
     from tdint.output.tables import transfer as transfer
     from tdint.output.tables import values as values

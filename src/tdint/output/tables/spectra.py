@@ -29,7 +29,6 @@ from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.analysis.arguments import AnyRecord
-    from tdint.analysis.matching import Match
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.analysis.spectra.rotated import RotatedSpectrum
     from tdint.analysis.spectra.target import SpectrumDifference
@@ -370,25 +369,6 @@ MATCHED = (
     ),
 )
 """Columns of matched.csv."""
-
-
-def match_table(matches: Sequence[Match]) -> Table:
-    """Return the table of spectral matches: misfits and intensity measures of the matched ground
-    motions.
-
-    It has one row per component and damping ratio. There is a column with the damping ratio if the
-    ground motions were matched at several ratios.
-    """
-    # A match has a result for each damping ratio, which has one result per component.
-    results = [
-        component
-        for matched in matches
-        for at_damping in matched.by_damping
-        for component in at_damping.parts
-    ]
-    has_several_dampings = any(matched.further for matched in matches)
-    damping_column = SPECTRUM[:1] if has_several_dampings else ()
-    return record_table((*damping_column, *MATCHED), results)
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:

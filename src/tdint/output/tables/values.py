@@ -10,7 +10,7 @@ import numpy as np
 
 from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
 from tdint.analysis.run.outcome import History
-from tdint.output.tables import buildings, campaign, responses, spectra
+from tdint.output.tables import buildings, responses, runs, spectra
 from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, columns_of
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Values = list[tuple[Column, Any]]
 
-RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
+RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in runs.RUNS}
 """Columns of runs.csv by their attributes."""
 
 
@@ -33,21 +33,15 @@ def record_columns(result: Any) -> Values:
     return column_values((*RECORD_COLUMNS, *columns_of(type(result))), result)
 
 
-def campaign_columns(result: Any) -> Values:
-    """Return the columns of runs.csv, the table of the runs of a campaign, with their cells."""
-    with result.store as store:
-        return campaign.runs_table(store).by_column()
-
-
 def runs_columns(result: Runs) -> Values:
     """Return the columns of the results of `run_many`, with one row per run; they have the names of
     the columns of runs.csv of a campaign."""
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     # Arrays have space for the tallest building; the values above a lower building are nan.
     for number in range(len(result.models)):
-        runs, stories = result.select_building(number)
+        run_numbers, stories = result.select_building(number)
         for name, values in demand_columns(stories).items():
-            demands[name][runs] = values
+            demands[name][run_numbers] = values
     # `model` and `record` contain the index of the building and of the record of each run.
     buildings = np.array([model.name for model in result.models])[result.model]
     sources = np.array([record.source for record in result.records])[result.record]
@@ -58,7 +52,7 @@ def runs_columns(result: Runs) -> Values:
         (RUNS_COLUMNS["record"], sources),
         (RUNS_COLUMNS["component"], components),
         (RUNS_COLUMNS["method"], methods_of_runs),
-        *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
+        *zip(runs.varied_columns(result.varied), result.varied.values(), strict=True),
         *(
             (RUNS_COLUMNS[name], getattr(result, name))
             for name in ("scale", "dt", "status", "energy_error", "steps")
@@ -79,7 +73,7 @@ def _demand_errors(result: Runs) -> Values:
         peaks = _values_of_run(result.stories, run, story_count)
         errors = _values_of_run(result.errors, run, story_count)
         rows.append(demand_errors(peaks, errors))
-    return list(zip(campaign.RUN_ERRORS, np.array(rows).T, strict=True))
+    return list(zip(runs.RUN_ERRORS, np.array(rows).T, strict=True))
 
 
 def _values_of_run(values: Any, run: int, story_count: int) -> Any:

@@ -1,0 +1,84 @@
+"""`tdint failures`: results of methods on problems that are difficult to integrate."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from tdint.assessment import figures as assessment_figures
+from tdint.assessment import tables as assessment_tables
+from tdint_cli import options
+from tdint_cli.options.option_types import ListOf, Name
+from tdint_cli.options.output import Outputs
+from tdint_cli.terminal import say, say_table
+
+
+def _problems() -> list[str]:
+    """Return the names of the problems, for the completion of --problem."""
+    from tdint.assessment.failures import problems
+
+    return list(problems())
+
+
+@options.command(
+    "failures",
+    "tdint failures --problem large-step",
+    "tdint failures --method impulse4,hht --problem large-step --plot=failures.png",
+)
+@options.analysis.plugin
+@options.analysis.all_methods
+@options.option(
+    "--problem",
+    "problems",
+    type=ListOf(Name(_problems)),
+    help="Problems to run: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
+    "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; "
+    "all by default.",
+)
+@options.output.to_files(picture=options.output.PICTURE, in_units=False)
+def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
+    """Run methods on hard problems with known solutions and report failures.
+
+    The problems are hardening and softening stories, stiff next to soft components, time steps at
+    stability limits, and large first time steps. The default methods also include impulse4 and
+    moment4 with rho_inf=0.5 and rho_inf=0, and wilson:theta=1.3; newmark is omitted, because it is
+    equal to newmark-average. src/tdint/methods/README.md describes the problems and the criteria.
+
+    CSV: minimum and maximum energy divided by the maximum energy of the exact solution (the initial
+    energy in free vibration); the error, and its definition in the last column; the outcome, which
+    is the status of `tdint run`, or `refused` for nonlinear stories with a method for linear
+    buildings (the remaining cells are results with --allow-unstable); the verdict: pass, loses
+    energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the
+    time reached. The number of each verdict is written to standard error. The exit code is 0 also
+    if a method fails.
+    """
+    from tdint.assessment.failures import (
+        attempt,
+        compile_for,
+        find_problems,
+        usual_methods,
+    )
+
+    integrators = options.analysis.integrators(methods) if methods else usual_methods()
+    named_problems = find_problems(problems or ())
+    compile_for(integrators, named_problems)
+    trials = [
+        trial
+        for problem in named_problems
+        for integrator in integrators
+        for trial in attempt(integrator, problem)
+    ]
+    outputs.deliver(
+        assessment_tables.assessment.failure_table(trials),
+        lambda: assessment_figures.failure_matrix.failure_picture(trials),
+    )
+    # Count the verdicts of each method. The first column is `pass`, the other columns follow in the
+    # order of occurrence.
+    verdicts = sorted(
+        dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass"
+    )
+    rows = [("method", *verdicts)]
+    for method in dict.fromkeys(trial.method for trial in trials):
+        count = Counter(trial.verdict for trial in trials if trial.method == method)
+        rows.append((method, *(str(count[verdict] or "") for verdict in verdicts)))
+    say("Number of verdicts, over problems and time steps:")
+    say_table(rows)

@@ -1,0 +1,392 @@
+"""`tdint compare`: computed and recorded response of a building."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import STDIN, check_outputs, write_files
+from tdint.number_parsing import abbreviate, number_text, pluralize
+from tdint.output import figures
+from tdint.studies import figures as studies_figures
+from tdint_cli import options
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.option_types import FileName, ListOf, Written
+from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.terminal import note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.arrays import Array
+    from tdint.files import Content
+    from tdint.model.definition import Model
+    from tdint.number_parsing import Grid
+    from tdint.studies.compare import Comparison
+    from tdint.studies.fit import Fit
+    from tdint.units import OutputUnits
+
+TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
+FITTED = "fitted.yaml"
+"""The files of a comparison."""
+
+PERIODS = "0.04:4:100"
+"""Default periods of the spectra, s."""
+
+_LISTED = 8  # number of fitted values in the message; the files contain all values
+
+
+def _requirement(text: str) -> tuple[str, float]:
+    """Return the name and the value of a requirement NAME=NUMBER for every floor; BadParameter for
+    another form or an unknown name.
+    """
+    from tdint.studies.compare import parse_requirement
+
+    try:
+        return parse_requirement(text)
+    except UsageError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+@options.request
+class Request:
+    """The command line of `tdint compare`."""
+
+    model: str
+    recorded: str = options.option(
+        type=FileName(),
+        required=True,
+        help="Recorded response and sensor locations: a YAML file with the keys base, floors, "
+        "band, window, shift.",
+    )
+    fit: tuple[str, ...] | None = options.option(
+        type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
+        metavar="stiffness|stiffness-factor,damping",
+        help="First fit parameters to the recording: the story stiffnesses, one factor of all "
+        "stiffnesses (suitable for a single sensor), or the damping. Bounds: stiffnesses from 0.1 "
+        "to 10 times the value of the model, damping ratios from 0.01 to 50 %, Rayleigh "
+        "coefficients from 0.001 to 1000 times the value of the model.",
+    )
+    blind: tuple[str, ...] | None = options.option(
+        needs="--fit",
+        type=ListOf(FileName()),
+        help="Also compare other recordings with the fitted model (blind prediction); adds the "
+        "column recorded.",
+    )
+    require: tuple[tuple[str, float], ...] | None = options.option(
+        type=ListOf(Written("NAME=NUMBER", _requirement)),
+        help="Exit with code 5 unless every floor has a correlation of at least NUMBER, a "
+        "peak_ratio between NUMBER and its inverse, or an rms_difference of at most NUMBER.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.option(
+        type=float,
+        metavar="SECONDS",
+        rare=True,
+        help="Time step: the sampling interval of the recording divided by an integer; by default "
+        "small enough that the discretization error is negligible.",
+    )
+    damping: float = options.analysis.damping_of(
+        "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
+    )
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods(
+        PERIODS, needs="-o or --plot"
+    )
+    output: str | None = options.output.output(
+        "DIR|FILE.csv",
+        f"Write {TABLE}, {SPECTRA} and {SUMMARY} to this directory, with --fit also {FIT} and the "
+        f"fitted model {FITTED}; or write the table to this file, and the other files next to it "
+        "with its name as a prefix.",
+    )
+    plot: str | None = options.output.picture
+    report: str | None = options.output.report
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+
+    def file(self, name: str) -> Path:
+        """Return the path of the output file `name`.
+
+        If -o is a directory, the file is in this directory. If -o is a table such as `OUT.csv`, the
+        file is next to it and is named `OUT-name`; the table itself has the name of -o.
+        """
+        output = Path(self.output or "")
+        if output.suffix.lower() != ".csv":
+            return output / name
+        return output if name == TABLE else output.with_name(f"{output.stem}-{name}")
+
+    @property
+    def picture(self) -> Path | None:
+        """Path of the figure; None if no figure is requested."""
+        return picture_file(self.plot, self.file(TABLE) if self.output else None)
+
+    @property
+    def outputs(self) -> list[Path]:
+        """All files that are written."""
+        names = (
+            (TABLE, SPECTRA, *((FIT, FITTED) if self.fit else ()), SUMMARY) if self.output else ()
+        )
+        return [
+            *map(self.file, names),
+            *filter(None, (self.picture, Path(self.report) if self.report else None)),
+        ]
+
+
+@options.command(
+    "compare",
+    "tdint compare office.yaml --recorded recorded.yaml",
+    "tdint compare office.yaml --recorded recorded.yaml --fit damping -o fitted",
+    exits={5: "--require is not met"},
+)
+@options.analysis.model
+@options.of(Request)
+def command(request: Request) -> None:
+    """Compare the computed response of a building with its recorded response.
+
+    MODEL.yaml is a model file. Its record is replaced by the mean of the recordings at the base.
+    Several sensors of a floor are averaged. --fit fits the model to --recorded only; --blind adds
+    recordings that are not used in the fit. The offset of each recording is removed (of an
+    acceleration its median, of a displacement its value before the shaking). The same zero-phase
+    filters limit recorded and computed response to the band. CSV, one row per floor: correlation,
+    computed maximum divided by recorded maximum, rms difference divided by the rms of the
+    recording. -o also writes spectra of the absolute floor accelerations.
+    """
+    from tdint.model.config.model_file import load_model
+    from tdint.studies.compare import Event, compare, unmet
+    from tdint.studies.fit import fit
+    from tdint.studies.recorded import load_recording
+    from tdint.studies.tables.comparison import comparison_table
+
+    files = [request.recorded, *(request.blind or ())]
+    if [request.model, *files].count(STDIN) > 1:
+        raise UsageError(
+            f"standard input ({STDIN}) can be only one of MODEL.yaml, --recorded and --blind; "
+            "specify the other inputs as files"
+        )
+    if request.picture:
+        check_picture(request.picture)
+    check_outputs(request.outputs, overwrite=request.overwrite)
+    model = load_model(request.model)
+    units = request.output_units or model.output_units
+    model = replace(model, output_units=units)
+    recordings = [load_recording(file, len(model.stories)) for file in files]
+    events = [Event.of(recording) for recording in recordings]
+    # The fit uses only the first event (--recorded). It selects its own method and time
+    # step, so that the discretization error does not affect the fitted values; --method and --dt
+    # apply to the comparison.
+    fitted = fit(model, events[0], request.fit) if request.fit else None
+    used_model = fitted.model if fitted else model
+    comparisons = [
+        compare(used_model, event, method=request.method, dt=request.dt) for event in events
+    ]
+    if not request.output:
+        emit_table(comparison_table(comparisons))
+    _write(request, model, comparisons, fitted, units)
+    _report(comparisons, fitted, units)
+    # Unmet requirements are an error only after all files are written.
+    if failures := [
+        text for comparison in comparisons for text in unmet(comparison, request.require or ())
+    ]:
+        raise AnalysisError("; ".join(failures))
+
+
+def _write(
+    request: Request,
+    model: Model,
+    comparisons: Sequence[Comparison],
+    fitted: Fit | None,
+    units: OutputUnits,
+) -> None:
+    """Write the files of a comparison.
+
+    `model` is the building before the fit. `comparisons` contains the comparisons, of the recording
+    and of the blind recordings. `fitted` contains the fitted values; None without --fit.
+    """
+    from tdint.model.config.model_file import rewrite_model
+    from tdint.studies.output.comparison_summary import comparison_summary
+    from tdint.studies.tables.comparison import (
+        comparison_spectra_table,
+        comparison_table,
+        fitted_table,
+    )
+
+    periods = _spectrum_periods(request, comparisons[0])
+    files: dict[Path, Content] = {}
+    if request.output:
+        files[request.file(TABLE)] = comparison_table(comparisons).csv()
+        spectra = comparison_spectra_table(comparisons, periods, request.damping)
+        files[request.file(SPECTRA)] = spectra.in_units(units).csv()
+        if fitted:
+            if text := rewrite_model(model, fitted.model, request.file(FITTED)):
+                recorded = comparisons[0].event.recording.source
+                origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
+                files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
+            else:
+                note(
+                    f"{model.source}: cannot be rewritten with other values; the fitted values are "
+                    f"only in {FIT}"
+                )
+            files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
+    if picture := request.picture:
+        draw = partial(
+            studies_figures.recorded.comparison_picture,
+            comparisons,
+            periods,
+            request.damping,
+            units,
+        )
+        files[picture] = figures.style.picture(picture.suffix, draw)
+    if request.report:
+        files[Path(request.report)] = _page(request, comparisons, fitted, periods)
+    if request.output:
+        settings = {
+            "method": request.method,
+            "dt_s": request.dt,
+            "fit": list(request.fit or ()),
+            "blind": list(request.blind or ()),
+            "require": dict(request.require or ()),
+            "damping": request.damping,
+            "periods": options.spectra.periods_as_given(request.periods, PERIODS)
+            if request.periods
+            else None,
+        }
+        summary = comparison_summary(model, comparisons, fitted, settings, units)
+        files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
+    write_files(files, overwrite=request.overwrite)
+
+
+def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
+    """Return the periods of the response spectra, s, by default the periods of `PERIODS` that are
+    within the frequency band of the first recording and not shorter than two sampling intervals; if
+    no period remains, the longest period of `PERIODS`.
+    """
+    all_periods = options.spectra.chosen_periods(request.periods, PERIODS)
+    if request.periods is not None:
+        return all_periods
+    event = comparison.event
+    low, high = event.recording.band or (0.0, float("inf"))
+    # A period T is within the band of the frequencies low to high, Hz, if 1/high <= T <= 1/low.
+    periods = all_periods[
+        (all_periods * high >= 1.0)
+        & (all_periods * low <= 1.0)
+        & (all_periods >= 2.0 * event.base.dt)
+    ]
+    return periods if periods.size else all_periods[-1:]
+
+
+def _page(
+    request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array
+) -> bytes:
+    """Return the HTML page of --report; the verdict at its top is the result of --require.
+
+    `fitted` contains the fitted values of the model; None without --fit. `periods` contains the
+    periods of the response spectra in the figure, s.
+    """
+    from tdint.output.page import PageText, page_units
+    from tdint.output.summary import files_read
+    from tdint.studies.compare import absolute_displacements, unmet
+    from tdint.studies.output.comparison_report import comparison_page
+    from tdint.studies.tables.comparison import fitted_table
+
+    model = comparisons[0].response.model
+    units = page_units(request.output_units or model.page_units)
+    verdict: list[tuple[bool | None, str]] = []
+    if requirements := request.require:
+        failures = [text for item in comparisons for text in unmet(item, requirements)]
+        limits = ", ".join(f"{name} {value:g}" for name, value in requirements)
+        verdict = [
+            (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
+        ]
+    verdict.append((None, _least_agreement(comparisons)))
+    sentences = [_motion_sentence(item, units) for item in comparisons]
+    sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
+    # The report repeats the notes of the terminal, such as removed offsets and disabled checks.
+    notes = [text for item in comparisons for text in (*item.event.notes, *item.response.notes)]
+    notes += fitted.notes if fitted else ()
+    sentences += [f"Note: {text}." for text in dict.fromkeys(notes)]
+    warnings = [
+        text
+        for item in comparisons
+        for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
+    ]
+    page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+    draw_figure = partial(
+        studies_figures.recorded.comparison_picture, comparisons, periods, request.damping, units
+    )
+    return comparison_page(
+        comparisons,
+        draw_figure,
+        page_text,
+        fitted_table(fitted.values, units) if fitted else None,
+        units,
+    )
+
+
+def _least_agreement(comparisons: Sequence[Comparison]) -> str:
+    """Return a sentence on the floors with the least agreement."""
+    floors = [floor for item in comparisons for floor in item.floors]
+    lowest = min(floors, key=lambda floor: floor.correlation)
+    # With the logarithm, the ratios 0.5 and 2 are equally far from 1.
+    farthest_peak = max(floors, key=lambda floor: abs(math.log(abs(floor.peak_ratio))))
+    largest_difference = max(floors, key=lambda floor: floor.rms_difference)
+    clauses = [
+        f"lowest correlation {number_text(lowest.correlation)} (floor {lowest.floor})",
+        f"peak ratio farthest from 1: {number_text(farthest_peak.peak_ratio)} "
+        f"(floor {farthest_peak.floor})",
+        f"largest rms difference {number_text(largest_difference.rms_difference)} "
+        f"(floor {largest_difference.floor})",
+    ]
+    sentence = ", ".join(clauses)
+    return f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _motion_sentence(item: Comparison, units: OutputUnits) -> str:
+    """Return a sentence about the ground motion and the method of a comparison."""
+    event, run, band = item.event, item.response, item.event.recording.band
+    band_text = f"{band[0]:g} to {band[1]:g} Hz" if band else "unfiltered"
+    pga, pga_unit = units.of(event.base.pga, "m/s^2"), units.unit("m/s^2")[0]
+    text = (
+        f"{run.model.name} compared with {event.recording.source}: {event.count} samples at "
+        f"{event.base.dt:.6g} s, {band_text}, PGA {pga:.3g} {pga_unit}; {run.method}, dt "
+        f"{run.dt:.6g} s"
+    )
+    if item.shift:
+        text += f"; recordings shifted by {item.shift:.6g} s"
+    return f"{text}."
+
+
+def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
+    """Write the comparisons and the fit to the terminal, then warnings and notes.
+
+    `fitted` contains the fitted values of the model; None without --fit.
+    """
+    from tdint.studies.compare import absolute_displacements
+    from tdint.studies.tables.comparison import fitted_in
+
+    for item in comparisons:
+        say(_motion_sentence(item, units))
+        warn(*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
+    # Show only the first values, because a building with many stories would fill the screen.
+    if fitted:
+        values = [fitted_in(item, units) for item in fitted.values]
+        # The place of a parameter is the number of its story. A parameter of the complete building
+        # has no place.
+        changes = [
+            " ".join(filter(None, (item.name, str(item.number or ""), f"{item.value:.5g}")))
+            for item in values
+        ]
+        source = comparisons[0].event.recording.source
+        say(
+            f"Fitted to {source} in {pluralize(fitted.runs, 'run')}: "
+            f"{abbreviate(changes, _LISTED)}."
+        )
+    note(
+        *dict.fromkeys(
+            text for item in comparisons for text in (*item.event.notes, *item.response.notes)
+        )
+    )
+    note(*(fitted.notes if fitted else ()))

@@ -1,0 +1,74 @@
+"""Floor spectra of the runs of a campaign, for --floor-spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tdint.output import figures
+from tdint.studies import figures as studies_figures
+from tdint.studies import tables as studies_tables
+from tdint.system import processors
+from tdint.units import OutputUnits
+from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
+
+if TYPE_CHECKING:
+    from tdint.files import Content
+    from tdint.studies.plan import Plan
+    from tdint.studies.profiles import FloorSuite
+    from tdint.studies.store import Store
+
+
+def suite_spectra(
+    wanted: FloorRequest,
+    plan: Plan,
+    store: Store,
+    jobs: int | None,
+    units: OutputUnits,
+    *,
+    plot: bool,
+) -> tuple[dict[str, Content], Sequence[FloorSuite]]:
+    """Return the floor spectra of a suite, and their files; empty if no floor is requested.
+
+    Every run of the campaign is repeated for its floor motions.
+
+    Parameters
+    ----------
+    jobs : int | None
+        Number of processes; None for one per processor.
+
+    Returns
+    -------
+    contents : dict of str to Content
+        The contents of the files by file name.
+
+    Raises
+    ------
+    UsageError
+        A building has no such floor.
+    """
+    if not wanted.floors:
+        return {}, ()
+    from tdint.studies.profiles import FloorChoice, floor_suites, run_floors
+
+    # A store contains no response histories, so the runs are repeated for the floor motions.
+    choice = FloorChoice(wanted.floors, wanted.chosen_periods(), wanted.floor_damping)
+    floors = run_floors(plan, store, choice, jobs or processors())
+    suites = list(floor_suites(store, floors))
+    contents: dict[str, Content] = {
+        SPECTRA: studies_tables.campaign.run_floor_table(store, floors).in_units(units).csv(),
+        SPECTRA_MEAN: studies_tables.campaign.floor_suite_table(store, suites)
+        .in_units(units)
+        .csv(),
+    }
+    if plot and suites:
+        # The figure marks the first periods of the buildings. A store may contain no periods.
+        periods = []
+        for number, (name, _) in store.buildings().items():
+            period = store.period(number)
+            if period is not None:
+                periods.append((name, period))
+        draw = partial(studies_figures.suites.floor_suite_picture, suites, units, periods)
+        contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
+    return contents, suites

@@ -1,0 +1,417 @@
+"""`tdint fragility`: lognormal fragility functions fitted to a table of observations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import check_outputs, is_file, write_files
+from tdint.number_parsing import pluralize
+from tdint.studies import figures as study_figures
+from tdint.studies import tables as studies_tables
+from tdint_cli import options
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import FileName, ListOf, Name, Number, span
+from tdint_cli.options.output import Outputs
+from tdint_cli.studies import options as study_options
+from tdint_cli.terminal import Failures, note, say, warn
+
+if TYPE_CHECKING:
+    from tdint.output.figures.style import Figure
+    from tdint.studies.fragility.fit_table import FragilityResult
+    from tdint.studies.fragility.fragility_function import Fragility
+
+_FITS = ("stripes", "ida", "cloud")
+_FIT = Mode(
+    "with a single measure",
+    frozenset(
+        (
+            "fit",
+            "threshold",
+            "by",
+            "edp_range",
+            "modeling_dispersion",
+            "openquake",
+            "plot",
+            "report",
+            "output_units",
+            "pair_demand",
+        )
+    ),
+    {"sufficiency": "it compares intensity measures; specify several with --im"},
+)
+_COMPARE = Mode(
+    "with several measures (--im), because they are compared", frozenset({"sufficiency"})
+)
+MODES = (_FIT, _COMPARE)
+
+SIGNIFICANT = 0.05
+"""P-value below which a slope is reported as significant."""
+
+
+_OPENQUAKE_OPTIONS = (
+    options.output.option(
+        "--openquake",
+        type=FileName(written=True),
+        metavar="FILE.xml",
+        help="Also write the functions as a fragility model of OpenQuake (NRML 0.5). The id of "
+        "a function is the name of the file; with --by type, the name of the type. If the "
+        "damage states have loss ratios, --by type also writes FILE-vulnerability.xml for the "
+        "scenario_risk calculator.",
+    ),
+    options.output.option(
+        "--states",
+        type=ListOf(Name()),
+        needs="--openquake",
+        help="Names of the limit states in the OpenQuake file, in order of increasing "
+        "threshold; ds1, ds2, ... by default.",
+    ),
+)
+
+
+@options.request
+class Request:
+    """The command line of `tdint fragility`."""
+
+    openquake: str | None
+    states: tuple[str, ...] | None
+    outputs: Outputs
+    table: str = options.argument("TABLE.csv|DIR", type=FileName())
+    fit: str | None = options.option(
+        type=click.Choice(_FITS),
+        help="stripes: maximum likelihood from the number of exceedances at each intensity "
+        "level. ida: mean and standard deviation of ln capacity, or maximum likelihood if some "
+        "capacities are censored. cloud: regression line of ln demand (EDP) over ln intensity "
+        "(IM). By default, the columns of the table decide.",
+    )
+    threshold: tuple[float, ...] | None = study_options.threshold(
+        help="Limits of the drift ratio (or of another demand); a function is the probability "
+        "of exceeding its limit. By default, the thresholds of the table."
+    )
+    by: str | None = options.option(
+        type=click.Choice(["type", "building"]),
+        help="Fit one function per damage state for each building type (class), or for each "
+        "building, of a campaign with `damage`; DIR is the directory of the campaign. With --by "
+        "building, --threshold can replace the damage states.",
+    )
+    edp_range: tuple[float, float] | None = options.option(
+        type=span,
+        help="For --fit cloud: ignore demands below LOW, and treat demands above HIGH as "
+        "censored (known only to be larger than HIGH). LOW or HIGH may be omitted.",
+    )
+    im: tuple[str, ...] | None = options.option(
+        type=ListOf(Name()),
+        help="Intensity measure of the runs of a campaign: sa at the first period (default), "
+        "pga, or a measure of `tdint campaign --im` (pgv, sa:0.6, ...). For pairs of "
+        "components, the geometric mean of both. With several measures, the output is a table "
+        "that compares how well each measure predicts the maximum drift.",
+    )
+    sufficiency: str | None = options.option(
+        needs="--im",
+        type=FileName(),
+        metavar="FILE.csv",
+        rare=True,
+        help="With several measures: table of characteristics of the ground motions (columns "
+        "record, magnitude, ...). For each characteristic, test whether the residuals of the "
+        "regression depend on it (sufficiency). Runs under one ground motion, or with a column "
+        "`event` under the ground motions of one event, are not independent; the test accounts "
+        "for this.",
+    )
+    pair_demand: str | None = options.option(
+        "--pair-demand",
+        type=click.Choice(("larger", "mean", "separate")),
+        rare=True,
+        help="Treatment of the two horizontal components of a recording: one ground motion with "
+        "the larger or the mean demand of both, or two separate ground motions. The default is "
+        "the treatment in the study.",
+    )
+    modeling_dispersion: float = options.option(
+        type=Number(0.0, 10.0),
+        default=0.0,
+        metavar="BETA",
+        rare=True,
+        help="Modeling uncertainty: standard deviation of the logarithm of the demand. Adds the "
+        "column beta_total, the square root of beta^2 + BETA^2.",
+    )
+
+
+@options.command(
+    "fragility",
+    "tdint fragility stripes.csv",
+    "tdint fragility stripes.csv -o curve.csv --plot",
+)
+@options.output.to_files(
+    picture="Also plot the functions with observations and confidence bands: to this file "
+    "(.png, .pdf, .svg), or without a file name next to -o, with its name.",
+    page=True,
+    more=_OPENQUAKE_OPTIONS,
+)
+@options.of(Request)
+def command(request: Request) -> None:
+    """Fit fragility functions: probability of exceedance over intensity.
+
+    TABLE.csv (- is standard input) has the columns im,collapses,records (stripes),
+    capacity[,censored] (ida) or im,edp[,censored] (cloud), and optionally threshold, im_name and
+    unit. DIR is a directory written by `tdint ida` or `tdint campaign`. With --by type, one
+    function is fitted for each building type and damage state of a campaign.
+
+    CSV, one row per threshold: median theta and dispersion beta of a lognormal distribution, and
+    the standard errors of ln theta and beta. The standard errors are jackknife estimates over
+    ground motions, or over events if the events are known. If the table names neither, the errors
+    are computed from the information matrix. The figure shows 95 % confidence bands (delta method).
+
+    With several measures of --im, the measures are compared and no function is fitted. CSV, one row
+    per measure, the best measure first: the regression line of ln drift over ln IM, the standard
+    deviation beta about this line (efficiency), beta divided by the slope (proficiency), and for
+    each characteristic the slope of the residuals with its p-value (sufficiency). Collapsed and
+    failed runs are excluded.
+    """
+    several = bool(request.im and len(request.im) > 1)
+    refuse_idle(_COMPARE if several else _FIT, MODES)
+    if is_file(Path(request.table) / "campaign.sqlite"):
+        from tdint.studies.store_opening import open_existing
+        from tdint_cli.studies.campaign_files import warn_unfinished
+
+        with open_existing(Path(request.table)) as store:
+            warn_unfinished(store)
+    if several:
+        _compare(request)
+    else:
+        _fit(request)
+
+
+def _compare(request: Request) -> None:
+    """Compare intensity measures, write the table and report the most efficient measure."""
+    from tdint.studies.fragility.measure_comparison import compare_measures
+
+    fits = compare_measures(request.table, request.im or (), request.sufficiency)
+    request.outputs.deliver(studies_tables.studies.comparison_of_measures(fits))
+    best = fits[0]
+    say(
+        f"{best.im} predicts the drift best: standard deviation of ln drift about the "
+        f"regression line {best.beta:.3g} (beta), from {pluralize(best.runs, 'run')}; "
+        f"{best.left_out} excluded."
+    )
+    for slope in best.dependences:
+        if slope.p_value < SIGNIFICANT:
+            say(
+                f"The residuals depend on {slope.characteristic}: slope {slope.slope:.3g}, "
+                f"p-value {slope.p_value:.2g}."
+            )
+
+
+def _check_options(request: Request) -> None:
+    """Raise UsageError for options of a fit that exclude or require each other."""
+    by = request.by
+    if by == "type" and request.states:
+        raise UsageError(
+            "--states cannot be used with --by type, because the campaign defines the names of "
+            "the states; omit --states"
+        )
+    if by and request.states and not request.threshold:
+        raise UsageError(
+            "--states with --by building requires --threshold; add --threshold, or omit "
+            "--states to use the states of the campaign"
+        )
+    if request.edp_range is not None and request.fit not in (None, "cloud"):
+        raise UsageError("--edp-range can only be used with --fit cloud; omit --edp-range")
+
+
+def _fit(request: Request) -> None:
+    """Fit fragility functions, write their table and the other requested files, and report them.
+    Failures is raised if no function could be fitted.
+    """
+    from tdint.studies.fragility.fit_table import (
+        EVERY_DEMAND,
+        FragilityRequest,
+        fit_table,
+    )
+    from tdint.studies.fragility.fit_types import fit_types
+    from tdint.studies.output.study_summary import study_summary
+
+    outputs, by = request.outputs, request.by
+    _check_options(request)
+    openquake_files = _openquake_files(request)
+    check_outputs(openquake_files, overwrite=outputs.overwrite)
+    fit_request = FragilityRequest(
+        fit=request.fit,
+        thresholds=request.threshold or (),
+        edp_range=request.edp_range or EVERY_DEMAND,
+        modeling_dispersion=request.modeling_dispersion,
+        measure=request.im[0] if request.im else None,
+        states=(request.states or ()) if by else (),
+        pair_demand=request.pair_demand,
+    )
+    result = (
+        fit_types(Path(request.table), fit_request, by)
+        if by
+        else fit_table(request.table, fit_request)
+    )
+    note(*result.notes)
+    warn(*result.warnings, *result.disagreements)
+    if not result.functions:
+        raise Failures(list(result.failures))
+    units = outputs.units
+    functions = [function.in_units(units) if units else function for function in result.functions]
+    # A table of `tdint ida` or `tdint campaign` has a JSON file, and its thresholds are drift
+    # ratios. A table of another program can have any demand.
+    if not by and study_summary(Path(request.table)):
+        functions = [replace(function, is_drift_ratio=True) for function in functions]
+    if openquake_files:
+        # OpenQuake files do not use --output-units: write the functions in SI units.
+        _write_openquake(request, result.functions, openquake_files)
+
+    def draw(functions: Sequence[Fragility]) -> Figure:
+        """Return the figure of the functions: with --by, a panel for each type."""
+        # The first use of `figures.collapse` imports matplotlib, which is not needed earlier.
+        collapse = study_figures.collapse
+        return collapse.types_picture(functions) if by else collapse.fragility_picture(functions)
+
+    # The functions are already in the output units; without units, they are not converted again.
+    replace(outputs, units=None).deliver(
+        studies_tables.studies.fragility_table(
+            functions,
+            total=request.modeling_dispersion > 0.0,
+            states=studies_tables.studies.FRAGILITY_BUILDING
+            if by == "building"
+            else studies_tables.studies.FRAGILITY_STATES,
+        ),
+        lambda: draw(functions),
+        page=lambda: _page(request, result, functions, draw),
+    )
+    # Report the number of functions of a campaign, but each function of a single table.
+    if by:
+        types = dict.fromkeys(function.type for function in functions)
+        fits = " and ".join(dict.fromkeys(function.fit for function in functions))
+        say(f"{pluralize(len(functions), 'function')} of {pluralize(len(types), by)}: {fits}.")
+    else:
+        say(*map(_function_text, functions))
+    warn(*map(str, result.failures))
+
+
+def _openquake_files(request: Request) -> list[Path]:
+    """Return the path of the fragility model of OpenQuake, and of its vulnerability model.
+
+    The list is empty without --openquake. A vulnerability model is written only with --by type, and
+    if the damage states have loss ratios.
+    """
+    if not request.openquake:
+        return []
+    file = Path(request.openquake)
+    if request.by == "type" and _losses(Path(request.table)):
+        return [file, file.with_name(f"{file.stem}-vulnerability.xml")]
+    return [file]
+
+
+def _write_openquake(
+    request: Request, functions: Sequence[Fragility], files: Sequence[Path]
+) -> None:
+    """Write the fragility model and, if there are two files, the vulnerability model.
+
+    The models contain only types with a function for every damage state.
+
+    `files` contains the paths of the fragility model and of the vulnerability model.
+    """
+    from tdint.studies.tables.exports import (
+        STRENGTH,
+        fragility_model,
+        vulnerability_model,
+        whole_types,
+    )
+
+    file = files[0]
+    if functions[0].im.startswith("sdi"):
+        warn(f"{file}: {STRENGTH}")
+    incomplete: Sequence[str] = ()
+    if functions[0].type:
+        functions, incomplete = whole_types(functions)
+    for name in incomplete:
+        warn(f"{file}: {name} is omitted, because some of its damage states have no function")
+    contents = {file: fragility_model(functions, file.stem, request.states or ())}
+    if len(files) > 1:
+        losses = _losses(Path(request.table))
+        contents[files[1]] = vulnerability_model(functions, losses, file.stem)
+    write_files(contents, overwrite=request.outputs.overwrite)
+
+
+def _page(
+    request: Request,
+    result: FragilityResult,
+    functions: Sequence[Fragility],
+    draw: Callable[[Sequence[Fragility]], Figure],
+) -> bytes:
+    """Return the HTML page of --report."""
+    from tdint.output.page import PageText
+    from tdint.output.summary import files_read
+    from tdint.studies.output.study_report import fragility_page
+
+    # Page and figure have one unit: an acceleration is in g unless a unit was requested.
+    if request.outputs.units is None:
+        functions = [_in_g(function) for function in functions]
+    page_text = PageText(
+        sentences=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
+        warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
+        inputs=files_read(),
+    )
+    return fragility_page(functions, draw, request.table, page_text)
+
+
+def _in_g(function: Fragility) -> Fragility:
+    """Return a function with its intensity in g if it is an acceleration in m/s^2."""
+    from tdint.units import SI
+
+    return function.in_units(SI.in_figures) if function.unit == "m/s^2" else function
+
+
+def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
+    """Return the loss ratios of the damage states by building type, from the store of a campaign.
+
+    Types without loss ratios are omitted.
+    """
+    from tdint.studies.fragility.runs import stored_states
+    from tdint.studies.store_opening import open_existing
+
+    with open_existing(folder) as store:
+        return {
+            name: states.losses for name, states in stored_states(store).items() if states.losses
+        }
+
+
+def _function_text(function: Fragility) -> str:
+    """Return a sentence with the median and the dispersion and their 95 % confidence intervals.
+
+    Values that the function does not have are NaN and are omitted.
+    """
+    text = ""
+    if not math.isnan(function.threshold):
+        demand = "Drift ratio" if function.is_drift_ratio else "Threshold"
+        text = f"{demand} {function.threshold_text}: "
+    if not math.isnan(function.damage):
+        text += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
+    unit = f" {function.unit}" if function.unit else ""
+    text += f"{function.fit}, median {function.im or 'im'} {function.theta:.4g}{unit}"
+    if not math.isnan(function.theta_error):
+        # 95 % of a normal distribution are within 1.96 standard deviations. The standard error is
+        # the error of ln theta.
+        factor = math.exp(1.96 * function.theta_error)
+        text += f" (95 %: {function.theta / factor:.4g} to {function.theta * factor:.4g})"
+    elif function.extrapolated:
+        text += " (extrapolated)"
+    else:
+        text += " (no confidence interval: it requires at least three ground motions)"
+    text += f", beta {function.beta:.3f}"
+    if not math.isnan(function.beta_error):
+        half_width = 1.96 * function.beta_error
+        low, high = max(function.beta - half_width, 0.0), function.beta + half_width
+        text += f" (95 %: {low:.3f} to {high:.3f})"
+    if function.modeling_dispersion:
+        text += f", total beta {function.beta_total:.3f}"
+    if function.censored:
+        text += f"; {function.censored} of {function.runs} censored"
+    return f"{text}."

@@ -1,0 +1,514 @@
+"""`tdint ida`: incremental dynamic analysis of a building under many records."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import check_outputs, is_there, write_files
+from tdint.number_parsing import pluralize
+from tdint.output import figures
+from tdint.studies import figures as studies_figures
+from tdint.studies import tables as studies_tables
+from tdint.system import processors
+from tdint.units import GROUND_MOTION
+from tdint_cli import options
+from tdint_cli.drawing import emit_table
+from tdint_cli.options.option_types import (
+    FileName,
+    ListOf,
+    Name,
+    PairWish,
+    Ratio,
+    intensity,
+    period,
+)
+from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.studies import options as study_options
+from tdint_cli.studies.options import pair_measure, read_suite, read_table_of_factors
+from tdint_cli.terminal import Failures, note, progress_bar, say, warn
+
+if TYPE_CHECKING:
+    from tdint.files import Content
+    from tdint.model.definition import Model
+    from tdint.studies.ida import IdaSettings, IdaStudy
+    from tdint.studies.ida_curve import Mainshock
+    from tdint.studies.intensity import IntensityMeasure
+    from tdint.units import OutputUnits, Units
+
+RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
+_MAX_ENERGY_ERROR = 0.01
+"""Energy error of a run divided by its input energy. A warning lists runs with larger errors, as
+their drifts are not reliable."""
+
+
+class _Measure(Name):
+    """Option type of an intensity measure for the scaling of ground motions.
+
+    Measures of plug-ins are included. Other measures are refused with a reason.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name of an intensity measure; click reports invalid names as usage errors."""
+        from tdint.studies.intensity import scaling_obstacle
+
+        if reason := scaling_obstacle(value):
+            self.fail(
+                f"{value}: ground motions cannot be scaled to levels of this measure, because "
+                f"{reason}; use one of {', '.join(self.names())}",
+                param,
+                ctx,
+            )
+        return click.Choice(list(self.names())).convert(value, param, ctx)
+
+
+def _measures() -> tuple[str, ...]:
+    """Return the names of the intensity measures for the scaling of ground motions."""
+    from tdint.studies.intensity import scalable_measures
+
+    return scalable_measures()
+
+
+@options.request
+class IdaRequest(RecordsRequest):
+    """The command line of `tdint ida`."""
+
+    model: str
+    im: str = study_options.option(
+        type=_Measure(_measures),
+        default="sa",
+        help="Intensity measure: Sa at a period (sa, default), PGA, PGV, the geometric mean of "
+        "Sa around a period (sa-avg), Arias intensity or CAV.",
+    )
+    period: float | None = study_options.option(
+        needs="--im sa or sa-avg",
+        type=period,
+        help="Period of sa and sa-avg; by default T1, the first natural period of the building.",
+    )
+    pairs: PairWish | None = study_options.pairs(
+        "Scale the two horizontal components of a ground motion together, to levels of this "
+        "measure of the pair; both components are run."
+    )
+    factors: str | None = study_options.factors(
+        "The records replace RECORD. The analysis scales each record itself and does not use the "
+        "factors."
+    )
+    pair_demand: str | None = study_options.option(
+        "--pair-demand",
+        type=click.Choice(("larger", "mean", "separate")),
+        rare=True,
+        help="Treatment of the two horizontal components of a recording: one ground motion with "
+        "the larger (default) or the mean demand of both, or two separate ground motions.",
+    )
+    damping: float = study_options.damping("--im sa or sa-avg")
+    max_im: Units | None = study_options.option(
+        rare=True,
+        type=intensity("acceleration", "velocity", "displacement"),
+        help="Maximum intensity, with its unit (3g). Capacities above it are censored: known "
+        "only to be larger.",
+    )
+    precision: float = options.analysis.option(
+        type=Ratio(0.0, 0.5, min_open=True),
+        default=0.05,
+        metavar="5%",
+        help="Precision of the collapse capacity: maximum relative distance between the highest "
+        "level without collapse and the lowest level with collapse; 5% by default.",
+    )
+    collapse_drift: float | None = options.analysis.option(
+        type=Ratio(0.0, min_open=True),
+        metavar="10%",
+        help="Drift ratio above which the building counts as collapsed; by default the value of "
+        "the model.",
+    )
+    threshold: tuple[float, ...] | None = study_options.threshold(
+        help="Also report the intensities at which these drift ratios are exceeded. By default "
+        "the medians of the damage states of the model, if they refer to drift_ratio; otherwise "
+        "1%,2%,4%."
+    )
+    after: str | None = options.option(
+        needs="--damage",
+        type=FileName(),
+        metavar="MAIN",
+        rare=True,
+        help="Repeat the analysis for the building damaged by this main shock. Each RECORD is "
+        "then an aftershock, which starts when the building is at rest.",
+    )
+    damage: tuple[float, ...] | None = options.option(
+        needs="--after",
+        type=ListOf(Ratio(0.0, min_open=True)),
+        metavar="2%,...",
+        rare=True,
+        help="Drift ratios of the damaged building: the main shock is scaled to each of them, "
+        "and the analysis is repeated for each.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.dt
+    duration: float | None = options.analysis.duration
+    until_rest: bool = options.analysis.until_rest
+    check: bool = options.analysis.option(
+        rare=True,
+        help=f"Add columns <name>_error with estimated errors to {RUNS}, as in `tdint run "
+        "--check`.",
+    )
+    output: str | None = options.output.output(
+        "DIR",
+        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} to this directory. If it contains an "
+        "interrupted analysis with the same settings, continue that analysis.",
+    )
+    plot: str | None = options.output.plot(
+        "Also plot all curves with fractiles and capacities: to this file (.png, .pdf, .svg), "
+        "or without a file name to ida.png in the directory of -o."
+    )
+    report: str | None = options.output.report
+    output_units: OutputUnits | None = options.output.units
+    overwrite: bool = options.output.overwrite
+    jobs: int | None = options.output.threads(
+        "Number of threads; one per processor", options.grammar.GENERAL
+    )
+
+    @property
+    def picture(self) -> Path | None:
+        """Path of the figure, or None if no figure is requested."""
+        return picture_file(self.plot, Path(self.output) / RUNS if self.output else None)
+
+
+@options.command(
+    "ida",
+    "tdint ida office.yaml office-motion.txt",
+    "tdint ida office.yaml office-motion.txt --threshold 2% -o study --plot",
+)
+@options.analysis.model
+@options.record.optional_record_options
+@options.of(IdaRequest)
+def command(request: IdaRequest) -> None:
+    """Run incremental dynamic analyses: story drift over intensity, up to collapse.
+
+    MODEL.yaml is a model file. RECORD is a file, or a directory (all records in it). Every
+    horizontal component is a separate ground motion unless --component selects one.
+
+    Each ground motion is scaled up in steps of 1.5 until the building collapses. The collapse
+    capacity is then bracketed to --precision, and levels are added wherever the drift changes by
+    more than 20 %. Two levels above the collapse are also run, because some buildings survive a
+    higher intensity than the intensity of their first collapse (resurrection). A run that does not
+    converge is repeated with half the time step, up to three times. If it still has no result, it
+    counts neither as survival nor as collapse.
+
+    With --after RECORD and --damage, a mainshock first damages the building: it is scaled such that
+    the building reaches each drift ratio of --damage. The ground motions are then aftershocks. The
+    tables have a column damage, which is 0 for the intact building; `tdint fragility` fits a
+    function for each value. Drifts are the maximum drifts during the aftershock, measured from the
+    undeformed building.
+
+    CSV of the capacities on standard output, or with -o in a directory: one row per record and
+    drift threshold; the collapse drift is the last threshold. With -o, the same call
+    continues an interrupted analysis; --overwrite starts again.
+    """
+    from tdint.analysis.run.settings import settings_from
+    from tdint.ground_motion.measures import cut_off
+    from tdint.model.config.model_file import load_model
+    from tdint.studies.ida import IdaSettings, ida
+    from tdint.studies.pairs import LARGER
+
+    folder = _folder(request)
+    model = load_model(request.model)
+    units = request.output_units or model.output_units
+    measure = _intensity_measure(request, model)
+    settings = settings_from(
+        request,
+        IdaSettings,
+        max_im=request.max_im.scale if request.max_im else math.inf,
+        thresholds=request.threshold or None,
+    )
+    if not request.records and request.factors is None and model.excitation.has_forces:
+        raise UsageError(
+            "RECORD is required: the levels are intensities of ground motions; for forces alone, "
+            "run load cases at several scales (key `forces` of `tdint campaign`)"
+        )
+    suite, _ = read_table_of_factors(
+        request.records, request.factors, request.choice, request.pairs
+    )
+    note(*cut_off(suite.records, request.duration or model.analysis.duration or math.inf))
+    mainshock = _read_mainshock(request)
+    with progress_bar(request.output is None) as show_progress:
+        study = ida(
+            model,
+            suite.motions,
+            measure,
+            settings,
+            method=request.method,
+            pair=pair_measure(request.pairs),
+            jobs=request.jobs or processors(),
+            folder=folder,
+            progress=lambda done, count: show_progress(f"records {done}/{count}", done / count),
+            mainshock=mainshock,
+            pair_demand=request.pair_demand or LARGER,
+        )
+    _report_pairs(request, study)
+    shown_study = study.in_units(units)
+    if folder is None:
+        emit_table(studies_tables.studies.capacity_table(shown_study))
+    unused = [str(error) for error in suite.failures]
+    _write(request, study, shown_study, settings, units, unused)
+    _report(shown_study, request.precision)
+    if suite.failures:
+        raise Failures(suite.failures)
+
+
+def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
+    """Return the intensity measure of --im, with --period (by default the first period of the
+    model) and --damping for spectral measures. UsageError is raised if the unit of --max-im is not
+    a unit of the measure.
+    """
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.model.building import assemble
+    from tdint.studies.intensity import SPECTRAL, measure_at
+
+    period = math.nan  # measures such as PGA have no period
+    if request.im in SPECTRAL:
+        period = request.period or first_mode(assemble(model), None).period
+    measure = measure_at(request.im, request.damping, period)
+    # --max-im has the quantity of the measure (such as acceleration) if the SI unit of the measure
+    # is one of the units of this quantity, with factor 1.
+    max_im = request.max_im
+    if max_im and GROUND_MOTION[max_im.quantity].get(measure.unit) != 1.0:
+        raise UsageError(
+            f"--max-im {max_im.text}: wrong unit for {measure.name}; specify the maximum in "
+            f"{measure.unit}"
+        )
+    return measure
+
+
+def _read_mainshock(request: IdaRequest) -> Mainshock | None:
+    """Return the main shock of --after with the drift ratios of --damage; None without --after."""
+    from tdint.studies.ida_curve import Mainshock
+
+    if request.after is None or not request.damage:
+        return None
+    suite = read_suite([request.after], request.choice, None)
+    if suite.failures:
+        raise suite.failures[0]
+    return Mainshock(tuple(suite.records), request.damage)
+
+
+def _folder(request: IdaRequest) -> Path | None:
+    """Prepare the directory of the study: check its files, and delete the store with --overwrite.
+    The result is None if the results are not written to a directory.
+
+    OutputError is raised if a file exists that no earlier call of the study has written and
+    --overwrite is not specified, or the store cannot be used.
+    """
+    from tdint.studies.ida import STORE
+    from tdint.studies.store_opening import open_written, remove_store
+    from tdint.studies.store_schema import locked
+
+    folder = Path(request.output) if request.output else None
+    picture = request.picture
+    if picture:
+        check_picture(picture)
+    files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
+    pages = [Path(request.report)] if request.report else []
+    outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
+    # Files that an earlier call of the study has written may be replaced.
+    store_file = folder / STORE if folder and is_there(folder / STORE) else None
+    check_outputs(outputs, overwrite=request.overwrite or store_file is not None)
+    if store_file and request.overwrite:
+        with locked(store_file.parent):
+            remove_store(store_file)
+    elif store_file:
+        with open_written(store_file) as store:
+            # Other existing files must not be replaced.
+            store.refuse_foreign(outputs)
+    return folder
+
+
+def _write(
+    request: IdaRequest,
+    study: IdaStudy,
+    shown: IdaStudy,
+    settings: IdaSettings,
+    units: OutputUnits,
+    unused: list[str],
+) -> None:
+    """Write the tables, the summary and the figure of the study.
+
+    `shown` is the study with intensities in the output units, for the tables and the figure.
+    `unused` contains the error messages of the records that could not be read.
+    """
+    from tdint.analysis.run.settings import RunSettings, settings_from
+    from tdint.methods.catalogue import resolved
+    from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
+    from tdint.studies.ida import STORE
+    from tdint.studies.store_opening import open_written
+
+    files: dict[Path, Content] = {}
+    if request.output:
+        runs_table = studies_tables.studies.ida_table(shown)
+        capacities_table = studies_tables.studies.capacity_table(shown)
+        files[Path(request.output) / RUNS] = runs_table.in_units(units).csv()
+        files[Path(request.output) / CAPACITIES] = capacities_table.in_units(units).csv()
+        summary_settings = {
+            "model": inputs_summary([model_input(study.model)])[0],
+            "method": study.method,
+            "method_parameters": resolved(study.method),
+            "intensity_measure": asdict(study.measure),
+            "pairs": study.pair,
+            **({"pair_demand": study.pair_demand} if study.partners else {}),
+            "precision": settings.precision,
+            "collapse_drift": study.model.collapse_drift,
+            # The last threshold is the collapse drift.
+            "thresholds": list(study.thresholds[:-1]),
+            "max_im": settings.max_im,
+            **asdict(settings_from(settings, RunSettings)),
+            **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
+        }
+        records = [record_summary(curve.record) for curve in study.states[0].curves]
+        meanings = {**runs_table.meanings, **capacities_table.meanings}
+        content = table_summary("ida", summary_settings, records, meanings)
+        content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
+        files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
+    if picture := request.picture:
+        files[picture] = figures.style.picture(
+            picture.suffix, lambda: studies_figures.collapse.ida_picture(shown)
+        )
+    if request.report:
+        files[Path(request.report)] = _page(request, study, settings, unused)
+    # Without a directory, no store lists the files of earlier calls.
+    if not request.output:
+        write_files(files, overwrite=request.overwrite)
+        return
+    with open_written(Path(request.output) / STORE) as store:
+        if not request.overwrite:
+            store.refuse_foreign(files)
+        write_files(files, overwrite=True, on_written=store.record_written)
+
+
+def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:
+    """Return the HTML page of --report.
+
+    `unused` contains the error messages of the records that could not be read.
+    """
+    from tdint.output.page import PageText, page_units
+    from tdint.output.summary import files_read
+    from tdint.studies.output.study_report import ida_page
+
+    units = page_units(request.output_units or study.model.page_units)
+    records = [curve.record for curve in study.states[0].curves]
+    warnings = [f"{record.source}: {text}" for record in records for text in record.warnings]
+    page_text = PageText(
+        warnings=[*unused, *warnings, *_reliability_warnings(study, request.precision)],
+        head=study.model.page_head,
+        inputs=files_read(),
+    )
+    return ida_page(study.in_units(units), settings, page_text, units, damping=request.damping)
+
+
+def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
+    """Report the default treatment of component pairs, unless the user has selected a treatment."""
+    from tdint.studies.pairs import pairs_note
+
+    if study.partners and request.pair_demand is None:
+        note(pairs_note(len(study.partners), study.pair_demand))
+
+
+def _report(study: IdaStudy, precision: float) -> None:
+    """Report the results, and warn of conditions that affect their meaning.
+
+    `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
+    a warning.
+    """
+    from tdint.studies.pairs import SEPARATE, motions_text
+
+    runs = [run for curve in study.curves for run in curve.runs]
+    if study.resumed == len(study.curves):
+        note("all records were completed by an earlier call; nothing to do")
+    elif study.resumed:
+        note(f"{study.resumed} of {len(study.curves)} records were completed by an earlier call")
+    options.analysis.warn_of(study.model)
+    note(*study.remarks)
+    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
+    records = motions_text(len(study.states[0].curves), paired)
+    say(
+        f"{study.model.name}: {records}, {pluralize(len(runs), 'run')} with {study.method}.",
+        *map(_median, study.states),
+    )
+    repeated = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
+    if repeated:
+        note(
+            f"{pluralize(repeated, 'run')} repeated with a smaller time step, because the first "
+            "time step gave no result"
+        )
+    resurrections = sum(curve.resurrection for curve in study.curves)
+    if resurrections:
+        note(
+            f"for {resurrections} of {len(study.curves)} records the building survives an "
+            "intensity above its lowest collapse intensity (resurrection)"
+        )
+    warn(*_reliability_warnings(study, precision))
+
+
+def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
+    """Return warnings about conditions that make the capacities less reliable.
+
+    `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
+    a warning.
+    """
+    runs, warnings = [run for curve in study.curves for run in curve.runs], []
+    without_result = sum(not (run.stable or run.collapsed) for run in runs)
+    if without_result:
+        warnings.append(
+            f"{without_result} of {len(runs)} runs have no result, not even with a smaller time "
+            "step; they count neither as survival nor as collapse"
+        )
+    capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
+    # The last factor allows for rounding. With a limit that is NaN the comparison is false, so that
+    # the capacity also counts as imprecise.
+    imprecise = sum(
+        not capacity.upper <= capacity.lower * (1.0 + precision) * (1.0 + 1e-9)
+        for capacity in capacities
+    )
+    if imprecise:
+        warnings.append(
+            f"{imprecise} of {len(capacities)} capacities are known less precisely than "
+            f"{100.0 * precision:g} % (--precision)"
+        )
+    # The energy error of a stable run is finite: a run with a nan has the status "diverged".
+    unbalanced = sum(abs(run.energy_error) > _MAX_ENERGY_ERROR for run in runs if run.stable)
+    if unbalanced:
+        warnings.append(
+            f"the energy balance error of {unbalanced} of {len(runs)} runs exceeds "
+            f"{100.0 * _MAX_ENERGY_ERROR:g} %; use a smaller time step (--dt)"
+        )
+    return warnings
+
+
+def _median(study: IdaStudy) -> str:
+    """Return a sentence with the median collapse capacity for a single initial damage."""
+    import numpy as np
+
+    from tdint.studies.ida_curve import fractiles
+
+    curves = study.motion_curves
+    count, unit, damage = len(curves), study.measure.unit, curves[0].damage
+    # The array has a row for each fractile (16, 50 and 84 %) and a column for the collapse drift. A
+    # fractile above the maximum intensity is NaN.
+    low, median, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    state = f" of the building damaged to a drift ratio of {100.0 * damage:g} %" if damage else ""
+    text = f"Median collapse capacity{state}: "
+    if math.isnan(median):
+        text += "above the maximum intensity"
+    else:
+        text += f"{study.im_name} = {median:.4g} {unit}"
+    if count > 1 and not math.isnan(low) and not math.isnan(high):
+        text += (
+            f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (sorted capacities; the median of "
+            "`tdint fragility` is their geometric mean)"
+        )
+    if censored := sum(curve.collapse.censored for curve in curves):
+        text += f"; {censored} of {count} censored"
+    return f"{text}."

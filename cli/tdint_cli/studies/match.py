@@ -1,0 +1,363 @@
+"""`tdint match`: ground motions matched to a target spectrum with the smallest change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.number_parsing import pluralize
+from tdint.studies import figures as studies_figures
+from tdint.studies import tables as studies_tables
+from tdint_cli import options
+from tdint_cli.options.analysis import damping_ratio
+from tdint_cli.options.option_types import BESIDE, ListOf, PairsType, PairWish, Ratio, span
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.studies import options as study_options
+from tdint_cli.studies.options import read_table_of_factors
+from tdint_cli.terminal import Failures, Progress, note, progress_bar, say, warn
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.target import TargetSpectrum
+    from tdint.ground_motion.origin import MotionOrigin
+    from tdint.ground_motion.reading.suites import GroundMotion
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.table import Table
+    from tdint.studies.matching import Match
+
+MATCHED, PICTURE = "matched.csv", "matched.png"
+SUITES = ("each", "mean")
+
+PAIR = "rotd100"
+"""Intensity measure of a pair. The matching requires its derivatives, which are implemented only
+for RotD100."""
+
+_MAX_CHANGE = 1.0
+"""Size of the added wavelets divided by the size of the ground motion. If it is larger, the record
+is not similar to the target, and a warning recommends another record."""
+
+_MAX_PGD_RATIO = 2.0
+"""Peak ground displacement after matching divided by its value before. A larger ratio causes a
+warning, because wavelets of long periods can produce unrealistic displacements."""
+
+
+@options.request
+class MatchRequest(RecordsRequest):
+    """The command line of `tdint match`."""
+
+    output: str | None = options.output.output(
+        "DIR",
+        f"Write {MATCHED} and each matched ground motion, with the name of its record, to this "
+        "directory, which is created if necessary.",
+    )
+    target: str = options.option(
+        required=True,
+        metavar="SPECTRUM",
+        help="Target spectrum: a CSV file, or a design spectrum such as asce7:sds=1,sd1=0.6,tl=8.",
+    )
+    range: tuple[float, float] = options.option(
+        type=span, default="0.05:4", help="Range of the matched periods, s; 0.05:4 by default."
+    )
+    damping: tuple[float, ...] = options.option(
+        type=ListOf(damping_ratio),
+        default=(0.05,),
+        rare=True,
+        help="Damping ratios of the spectra; 0.05 (or 5%) by default. A motion is matched at "
+        "all of them together. Several ratios need a target with a spectrum for each: a CSV file "
+        "with the column damping, as `tdint spectrum --damping 2%,5% -o` writes it, or ec8 without "
+        "its damping.",
+    )
+    format: str = options.option(
+        type=click.Choice(("mseed", "at2", "csv")),
+        default="mseed",
+        help="File format of the matched ground motions: mseed (MiniSEED, default), at2 (PEER, "
+        "in g) or csv.",
+    )
+    pairs: PairWish | None = options.option(
+        type=PairsType((PAIR,)),
+        metavar=f"{PAIR}[,NAMES]",
+        help="Match the two horizontal components of a ground motion together, such that their "
+        "RotD100 spectrum is the target. The file names of a pair differ only in the component, "
+        "or follow the patterns NAMES: '{}_a.txt,{}_b.txt'.",
+    )
+    suite: str = options.option(
+        type=click.Choice(SUITES),
+        default=SUITES[0],
+        help="each (default): match every ground motion to the target. mean: match only the "
+        "mean spectrum of the suite to the target; each ground motion is matched to its own "
+        "scaled spectrum times (target / mean), which keeps the scatter of the suite.",
+    )
+    factors: str | None = study_options.factors(
+        "The records replace RECORD. With --suite mean, these factors define the initial "
+        "spectra of the suite. Otherwise they have no effect, because each ground motion is "
+        "first scaled to the target."
+    )
+    max_misfit: float = options.option(
+        type=Ratio(0.0, 1.0, min_open=True),
+        metavar="5%",
+        default="5%",
+        help="Maximum misfit without a warning; 5% by default.",
+    )
+    require: bool = options.option(help="Exit with code 5 if a misfit exceeds --max-misfit.")
+    plot: str | None = options.output.plot(
+        "Also plot the first ground motion and its scaled seed: spectra from half the shortest "
+        "to twice the longest matched period (for a pair also the spectra of both components), "
+        f"and time histories. Written to this file, or without a file name to {PICTURE} in the "
+        "directory."
+    )
+    overwrite: bool = options.output.overwrite
+
+
+@options.command(
+    "match",
+    "tdint match office-motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.05:3 -o matched",
+    "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
+    exits={5: "with --require: a misfit exceeds --max-misfit"},
+)
+@options.record.optional_record_options
+@options.of(MatchRequest)
+def command(request: MatchRequest) -> None:
+    """Match ground motions to a target spectrum with the smallest changes.
+
+    RECORD is a file, or a directory (all records in it). All horizontal components are matched
+    unless --component selects one; with --pairs, the two components are matched together. Each
+    ground motion is first scaled by a constant factor (the scaled seed). Small wavelets are then
+    added to the strong part, such that the maximum response at each period equals the target. With
+    --suite mean, only the mean spectrum of the ground motions is matched to the target. The table
+    lists the misfit over 1000 periods, and compares the intensity measures of the matched motion
+    with the scaled seed. If matching would increase the misfit, the scaled seed is written
+    unchanged.
+    """
+    from tdint.analysis.spectra.target import read_targets
+    from tdint.ground_motion.origin import written_motion
+    from tdint.studies.matching import match_suite
+    from tdint.studies.output.motion_files import motion_contents, motion_file_names
+
+    # A missing option or an existing output file must not be detected after a long computation.
+    if request.output is None:
+        raise UsageError("-o DIR is required: the directory for the matched ground motions")
+    folder = Path(request.output)
+    plot = str(folder / PICTURE) if request.plot == BESIDE else request.plot
+    outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
+    targets = read_targets(request.target, request.damping)
+    suite, factors = read_table_of_factors(
+        request.records, request.factors, request.choice, request.pairs
+    )
+    files = [folder / name for name in motion_file_names(suite.motions, request.format)]
+    check_outputs(files, overwrite=request.overwrite)
+    matching_options: dict[str, Any] = {"periods": request.range, "damping": request.damping}
+    with progress_bar(to_terminal=False) as show_progress:
+        if request.suite == "mean":
+            matches = match_suite(
+                suite.motions,
+                targets,
+                factors=factors.common_factors(suite.motions) if factors else None,
+                progress=lambda done, total: show_progress("matching", done / total),
+                **matching_options,
+            )
+        else:
+            matches = _match_each(suite.motions, targets, matching_options, show_progress)
+    table = studies_tables.matching.match_table(matches)
+
+    origins = _origins(request, matches)
+    contents, notes = motion_contents(
+        [matched.record for matched in matches], request.format, origins
+    )
+    write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)
+    written = [
+        written_motion(file.name, content, "", origin)
+        for file, content, origin in zip(files, contents, origins, strict=True)
+    ]
+    note(*notes)
+    outputs.deliver(
+        table,
+        lambda: studies_figures.matching.match_picture(matches[0]),
+        lambda: _summary(request, suite.records, written, table),
+    )
+    _report(request, matches, targets)
+    above_max_misfit = [
+        f"{matched.seed.source} {matched.seed.component}"
+        for matched in matches
+        if any(spectrum.largest_misfit > request.max_misfit for spectrum in matched.by_damping)
+    ]
+    if suite.failures:
+        raise Failures(suite.failures)
+    if request.require and above_max_misfit:
+        raise AnalysisError(
+            f"the misfit after matching exceeds {100.0 * request.max_misfit:g} % (--max-misfit): "
+            f"{', '.join(above_max_misfit)}; use another record, or a narrower --range"
+        )
+
+
+def _origins(request: MatchRequest, matches: Sequence[Match]) -> list[MotionOrigin]:
+    """Return the origin of each component of the matched motions, with the warnings about it.
+
+    The warnings omit their subject, because they are reported with the file of the component.
+    """
+    origins = []
+    for matched in matches:
+        warnings = [
+            text
+            for spectrum in matched.by_damping
+            for text in _misfit_warning(spectrum, request.max_misfit)
+        ]
+        warnings += _change_warnings(matched)
+        texts = [text.partition(": ")[2] for text in warnings]
+        for part in matched.parts:
+            # The change and the misfits of a pair are those of both components together.
+            origin = part.origin()
+            pair = matched.origin(texts)
+            origins.append(replace(pair, seed=origin.seed, seed_component=origin.seed_component))
+    return origins
+
+
+def _summary(
+    request: MatchRequest,
+    records: Sequence[Record],
+    written: Sequence[Mapping[str, Any]],
+    table: Table,
+) -> dict[str, Any]:
+    """Return the content of the JSON file of a match: settings, records and written files.
+
+    `records` contains the records before scaling and matching; `written` contains the entries of
+    the written files with their origins.
+    """
+    from tdint.ground_motion.origin import WRITTEN
+    from tdint.output.summary import record_summary, table_summary
+
+    settings: dict[str, Any] = {
+        "target": request.target,
+        "range_s": list(request.range),
+        "damping": request.damping[0] if len(request.damping) == 1 else list(request.damping),
+        "format": request.format,
+        "max_misfit": request.max_misfit,
+        "suite": request.suite,
+        "pairs": PAIR if request.pairs else None,
+    }
+    seeds = list(map(record_summary, records))
+    return table_summary("match", settings, seeds, table.meanings) | {
+        "motions": [entry["file"] for entry in written],
+        WRITTEN: list(written),
+    }
+
+
+def _report(
+    request: MatchRequest, matches: Sequence[Match], targets: Sequence[TargetSpectrum]
+) -> None:
+    """Write the misfits of all matched ground motions to the terminal, with warnings."""
+    for matched in matches:
+        # The representation of a match is a sentence in angle brackets.
+        say(repr(matched)[1:-1] + ".")
+        for spectrum in matched.by_damping:
+            warn(*_misfit_warning(spectrum, request.max_misfit))
+        warn(*_change_warnings(matched))
+    note(
+        "a good fit is not sufficient for design: building codes also specify the number of "
+        "ground motions, their sources, and near-fault pulses"
+    )
+    if request.suite == "mean":
+        for number, target in enumerate(targets):
+            say(_mean_sentence([matched.by_damping[number] for matched in matches], target))
+
+
+def _match_each(
+    motions: Sequence[GroundMotion],
+    targets: Sequence[TargetSpectrum],
+    matching_options: dict[str, Any],
+    show_progress: Progress,
+) -> list[Match]:
+    """Match each ground motion separately to the target spectra.
+
+    `motions` contains the ground motions (single components or pairs) that are scaled and matched.
+    """
+    from tdint.studies.matching import match
+
+    count = len(motions)
+
+    def match_motion(number: int, motion: GroundMotion) -> Match:
+        """Match the motion with this number (from 0) and show the progress over all motions."""
+
+        def show(done: int, total: int) -> None:
+            """Show the progress after `done` of `total` steps of the motion."""
+            show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
+
+        return match(motion, targets, progress=show, **matching_options)
+
+    return [match_motion(number, motion) for number, motion in enumerate(motions)]
+
+
+def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
+    """Return a sentence with the misfit of the mean spectrum of a suite and with its scatter.
+
+    The scatter is the standard deviation of ln Sa over the motions, averaged over the periods,
+    before and after matching.
+    """
+    import numpy as np
+
+    # Each row belongs to a ground motion, each column to a period.
+    matched_psa = np.array([matched.psa for matched in matches])
+    seed_psa = np.array([matched.seed_psa for matched in matches])
+    misfit = np.abs(np.mean(matched_psa, axis=0) / target.at(matches[0].periods) - 1.0)
+    text = (
+        f"At {100.0 * matches[0].damping:g} % damping the mean spectrum of "
+        f"{pluralize(len(matches), 'ground motion')} differs from the target by at most "
+        f"{100.0 * np.max(misfit):.2g} %, on average by {100.0 * np.mean(misfit):.2g} %"
+    )
+    # The scatter is defined for two or more motions.
+    if len(matches) < 2:
+        return f"{text}."
+    seed_scatter, matched_scatter = (
+        float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (seed_psa, matched_psa)
+    )
+    return (
+        f"{text}; standard deviation of ln Sa {seed_scatter:.3f} before matching, "
+        f"{matched_scatter:.3f} after."
+    )
+
+
+def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
+    """Return a warning if the largest misfit of a matched motion at a damping ratio is larger than
+    `max_misfit` (fraction of the target).
+    """
+    if matched.largest_misfit <= max_misfit:
+        return []
+    subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
+    return [
+        f"{subject}: the largest misfit after matching is {100.0 * matched.largest_misfit:.2g} % "
+        f"({100.0 * matched.damping:g} % damping), more than --max-misfit "
+        f"{100.0 * max_misfit:g} %; use another record, or a narrower --range"
+    ]
+
+
+def _change_warnings(matched: Match) -> list[str]:
+    """Return the warnings about a large change, a large ground displacement or a doubtful baseline
+    of a match."""
+    from tdint.ground_motion.measures import baseline_notes
+
+    subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
+    warnings = []
+    if matched.change > _MAX_CHANGE:
+        warnings.append(
+            f"{subject}: the added wavelets are {matched.change:.3g} times as large as the "
+            "ground motion itself; choose a record with a more similar spectrum"
+        )
+    # The components of a pair are compared separately.
+    for component in matched.parts:
+        matched_measures, seed_measures = component.measures
+        if matched_measures.pgd > _MAX_PGD_RATIO * seed_measures.pgd:
+            subject = f"{component.seed.source} {component.seed.component}".rstrip()
+            warnings.append(
+                f"{subject}: matching increases the peak ground displacement to "
+                f"{matched_measures.pgd / seed_measures.pgd:.2g} times its initial value"
+            )
+        warnings += [
+            f"{component.after.source} {component.after.component}, matched: {text}"
+            for text in baseline_notes(component.after)
+        ]
+    return warnings

@@ -1,0 +1,150 @@
+"""Options of studies: the intensity measure, pairs of components, threads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tdint.errors import UsageError
+from tdint_cli.options import grammar
+from tdint_cli.options.analysis import damping_of
+from tdint_cli.options.option_types import FileName, ListOf, PairsType, PairWish, Ratio
+from tdint_cli.options.record import option as record_option
+from tdint_cli.options.record import warnings_of_suite
+from tdint_cli.terminal import note, warn
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.choice import RecordChoice
+    from tdint.ground_motion.reading.suites import Suite
+    from tdint.studies.motions import FactorTable
+
+option = partial(grammar.option, heading=grammar.INTENSITY)
+
+PAIRS = ("geometric-mean", "rotd50", "rotd100")
+
+
+def pair_measure(wish: PairWish | None) -> str:
+    """Return the intensity measure of a pair of components: the requested measure, otherwise the
+    geometric mean of both components."""
+    return (wish and wish.measure) or PAIRS[0]
+
+
+def pairs(text: str) -> grammar.Declaration:
+    """Declare the option --pairs; `text` describes its effect in the command."""
+    return option(
+        "--pairs",
+        type=PairsType(PAIRS),
+        metavar=f"{'|'.join(PAIRS)}[,NAMES]",
+        help=f"{text} The file names of a pair differ only in the component, or follow the "
+        "patterns NAMES: '{}_a.txt,{}_b.txt'.",
+    )
+
+
+def damping(needs: str) -> grammar.Declaration:
+    """Declare the option --damping of Sa; `needs` is the option that it requires."""
+    return damping_of("Sa", heading=grammar.INTENSITY, needs=needs, rare=True)
+
+
+threshold = partial(
+    grammar.option,
+    "--threshold",
+    type=ListOf(Ratio(0.0, min_open=True)),
+    metavar="DRIFT,...",
+    heading=grammar.ANALYSIS,
+)
+
+
+def factors(text: str) -> grammar.Declaration:
+    """Declare the option --factors; `text` describes the use of the factors in the command."""
+    return record_option(
+        "--factors",
+        type=FileName(),
+        rare=True,
+        help=f"Read the records from the table that `tdint scale -o` wrote. {text}",
+    )
+
+
+def read_table_of_factors(
+    records: Sequence[str], file: str | None, choice: RecordChoice, pairs: PairWish | None
+) -> tuple[Suite, FactorTable | None]:
+    """Read the ground motions of a command line, or of a table of factors (--factors, from `tdint
+    scale -o`) if no record is named. The second result is None with records. Notes and warnings are
+    written to the terminal.
+
+    Raises
+    ------
+    UsageError
+        Neither records nor a table are specified, or both; or a component is specified together
+        with pairs.
+    ModelError
+        The table cannot be used.
+    TdintError
+        No record could be read.
+    """
+    # Exactly one of the two sources of ground motions is required.
+    if bool(records) is (file is not None):
+        problem = "RECORD is required"
+        if records:
+            problem = "RECORD and --factors cannot be used together"
+        raise UsageError(
+            f"{problem}; specify either records or directories, or the table of `tdint scale -o` "
+            "with --factors"
+        )
+    if file is None:
+        return read_suite(records, choice, pairs), None
+    from tdint.studies.definition import FactorsFile
+    from tdint.studies.inputs import read_factors, read_listed
+
+    _refuse_component_of_pairs(choice, pairs)
+    table, suite = read_listed(
+        read_factors(FactorsFile(file)), choice, pairs.names if pairs else None
+    )
+    return _report_suite(suite), table
+
+
+def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
+    """Return the ground motions of a command line, and write their notes and warnings to the
+    terminal.
+
+    Errors of single unreadable files are not written here. They are in `failures` of the result,
+    and the caller reports them. If no record could be read, they are raised.
+
+    Parameters
+    ----------
+    pairs : PairWish | None
+        Requested treatment of pairs of horizontal components; None reads single components.
+
+    Raises
+    ------
+    UsageError
+        Standard input is given more than once, or a component is specified together with pairs.
+    TdintError
+        No record could be read.
+    """
+    from tdint.ground_motion.reading import suites
+
+    _refuse_component_of_pairs(choice, pairs)
+    return _report_suite(suites.read_suite(records, choice, pairs.names if pairs else None))
+
+
+def _refuse_component_of_pairs(choice: RecordChoice, pairs: PairWish | None) -> None:
+    """Raise UsageError if pairs of components and a single component are requested."""
+    if pairs and choice.component is not None:
+        raise UsageError(
+            "--component cannot be used with pairs of components, because both are used; omit "
+            "--component"
+        )
+
+
+def _report_suite(suite: Suite) -> Suite:
+    """Write the notes and warnings of a suite to the terminal, and return the suite. Failures with
+    the errors of all records is raised if none could be read.
+    """
+    from tdint_cli.terminal import Failures
+
+    note(*suite.notes)
+    if not suite.motions:
+        raise Failures(suite.failures)
+    warn(*warnings_of_suite(suite.records))
+    return suite

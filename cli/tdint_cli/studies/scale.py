@@ -1,0 +1,568 @@
+"""`tdint scale`: factors that scale ground motions to an intensity or to a target spectrum."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import check_outputs, write_files
+from tdint.number_parsing import abbreviate, pluralize
+from tdint.studies import figures as studies_figures
+from tdint.studies import tables as studies_tables
+from tdint_cli import options
+from tdint_cli.options.option_types import (
+    Count,
+    FileName,
+    ListOf,
+    Number,
+    PairWish,
+    intensity,
+    span,
+    span_at,
+)
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import RecordsRequest
+from tdint_cli.studies import options as study_options
+from tdint_cli.studies.options import pair_measure, read_suite
+from tdint_cli.terminal import Failures, say, warn
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tdint.analysis.spectra.target import TargetSpectrum
+    from tdint.arrays import Array
+    from tdint.number_parsing import Grid
+    from tdint.studies.scaling import Scaling
+    from tdint.units import OutputUnits, Units
+
+_VALUES = ("sa", "sa-avg", "pga", "pgv", "arias", "cav")
+_RULES = ("mean", "asce7", "ec8")
+_BY_PERIOD = ("asce7", "ec8")
+_ACCELERATION = intensity("acceleration")
+
+
+@options.request
+class ScaleRequest(RecordsRequest):
+    """The command line of `tdint scale`."""
+
+    spectra: str | None
+    outputs: Outputs
+    target: str | None = options.spectra.target("Scale to this spectrum")
+    range: Grid | None = options.option(
+        needs="--target",
+        type=span_at(100),
+        help="Period range in which the spectra are fitted to the target, s. FIRST:LAST (100 "
+        "periods, logarithmically spaced) or FIRST:LAST:COUNT. Default: all periods of the target; "
+        "with --building, or with --at T and --rule asce7 or ec8, 0.2 T to 2 T.",
+    )
+    rule: str | None = options.option(
+        needs="--target",
+        type=click.Choice(_RULES),
+        help="mean (default): least squares of ln Sa of each ground motion. asce7: at "
+        "least 11 pairs; the average of the maximum-direction spectra is at least 90 % of the "
+        "target at all periods (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum is at least 90 % of "
+        "the target at all periods, and the mean PGA is at least the target at the period 0 (EN "
+        "1998-1:2004, 3.2.3.1.2).",
+    )
+    building: tuple[str, ...] | None = options.option(
+        needs="--target",
+        type=ListOf(FileName()),
+        metavar="MODEL.yaml,...",
+        help="Fit the target from 0.2 to 2 times the first natural period of this building; for "
+        "several buildings, from 0.2 times the shortest to 2 times the longest period.",
+    )
+    max_factor: float | None = options.option(
+        rare=True,
+        type=Number(0.0, min_open=True),
+        metavar="FACTOR",
+        help="Fail with exit code 5 if a factor exceeds this value; the ground motions are named.",
+    )
+    select: int | None = options.option(
+        needs="--target",
+        type=Count(1),
+        help="Select this number of ground motions, so that the mean of their scaled spectra fits "
+        "the target; --rule is applied to the selection.",
+    )
+    factor_range: tuple[float, float] | None = options.option(
+        needs="--select",
+        type=span,
+        rare=True,
+        help="Minimum and maximum factor of the selected ground motions (default 0.25:4). Factors "
+        "are clipped to this range, including the common factor of --rule asce7 and ec8. If no "
+        "selection satisfies the rule, the nearest selection is reported (exit code 5).",
+    )
+    per_event: int | None = options.option(
+        needs="--select",
+        type=Count(1),
+        rare=True,
+        help="Maximum number of selected ground motions per event. The event is taken from "
+        "--events, from the header of the file (name, date, origin time), or from the start time "
+        "of the record (within ten minutes). Ground motions of an unknown event are refused.",
+    )
+    events: str | None = options.option(
+        needs="--per-event",
+        type=FileName(),
+        rare=True,
+        help="CSV file with the event of each record, columns record (file name) and event. One "
+        "row is sufficient for both components of a recording.",
+    )
+    target_std: str | None = options.option(
+        needs="--select",
+        metavar="0.35|FILE",
+        rare=True,
+        help="Target standard deviation of ln Sa of the selected set, or a CSV file with the "
+        "columns period_s and scatter.",
+    )
+    sa: Units | None = options.option(
+        type=_ACCELERATION, help="Scale to this Sa at the period --at, such as 0.6g."
+    )
+    sa_avg: Units | None = options.option(
+        type=_ACCELERATION,
+        rare=True,
+        help="Scale to this Sa_avg (average of Sa around the period --at).",
+    )
+    at: float | None = options.option(
+        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
+    )
+    pga: Units | None = options.option(
+        type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g."
+    )
+    pgv: Units | None = options.option(
+        type=intensity("velocity"),
+        rare=True,
+        help="Scale to this peak ground velocity, such as 40cm/s.",
+    )
+    arias: Units | None = options.option(
+        type=intensity("velocity"), rare=True, help="Scale to this Arias intensity, such as 2m/s."
+    )
+    cav: Units | None = options.option(
+        type=intensity("velocity"),
+        rare=True,
+        help="Scale to this cumulative absolute velocity, such as 9m/s.",
+    )
+    p695: bool = options.option(
+        rare=True,
+        help="Normalize pairs by their peak ground velocities (FEMA P-695, A.8). With --sa and "
+        "--at, then scale the set to this median Sa of all components.",
+    )
+    pairs: PairWish | None = study_options.pairs(
+        "Scale both horizontal components of a ground motion with one factor, based on this "
+        "measure."
+    )
+    damping: float = study_options.damping("--target or --sa or --sa-avg or --plot")
+
+    @property
+    def value(self) -> tuple[str, float] | None:
+        """Name and value (SI units) of the intensity measure to scale to; None: not specified.
+
+        Raises
+        ------
+        UsageError
+            Several intensity measures are specified.
+        """
+        values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
+        specified = [(name, value.scale) for name, value in values.items() if value is not None]
+        if len(specified) > 1:
+            names = " and ".join(f"--{name}" for name, _ in specified)
+            raise UsageError(
+                f"{names} cannot be used together, because a ground motion is scaled to one "
+                "value; omit all but one"
+            )
+        return specified[0] if specified else None
+
+    def check(self) -> None:
+        """Check that the options can be used together.
+
+        Raises
+        ------
+        UsageError
+            No target value is given or several are given, or an option has no effect.
+        """
+        measure = self.value[0] if self.value else ""
+        goals = ["--target"] if self.target else []
+        if self.p695:
+            goals.append("--p695")
+        elif measure:
+            goals.append(f"--{measure}")
+        if len(goals) != 1:
+            problem = "no target is specified"
+            if goals:
+                problem = f"{' and '.join(goals)} cannot be used together"
+            raise UsageError(
+                f"{problem}; specify one of --target, --sa with --at, --sa-avg with --at, --pga, "
+                "--pgv, --arias, --cav, --p695"
+            )
+        if self.p695 and measure not in ("", "sa"):
+            raise UsageError(f"--p695 cannot be used with --{measure}; use --sa with --at")
+        # The rules asce7 and ec8 compare spectra from 0.2 T to 2 T with the period T of the
+        # structure, unless --range specifies the periods.
+        needs_period = self.rule in _BY_PERIOD and self.range is None
+        if measure.startswith("sa") and self.at is None:
+            raise UsageError(f"--{measure} requires a period; add --at SECONDS")
+        if self.at is not None and not (measure.startswith("sa") or needs_period):
+            raise UsageError("--at requires --sa, --sa-avg, or --rule asce7 or ec8 without --range")
+        if self.building and (self.at is not None or self.range is not None):
+            raise UsageError(
+                f"--building and --{'range' if self.at is None else 'at'} cannot be used together; "
+                "omit one of them"
+            )
+        if needs_period and self.at is None and not self.building:
+            raise UsageError(
+                f"--rule {self.rule} compares spectra from 0.2 T to 2 T and requires the period T; "
+                "add --at, --building or --range"
+            )
+        if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
+            raise UsageError(
+                f"--pairs {self.pairs.measure} cannot be used with "
+                f"{'--p695' if self.p695 else '--rule asce7'}, which defines the measure of a pair"
+            )
+
+    @property
+    def pair_wish(self) -> PairWish | None:
+        """Settings for pairs of components; None for single components."""
+        from tdint.ground_motion.horizontals import USUAL
+
+        # --p695 and --rule asce7 are defined for pairs, so that --pairs is not required.
+        return self.pairs or (PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None)
+
+    @property
+    def pair(self) -> str:
+        """Name of the measure of a pair of components."""
+        return pair_measure(self.pairs)
+
+
+_SPECTRA = options.output.option(
+    "--spectra",
+    needs="--target",
+    type=FileName(written=True),
+    callback=options.output.refuse_empty,
+    help="Also write the scaled spectra, their mean and the target as CSV to this file.",
+)
+
+
+@options.command(
+    "scale",
+    "tdint scale office-motion.txt --sa 0.6g --at 0.8",
+    "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
+    exits={5: "a factor exceeds --max-factor; no selection within --factor-range"},
+)
+@options.analysis.plugin
+@options.record.record_options
+@options.output.to_files(
+    picture="Also draw the scaled spectra with median, fractiles and target. Written to this file "
+    "(.png, .pdf, .svg), or next to -o with its name.",
+    more=[_SPECTRA],
+)
+@options.of(ScaleRequest)
+def command(request: ScaleRequest) -> None:
+    """Select and scale ground motions to an intensity or to a target spectrum.
+
+    CSV: one factor per component; both components of a pair have the same factor. RECORD is a file
+    or a directory (all records in it). Horizontal components are scaled separately, unless
+    --component selects one; with --pairs the two components of a ground motion, in one file or in
+    files with matching names, are scaled together. A campaign reads the table as `factors`. With
+    -o, a JSON file next to the table describes the records and the computation of the factors.
+
+    If a record fails, the remaining records are processed, unless the factors depend on the
+    complete set (--p695, --rule asce7 and ec8).
+    """
+    from hashlib import sha256
+
+    from tdint.output.summary import record_summary, table_summary
+
+    request.check()
+    outputs, units = request.outputs, request.outputs.shown_units
+    spectra = [Path(request.spectra)] if request.spectra else []
+    check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
+    # Read the target before the records, so that its errors are reported immediately.
+    scale_suite = _scale_function(request)
+    suite = read_suite(request.records, request.choice, request.pair_wish)
+    # Factors that depend on the complete set are invalid if a record is missing.
+    if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
+        raise Failures(suite.failures)
+    scaling = scale_suite(suite.motions)
+    if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):
+        factors = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
+        raise AnalysisError(
+            f"factors larger than --max-factor {request.max_factor:g}: {factors}; remove these "
+            "ground motions from the suite"
+        )
+    table = studies_tables.studies.factor_table(scaling)
+
+    def summarize() -> dict[str, Any]:
+        """Return the content of the JSON file.
+
+        With the SHA-256 of the table, `tdint campaign` recognizes the table of the file.
+        """
+        records = [record_summary(record) for record in suite.records]
+        content = table_summary("scale", _settings(request, scaling), records, table.meanings)
+        return content | {
+            "warnings": _warnings(scaling),
+            "factors_sha256": sha256(table.csv()).hexdigest(),
+        }
+
+    outputs.deliver(
+        table, lambda: studies_figures.collapse.suite_picture(scaling, units), summarize
+    )
+    if spectra:
+        content = studies_tables.studies.scaled_table(scaling).in_units(units).csv()
+        write_files({spectra[0]: content}, overwrite=outputs.overwrite)
+    say(_summary_text(scaling, units))
+    warn(*_warnings(scaling))
+    if suite.failures:
+        raise Failures(suite.failures)
+
+
+def _scale_function(request: ScaleRequest) -> Any:
+    """Return the function that scales a suite of ground motions by the requested rule.
+
+    The target is read here, before the records, so that its errors are reported immediately.
+    UsageError is raised if it cannot be read, or does not cover the periods.
+    """
+    from tdint.studies import scaling
+    from tdint.studies.intensity import measure_at
+
+    value = request.value
+    if request.p695:
+        return lambda motions: scaling.scale_p695(
+            motions, request.at, value[1] if value else None, damping=request.damping
+        )
+    if request.target is None:
+        assert value is not None
+        name, measure_value = value
+        measure = measure_at(name, request.damping, request.at or math.nan)
+        return lambda motions: scaling.scale_to_value(motions, measure, measure_value, request.pair)
+    from tdint.analysis.spectra.target import read_target
+
+    target = read_target(request.target)
+    periods = _period_range(request, target).values()
+    try:
+        target.at(periods)
+    except UsageError as error:
+        raise UsageError(
+            f"{error}; specify the periods for the comparison: --range FIRST:LAST:COUNT"
+        ) from None
+    target.check_damping(request.damping, "of the records")
+    if request.select is not None:
+        return _select_function(request, target, periods)
+    if request.rule == "asce7":
+        return lambda motions: scaling.scale_asce7(
+            motions, target, periods, damping=request.damping
+        )
+    pair = request.pair
+    scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
+    return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
+
+
+def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
+    """Return the periods of the comparison of the spectra with the target, s.
+
+    The range is, in this order of priority: --range; 0.2 to 2 times the period of --at; 0.2 times
+    the shortest to 2 times the longest first period of the buildings; all periods of the target.
+    """
+    from tdint.number_parsing import Grid
+
+    if request.range is not None:
+        return request.range
+    if request.at is not None:
+        return Grid(0.2 * request.at, 2.0 * request.at, 100)
+    if not request.building:
+        return Grid(float(target.periods[0]), float(target.periods[-1]), 100)
+    from tdint.model.building import assemble
+    from tdint.model.config.model_file import load_model
+
+    buildings = [assemble(load_model(file)) for file in request.building]
+    # The first value of `first_mode` is the circular frequency, rad/s.
+    first_periods = [math.tau / building.first_mode()[0] for building in buildings]
+    return Grid(0.2 * min(first_periods), 2.0 * max(first_periods), 100)
+
+
+def _select_function(
+    request: ScaleRequest, target: TargetSpectrum, periods: Array
+) -> Callable[[Any], Scaling]:
+    """Return a function that selects and scales some of the ground motions that it receives.
+
+    The tables of events and of the standard deviation are read here, before the records.
+
+    `periods` contains the periods where the spectra are compared with the target, s.
+    """
+    import numpy as np
+
+    from tdint.csv_table import read_table
+    from tdint.studies.scaling import BOUNDS
+    from tdint.studies.selection import named_events, select
+
+    # The target standard deviation is a number, or the name of a table over the periods.
+    scatter: Any = None
+    if request.target_std is not None:
+        try:
+            scatter = float(request.target_std)
+        except ValueError:
+            table = read_table(
+                request.target_std,
+                "--target-std must be a number, or a CSV file with the columns period_s and "
+                "scatter",
+            )
+            table.need("period_s", "scatter")
+            table_periods = np.array(table.numbers("period_s", positive=True))
+            scatter = np.interp(np.log(periods), np.log(table_periods), table.numbers("scatter"))
+    event_of_record: dict[str, str] | None = None
+    if request.events is not None:
+        table = read_table(
+            request.events, "events are a CSV file with the columns record and event"
+        )
+        table.need("record", "event")
+        event_of_record = dict(
+            zip(table.texts("record", empty=False), table.texts("event", empty=False), strict=True)
+        )
+
+    def choose(motions: Any) -> Scaling:
+        """Select ground motions; the events are from the table or from the record files."""
+        events: Sequence[object] | None = None
+        if event_of_record is not None:
+            events = named_events(motions, event_of_record)
+        return select(
+            motions,
+            target,
+            request.select or 1,
+            periods=periods,
+            rule=request.rule or "mean",
+            damping=request.damping,
+            pair=request.pair,
+            factors=request.factor_range or BOUNDS,
+            events=events,
+            per_event=request.per_event,
+            scatter=scatter,
+        )
+
+    return choose
+
+
+def _warnings(scaling: Scaling) -> list[str]:
+    """Return warnings about a suite: unusual factors."""
+    from tdint.studies.scaling import BOUNDS, POSSIBLE
+
+    warnings = []
+    # Factors that scale to a value of an intensity measure may be larger than factors that scale to
+    # a target spectrum.
+    bounds, reason = POSSIBLE, "which often indicates incorrect units"
+    if scaling.target is not None:
+        bounds, reason = BOUNDS, "the range of common practice"
+    if unusual := scaling.beyond(*bounds):
+        listed = abbreviate([f"{name} {factor:.4g}" for name, factor in unusual], 5)
+        warnings.append(f"factors outside {bounds[0]:g} to {bounds[1]:g}, {reason}: {listed}")
+    return warnings
+
+
+def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
+    """Return the settings that affect the factors, for the JSON file."""
+    periods = scaling.periods
+    return {
+        "rule": scaling.rule,
+        "measure": scaling.measure.name if scaling.measure else None,
+        "value": scaling.value,
+        "unit": scaling.measure.unit if scaling.measure else None,
+        "target": request.target,
+        "building": list(request.building or ()),
+        "max_factor": request.max_factor,
+        "periods_s": None
+        if periods is None
+        else [float(periods[0]), float(periods[-1]), int(periods.size)],
+        "damping": scaling.damping,
+        "pairs": scaling.pair if request.pair_wish else None,
+        "least_average_over_target": scaling.least[0] if scaling.least else None,
+        **(
+            {
+                "selected": list(scaling.chosen),
+                "left_out": scaling.left_out,
+                "limits_of_factors": list(scaling.limits or ()),
+                "at_limit": {
+                    "selected": [name for name, _ in scaling.at_limit],
+                    "others": scaling.others_at_limit,
+                },
+                **({"events": list(scaling.events)} if scaling.events else {}),
+            }
+            if scaling.chosen
+            else {}
+        ),
+    }
+
+
+def _limit_line(scaling: Scaling) -> str:
+    """Return a line on scale factors that are equal to a limit of --factor-range.
+
+    The line counts selected and other ground motions. It is empty without such factors.
+    """
+    low, high = scaling.limits or (0.0, math.inf)
+    if not scaling.at_limit and not scaling.others_at_limit:
+        return ""
+    text = (
+        f"\nAt a limit of the factors ({low:g} to {high:g}): {len(scaling.at_limit)} of "
+        f"{len(scaling.factors)} selected"
+    )
+    if scaling.at_limit:
+        listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
+        text += f" ({listed})"
+    if scaling.unselected_spectra is not None and len(scaling.unselected_spectra):
+        text += f", {scaling.others_at_limit} of {len(scaling.unselected_spectra)} others"
+    return f"{text}."
+
+
+def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
+    """Return the summary on standard error: number of records, target and factors."""
+    import numpy as np
+
+    from tdint.ground_motion.record import Record
+
+    factors = scaling.factors
+    text = pluralize(len(factors), "record" if isinstance(scaling.motions[0], Record) else "pair")
+    if scaling.rule == "p695":
+        text += " normalized by peak velocity"
+    if scaling.measure is not None and scaling.value is not None:
+        median = "median " if scaling.rule == "p695" else ""
+        text += (
+            f" scaled to {median}{scaling.measure.name} = "
+            f"{units.text(scaling.value, scaling.measure.unit)}"
+        )
+    if scaling.target is not None and scaling.periods is not None:
+        text += (
+            f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to "
+            f"{scaling.periods[-1]:.4g} s"
+        )
+    text += (
+        f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median "
+        f"{np.median(factors):.4g}."
+    )
+    if scaling.chosen:
+        text += _selection_text(scaling)
+    if scaling.least is not None:
+        ratio, period = scaling.least
+        spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
+        text += (
+            f"\nThe minimum ratio of the average of the {spectra} to the target is "
+            f"{100.0 * ratio:.3g} %, at {period:.4g} s."
+        )
+    return text
+
+
+def _selection_text(scaling: Scaling) -> str:
+    """Return the lines about a selection: its misfit, omitted motions, factors at a limit."""
+    import numpy as np
+
+    periods, target, remaining = scaling.periods, scaling.target, scaling.unselected_spectra
+    if target is None or periods is None or remaining is None:
+        return ""
+    # The rows of the spectra are ground motions and the columns are periods.
+    mean_ln_sa = np.mean(np.log(scaling.spectra(periods)), axis=0)
+    difference = mean_ln_sa - np.log(target.at(periods))
+    text = (
+        f"\nSelected from {len(scaling.chosen) + len(remaining)}: the mean of ln Sa differs from "
+        f"the target by {100.0 * np.sqrt(np.mean(difference**2)):.2g} % (root mean square). "
+    )
+    reasons = ", ".join(f"{count} {reason}" for reason, count in scaling.left_out.items() if count)
+    text += f"Not considered: {reasons}." if reasons else "No motion was omitted."
+    return text + _limit_line(scaling)

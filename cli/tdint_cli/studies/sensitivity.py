@@ -1,0 +1,163 @@
+"""`tdint sensitivity`: the sensitivity of peak responses to building parameters."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+
+import click
+
+from tdint.errors import UsageError
+from tdint.files import digest_of, is_folder, record_digest
+from tdint.number_parsing import parse_ratio, pluralize
+from tdint.studies import figures as studies_figures
+from tdint.system import processors
+from tdint_cli import options
+from tdint_cli.options.grammar import Mode, refuse_idle
+from tdint_cli.options.option_types import FileName
+from tdint_cli.options.output import Outputs
+from tdint_cli.options.record import NAMES, RecordsRequest
+from tdint_cli.terminal import Failures, note_of_runs, say
+
+
+def _ranges(
+    ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, tuple[float, float]]:
+    """Parse the values of --vary (click callback): NAME=LOW:HIGH with LOW less than HIGH, separated
+    by commas.
+    """
+    ranges: dict[str, tuple[float, float]] = {}
+    for text in chain.from_iterable(text.split(",") for text in texts):
+        name, _, range_text = text.partition("=")
+        low, colon, high = range_text.strip().partition(":")
+        low_and_high = None
+        if name.strip() and colon:
+            with suppress(UsageError):
+                low_and_high = parse_ratio(low), parse_ratio(high)
+        if low_and_high is None or not low_and_high[0] < low_and_high[1]:
+            raise UsageError(
+                f"--vary {text!r} must be NAME=LOW:HIGH with LOW less than HIGH, such as "
+                "damping=2%:5% or stiffness_factor=0.8:1.2"
+            )
+        ranges[name.strip()] = low_and_high
+    return ranges
+
+
+@options.request
+class Request(RecordsRequest):
+    """The command line of `tdint sensitivity`."""
+
+    building: str
+    outputs: Outputs
+    ranges: dict[str, tuple[float, float]] = options.option(
+        "--vary",
+        multiple=True,
+        callback=_ranges,
+        metavar="NAME=LOW:HIGH,...",
+        help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, "
+        "mass_factor, or a factor of one story, such as 'story 3.stiffness_factor'.",
+    )
+    method: str | None = options.analysis.method
+    dt: float | None = options.analysis.dt
+
+
+_MODEL = Mode("with a model", NAMES | {"records", "ranges", "method", "dt", "plot", "output_units"})
+_CAMPAIGN = Mode("with a campaign directory, which defines the records and the parameters")
+MODES = (_MODEL, _CAMPAIGN)
+
+
+@options.command(
+    "sensitivity",
+    "tdint sensitivity office.yaml office-motion.txt --vary damping=2%:5%",
+    "tdint sensitivity office.yaml office-motion.txt --vary mass_factor=0.9:1.1 -o mass.csv --plot",
+)
+@options.analysis.plugin
+@click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
+@options.record.optional_record_options
+@options.output.to_files(picture=options.output.PICTURE)
+@options.of(Request)
+def command(request: Request) -> None:
+    """Compute the sensitivity of peak responses to building parameters.
+
+    MODEL.yaml is run under the RECORDs with its own parameters, and with one parameter of --vary at
+    a time at its low and its high value. CSV: for each peak response the parameters, sorted by
+    effect; medians over the records; and the effect, which is the difference between the high and
+    the low value, divided by the peak of the unchanged building. --plot draws a tornado diagram for
+    each peak response.
+
+    If a campaign directory with `vary` is given instead of a model, the table contains the
+    (Spearman) rank correlations of the varied parameters with the medians of the peak responses.
+    """
+    # A campaign contains its results: compute their rank correlations, without new runs.
+    if is_folder(request.building):
+        refuse_idle(_CAMPAIGN, MODES)
+        from tdint.output.tables.table import Table
+        from tdint.studies.sensitivity import rank_correlations
+        from tdint.studies.store_opening import check_chunks, open_existing
+        from tdint.studies.tables.studies import CORRELATIONS
+        from tdint_cli.studies.campaign_files import warn_unfinished
+
+        with open_existing(Path(request.building)) as store:
+            check_chunks(store)
+            warn_unfinished(store)
+            record_digest(store.name, lambda: digest_of(Path(store.name)))
+            correlations = rank_correlations(store)
+        request.outputs.deliver(Table.of_results(CORRELATIONS, correlations))
+        return
+    if request.ranges and not request.records:
+        from tdint.model.config.model_file import load_model
+
+        if load_model(request.building).excitation.has_forces:
+            raise UsageError(
+                "RECORDs are required; for forces alone, run a campaign with `vary` and load cases "
+                "(key `forces` of `tdint campaign -o DIR`), then `tdint sensitivity DIR`"
+            )
+    if not request.records or not request.ranges:
+        raise UsageError(
+            "RECORDs and --vary NAME=LOW:HIGH are required, or a campaign directory with `vary`"
+        )
+    _one_at_a_time(request)
+
+
+def _one_at_a_time(request: Request) -> None:
+    """Run a building with its parameters, and with a single parameter at its low or high value.
+
+    The table of the effects is written, and the largest effect on the peak drift ratio is printed.
+    Failures is raised afterwards if some records could not be read.
+    """
+    from tdint.model.config.model_file import load_model
+    from tdint.studies.definition import RecordFiles
+    from tdint.studies.execute import threads
+    from tdint.studies.inputs import read_motions
+    from tdint.studies.sensitivity import parameter_effects, plan_of
+    from tdint.studies.store_opening import open_store
+    from tdint.studies.tables.studies import parameter_effect_table
+    from tdint_cli.studies.campaign_files import advance_with_bar, report_outcomes, warn_of_plan
+
+    model = load_model(request.building)
+    motions = read_motions(RecordFiles(request.records, request.choice))
+    # The runs are a campaign in memory, with the unchanged building and with buildings where a
+    # parameter has its low or its high value.
+    plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
+    store, _ = open_store(None, plan)
+    warn_of_plan(plan)
+    note_of_runs(*dict.fromkeys(plan.notes))
+    with store:
+        advance = advance_with_bar(plan, store, threads(processors()))
+        report_outcomes(store)
+        effects = parameter_effects(store, model.name, request.ranges)
+
+    outputs = request.outputs.else_in(model.output_units)
+    outputs.deliver(
+        parameter_effect_table(effects, outputs.shown_units),
+        lambda: studies_figures.sensitivity.sensitivity_picture(effects, outputs.shown_units),
+    )
+    # The table starts with the effects on the peak drift ratio, in descending order.
+    largest = effects[0]
+    say(
+        f"{pluralize(advance.done, 'run')}. {largest.parameter} has the largest effect on the peak "
+        f"drift ratio: {100.0 * largest.effect:.3g} %."
+    )
+    if plan.failures:
+        raise Failures([*plan.failures])

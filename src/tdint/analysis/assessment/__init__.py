@@ -1,1 +1,0 @@
-"""What methods do: order, stability, overshoot, failures, the paper's examples."""

@@ -1,1 +1,0 @@
-"""Work-precision diagrams of methods for a building, compared with other programs."""

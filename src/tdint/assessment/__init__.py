@@ -1,0 +1,1 @@
+"""Assessment of time-integration methods."""

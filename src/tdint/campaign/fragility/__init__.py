@@ -1,1 +1,0 @@
-"""Fragility functions: tables of observations, and lognormal distributions fitted to them."""

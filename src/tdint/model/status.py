@@ -1,0 +1,10 @@
+"""Statuses of runs."""
+
+from __future__ import annotations
+
+DONE = "done"
+"""Status of a run without collapse of the building."""
+
+FALLEN = ("collapsed", "failed-story")
+"""Statuses of runs in which the building collapses; they are reported in addition to the damage
+states."""

@@ -1,0 +1,49 @@
+"""Columns of tables with one row per run: runs.csv of campaigns, and results of `run_many`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from tdint.analysis.run.demands import HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.model.parameters import parameter_meaning
+from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, Column, error_columns
+
+BUILDING_COLUMNS = (
+    Column("building", "text", "building", "name of the building"),
+    *NAMED_RECORD_COLUMNS,
+    Column("scale", "1", "scale", "scale factor of the ground motion"),
+)
+
+SAMPLE = Column(
+    "sample",
+    "1",
+    "sample",
+    "number of the random sample from a grid of ground motions, or of the event, from 1; 0 without "
+    "samples and events",
+)
+
+RUNS = (
+    *BUILDING_COLUMNS,
+    SAMPLE,
+    METHOD_SPEC,
+    *(Column.of_quantity(quantity) for quantity in RUN if quantity.shown != HIDDEN),
+)
+"""Columns of runs.csv."""
+
+_WITH_ERROR = tuple(Column.of_quantity(quantity) for quantity in RUN_WITH_ERROR)
+
+RUN_ERRORS = error_columns(_WITH_ERROR)
+"""Additional columns of a campaign with error estimates."""
+
+
+def varied_columns(names: Iterable[str]) -> list[Column]:
+    """Return the columns of the parameters that a sweep changed, for example with the name
+    `story 3.mass_factor`."""
+    columns = []
+    for name in names:
+        # `story 3.mass_factor` becomes story_3_mass_factor; a key of model files is unchanged.
+        column_name = name
+        if not name.startswith(("stories", "record")):
+            column_name = name.replace(" ", "_").replace(".", "_")
+        columns.append(Column(column_name, "1", name, parameter_meaning(name)))
+    return columns

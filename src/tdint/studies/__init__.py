@@ -1,0 +1,1 @@
+"""Studies of many runs: campaigns, IDA, fragility, and ground motions for them."""

@@ -1,0 +1,1 @@
+"""Fragility functions, and damage of the buildings of campaigns."""

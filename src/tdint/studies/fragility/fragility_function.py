@@ -1,0 +1,497 @@
+"""Fragility function: its parameters with their uncertainty, and the observations of its fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from tdint.arrays import Array
+from tdint.errors import UsageError
+from tdint.number_parsing import abbreviate, pluralize
+from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
+
+STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
+FITS = (STRIPES, IDA, CLOUD)
+"""Names of the available fits."""
+
+_MOST_NAMES = 10
+"""Maximum number of names of functions in a message, so that the message stays readable."""
+
+NORMAL_95 = 1.959963984540054
+"""Half width of the interval around the mean that contains 95 % of a normal distribution, in
+standard deviations."""
+
+BINS = 6
+"""Number of intensity bins in which exceedances are counted. Fewer bins would hide a bend; with
+more bins each bin contains few ground motions."""
+
+_REPORTED_DIFFERENCE = 3.0
+"""Number of standard errors between function and count that is reported. With 80 bins (four types,
+four states) random scatter exceeds it in one of five studies."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Observations of a fit that a figure shows next to the fitted function.
+
+    Attributes
+    ----------
+    fraction : ndarray, shape (k,)
+        Fraction of the records that exceed the threshold at each intensity.
+    """
+
+    im: Array
+    fraction: Array
+
+
+SELDOM = 0.1
+"""Minimum fraction of the runs that must exceed a state, and minimum fraction that must not exceed
+it, for a reliable median. With smaller fractions, the median depends on the assumption that the
+function is lognormal."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Counts of exceedances in bins of the intensity, all arrays of shape (k,).
+
+    Attributes
+    ----------
+    im : ndarray
+        Intensity of each bin: geometric mean of its runs.
+    fraction : ndarray
+        Fraction of the runs that exceed the state.
+    error : ndarray
+        Standard error of the difference between `fraction` and `fitted`.
+    half_motion : ndarray
+        Half a ground motion as a fraction of all ground motions of the bin: the largest rounding
+        error of a counted fraction.
+    """
+
+    im: Array
+    runs: Array
+    fraction: Array
+    fitted: Array
+    error: Array
+    half_motion: Array
+
+    @property
+    def excess_in_errors(self) -> Array:
+        """Absolute difference between fitted and counted fraction, reduced by half a ground motion
+        and divided by its standard error; 0 if the difference is at most half a ground motion."""
+        excess = np.abs(self.fraction - self.fitted) - self.half_motion
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(excess > 0.0, excess / self.error, 0.0)
+
+    @property
+    def bound(self) -> Array:
+        """Maximum absolute difference between fitted and counted fraction that can be explained by
+        random scatter (3 standard errors) and by rounding to whole ground motions. Larger
+        differences are reported."""
+        return _REPORTED_DIFFERENCE * self.error + self.half_motion
+
+
+@dataclass(frozen=True)
+class CloudPoints:
+    """Observations of a cloud with the fitted line.
+
+    Attributes
+    ----------
+    censored, below : ndarray of bool, shape (n,)
+        True for censored demands, and for demands that count only as below the lightest state.
+    intercept, slope, sigma : float
+        Line ln EDP = intercept + slope ln IM, and standard deviation of ln EDP.
+    """
+
+    im: Array
+    edp: Array
+    censored: NDArray[np.bool_]
+    below: NDArray[np.bool_]
+    intercept: float
+    slope: float
+    sigma: float
+
+    @property
+    def light(self) -> int:
+        """Number of demands that count only as below the lightest state."""
+        return int(np.sum(self.below))
+
+
+@dataclass(frozen=True)
+class Fragility:
+    """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta).
+
+    Attributes
+    ----------
+    fit : str
+        `stripes`, `ida` or `cloud`.
+    theta, beta : float
+        Median intensity, and standard deviation of its logarithm (record-to-record dispersion).
+    covariance : ndarray, shape (2, 2)
+        Covariance of the estimates of ln theta and beta. It is a jackknife estimate over ground
+        motions if the ground motions of the runs are known, otherwise the inverse of the
+        information matrix. It is nan if it is unknown or if the median is extrapolated.
+    runs : int
+        Number of runs, capacities or counted records that determine the function.
+    censored : int
+        Number of runs with a value that is known only to be above a limit.
+    threshold : float
+        Demand that is exceeded; nan if the observations do not specify it.
+    is_drift_ratio : bool
+        True if the demand is known to be a drift ratio, which is written in percent.
+    im, unit : str
+        Intensity measure and its unit, if known.
+    damage : float
+        Drift ratio of the previous damage by a main shock; 0 for an intact building, nan if the
+        observations do not specify it.
+    type, state : str
+        Building type and damage state of the function; empty if not applicable.
+    modeling_dispersion : float
+        Dispersion due to the uncertainty of the model; not included in `beta`.
+    failed : int
+        Number of runs without a result, which are omitted from the fit.
+    bounds : tuple of Fragility | None
+        For stripes with failed runs: the fits with all of them counted as exceeding, and as not
+        exceeding; None if a fit is not available.
+    extrapolated : str
+        Reason why the observations do not cover the median; empty if they do.
+    pair_demand : str
+        Rule that combines the components of pairs (`tdint.studies.pairs`); empty without
+        pairs.
+    motions : int
+        Number of ground motions of the runs; both components of a recording are one. If the runs
+        have events, it is the number of events. Runs of a table that states neither are assumed to
+        be under separate ground motions.
+    points : Points | None
+        Observations for figures.
+    cloud : CloudPoints | None
+        Observations and line of a cloud.
+    counted : Counted | None
+        Counts to be compared with the function.
+    """
+
+    fit: str
+    theta: float
+    beta: float
+    covariance: Array
+    runs: int
+    censored: int = 0
+    threshold: float = math.nan
+    im: str = ""
+    unit: str = ""
+    damage: float = math.nan
+    type: str = ""
+    state: str = ""
+    modeling_dispersion: float = 0.0
+    failed: int = 0
+    bounds: tuple[Fragility | None, Fragility | None] = (None, None)
+    extrapolated: str = ""
+    pair_demand: str = ""
+    motions: int = 0
+    points: Points | None = field(default=None, repr=False)
+    cloud: CloudPoints | None = field(default=None, repr=False)
+    counted: Counted | None = field(default=None, repr=False)
+    is_drift_ratio: bool = False
+
+    @property
+    def theta_error(self) -> float:
+        """Standard error of ln theta."""
+        return math.sqrt(self.covariance[0, 0])
+
+    @property
+    def beta_error(self) -> float:
+        """Standard error of beta."""
+        return math.sqrt(self.covariance[1, 1])
+
+    @property
+    def beta_total(self) -> float:
+        """Total dispersion: root of the sum of squares of `beta` and `modeling_dispersion`."""
+        return math.hypot(self.beta, self.modeling_dispersion)
+
+    def probability(self, im: Array | float, *, total: bool = False) -> Array:
+        """Return the probability of exceedance, Phi(ln(im / theta) / beta), at intensities.
+
+        Parameters
+        ----------
+        im : ndarray or float
+            Intensities, in the unit of theta.
+        total : bool
+            True to use the total dispersion `beta_total` instead of `beta`; default False.
+        """
+        return np.asarray(ndtr(np.log(im / self.theta) / (self.beta_total if total else self.beta)))
+
+    def band(self, im: Array) -> tuple[Array, Array]:
+        """Return the pointwise 95 % confidence band of the probability, two arrays of shape (k,).
+
+        The delta method is applied to z = ln(im / theta) / beta, so that both bounds are
+        probabilities.
+
+        Parameters
+        ----------
+        im : ndarray, shape (k,)
+            Intensities in the unit of the function.
+        """
+        z, error = self._standardize(im)
+        return np.asarray(ndtr(z - NORMAL_95 * error)), np.asarray(ndtr(z + NORMAL_95 * error))
+
+    def _standardize(self, im: Array) -> tuple[Array, Array]:
+        """Return the standardized intensities z = ln(im / theta) / beta and their standard errors,
+        by the delta method.
+        """
+        z = np.log(np.asarray(im) / self.theta) / self.beta
+        # The differential of z is -(d ln theta + z d beta) / beta, which leads to the variance
+        # (var(ln theta) + 2 z cov(ln theta, beta) + z^2 var(beta)) / beta^2.
+        (ln_theta_variance, mixed), (_, beta_variance) = self.covariance
+        variance = ln_theta_variance + 2.0 * mixed * z + beta_variance * z * z
+        return z, np.sqrt(np.maximum(variance, 0.0)) / self.beta
+
+    def beside_counts(
+        self,
+        im: Array,
+        exceeding: Array,
+        *,
+        runs: Array | None = None,
+        motion: NDArray[np.intp] | None = None,
+    ) -> Fragility:
+        """Return a copy of the function with the attribute `counted`: the fractions of exceedances
+        in bins of the intensity, for a comparison with the function.
+
+        The runs cover the median if 10 to 90 % of the runs exceed the state and if the median is
+        within the range of their intensities. Otherwise the copy states the reason in
+        `extrapolated`, and its covariance is nan (`within`).
+
+        Parameters
+        ----------
+        im : ndarray, shape (n,)
+            Intensity of each entry, a run or the runs at a level.
+        exceeding : ndarray, shape (n,)
+            Fraction of the runs of each entry that exceed the state.
+        runs : ndarray, shape (n,), optional
+            Number of runs of each entry; default 1.
+        motion : ndarray of int, shape (n,), optional
+            Ground motion of each entry. Runs under the same ground motion are correlated and count
+            as a single observation. By default all entries are independent.
+
+        Returns
+        -------
+        Fragility
+            The copy.
+        """
+        weight = np.ones(im.size) if runs is None else runs
+        bin_index = _bin_indices(im, weight)
+        # Means over the runs of each bin; the intensity has a geometric mean
+        bin_runs = np.bincount(bin_index, weight)
+        bin_im = np.exp(np.bincount(bin_index, weight * np.log(im)) / bin_runs)
+        fraction = np.bincount(bin_index, weight * exceeding) / bin_runs
+        fitted = np.bincount(bin_index, weight * self.probability(im)) / bin_runs
+        # The variance of the difference between counted and fitted fraction has two parts: the
+        # binomial variance of the counted fraction, with a single independent observation per
+        # ground motion, and the variance of the fit, by the delta method.
+        motion_counts = bin_runs
+        if motion is not None:  # count the distinct ground motions in each bin
+            distinct_pairs = np.unique(np.column_stack([bin_index, motion]), axis=0)
+            motion_counts = np.bincount(distinct_pairs[:, 0])
+        z, z_error = self._standardize(bin_im)
+        density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        # An unknown error of the fit (nan) is omitted from the variance.
+        fit_error = np.nan_to_num(z_error) * density
+        difference_error = np.sqrt(
+            np.maximum(fitted * (1.0 - fitted), 0.0) / motion_counts + fit_error**2
+        )
+        # A counted fraction is a multiple of 1 / n for n ground motions, so half a ground motion is
+        # its largest rounding error.
+        half_motion = 0.5 / motion_counts
+        counted = Counted(
+            bin_im, bin_runs.astype(float), fraction, fitted, difference_error, half_motion
+        )
+        return replace(self, counted=counted).within(
+            im, float(np.sum(weight * exceeding) / np.sum(weight))
+        )
+
+    def within(self, im: Array, fraction: float) -> Fragility:
+        """Return the function unchanged if the runs cover its median intensity. Otherwise return a
+        copy with the reason in the attribute `extrapolated`, and with a covariance of NaN.
+
+        The runs cover the median if between 10 % and 90 % of them exceed the state, and if the
+        median is within the range of their intensities.
+
+        Parameters
+        ----------
+        im : ndarray, shape (n,)
+            Intensities of the runs.
+        fraction : float
+            Fraction of the runs that exceed the state.
+        """
+        # In a message, the name of the state follows the text, for example "no run exceeds DS3".
+        reason = ""
+        if fraction == 0.0:
+            reason = "no run exceeds"
+        elif fraction == 1.0:
+            reason = "every run exceeds"
+        elif fraction < SELDOM:
+            reason = f"less than {100.0 * SELDOM:g} % of the runs exceed"
+        elif fraction > 1.0 - SELDOM:
+            reason = f"more than {100.0 * (1.0 - SELDOM):g} % of the runs exceed"
+        elif self.theta > np.max(im):
+            reason = "every intensity is below the median of"
+        elif not self.theta >= np.min(im):
+            reason = "every intensity is above the median of"
+        if not reason:
+            return self
+        return replace(self, extrapolated=reason, covariance=np.full((2, 2), math.nan))
+
+    @property
+    def threshold_text(self) -> str:
+        """Text of the threshold: drift ratios in percent; empty if unknown."""
+        if math.isnan(self.threshold):
+            return ""
+        return f"{100.0 * self.threshold:g} %" if self.is_drift_ratio else f"{self.threshold:g}"
+
+    @property
+    def exceeded(self) -> str:
+        """Text of the limit that is exceeded: building type and damage state, if the function has
+        a type, otherwise the threshold; empty if the threshold is unknown."""
+        threshold = f"threshold {self.threshold_text}" if self.threshold_text else ""
+        return f"{self.type}, {self.state}" if self.type else threshold
+
+    @property
+    def disagreement(self) -> str:
+        """Message about the largest difference between the function and the counted fraction of
+        exceedances; empty if all differences can be explained by random scatter."""
+        counted = self.counted
+        if counted is None or not np.any(counted.excess_in_errors > _REPORTED_DIFFERENCE):
+            return ""
+        largest = int(np.argmax(counted.excess_in_errors))
+        prefix = f"{self.exceeded}: " if self.exceeded else ""
+        level = f"{self.im or 'im'} {counted.im[largest]:.3g} {self.unit}".rstrip()
+        runs_text = pluralize(round(counted.runs[largest]), "run")
+        counted_percent = 100.0 * counted.fraction[largest]
+        fitted_percent = 100.0 * counted.fitted[largest]
+        return (
+            f"{prefix}at {level} {counted_percent:.3g} % of {runs_text} exceed, "
+            f"the {self.fit} function gives {fitted_percent:.3g} %: the "
+            "difference exceeds the random scatter"
+        )
+
+    def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
+        """Return the function with its threshold and intensity measure.
+
+        Parameters
+        ----------
+        threshold : float
+            Limit of the demand, such as a drift ratio.
+        im : str
+            Name of the intensity measure.
+        unit : str
+            Unit of the intensities; empty if it is not known.
+        """
+        return replace(self, threshold=threshold, im=im, unit=unit)
+
+    def in_units(self, units: OutputUnits) -> Fragility:
+        """Return the function with intensities in other units.
+
+        Parameters
+        ----------
+        units : OutputUnits
+            Units of the result.
+
+        Raises
+        ------
+        UsageError
+            The unit of the intensity is unknown.
+        """
+        # For each SI unit, the units of the same quantity with their factors to the SI unit
+        units_by_si = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
+        si_unit = next((si for si, names in units_by_si.items() if self.unit in names), "")
+        if not si_unit:
+            raise UsageError(
+                "output units cannot be used, because the unit of the intensities is unknown, got "
+                f"{self.unit!r}; add a column `unit` to the table, with a unit such as m/s^2"
+            )
+        unit, value = units.unit(si_unit)
+        factor = units_by_si[si_unit][self.unit] / value
+        # Convert the observations also, because figures show them on the same axis.
+        points = self.points and replace(self.points, im=factor * self.points.im)
+        cloud = self.cloud
+        if cloud is not None:
+            # The line is ln EDP = intercept + slope ln IM. With IM' = factor IM, its intercept is
+            # intercept - slope ln factor, and its slope is unchanged.
+            intercept = cloud.intercept - cloud.slope * math.log(factor)
+            cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
+        first_bound, second_bound = (
+            replace(fit, theta=factor * fit.theta, unit=unit) if fit else None
+            for fit in self.bounds
+        )
+        counted = replace(self.counted, im=factor * self.counted.im) if self.counted else None
+        converted: dict[str, Any] = {"points": points, "cloud": cloud, "counted": counted}
+        return replace(
+            self,
+            theta=factor * self.theta,
+            unit=unit,
+            bounds=(first_bound, second_bound),
+            **converted,
+        )
+
+
+def _bin_indices(im: Array, weight: Array) -> NDArray[np.intp]:
+    """Divide intensities into at most `BINS` bins with about equal numbers of runs, and return the
+    index of the bin of each intensity. No bin is empty.
+    """
+    level = levels_of(im)
+    runs_at_level = np.bincount(level, weight)
+    # With few levels, each level is a bin. Otherwise the bin of a level is determined by the
+    # fraction of the runs below its middle run.
+    bin_numbers = level
+    if runs_at_level.size > BINS:
+        fraction_below = (np.cumsum(runs_at_level) - 0.5 * runs_at_level) / np.sum(runs_at_level)
+        bin_numbers = np.floor(BINS * fraction_below).astype(np.intp)[level]
+    # Renumber the bins, because bins may be empty.
+    return np.unique(bin_numbers, return_inverse=True)[1]
+
+
+def extrapolated(functions: Sequence[Fragility]) -> list[str]:
+    """Return messages about functions with an extrapolated median.
+
+    Each reason for an extrapolation has one message, which lists the functions that the reason
+    concerns.
+    """
+    names_by_reason: dict[str, list[str]] = {}
+    for function in functions:
+        if function.extrapolated:
+            name = function.exceeded or "the threshold"
+            names_by_reason.setdefault(function.extrapolated, []).append(name)
+    return [
+        f"{reason} {abbreviate(names, _MOST_NAMES)}: the median is extrapolated"
+        for reason, names in sorted(names_by_reason.items(), reverse=True)
+    ]
+
+
+SAME_LEVEL = 1e-6
+"""Relative difference of intensities below which they belong to one level."""
+
+
+def levels_of(im: Array) -> NDArray[np.intp]:
+    """Return the index of the level of each intensity, from 0 for the lowest level.
+
+    In ascending order, neighboring intensities belong to the same level if their logarithms differ
+    by at most `SAME_LEVEL`, which for this small value is their relative difference.
+
+    Parameters
+    ----------
+    im : ndarray, shape (n,)
+        Intensities, positive, in any order.
+    """
+    # A level begins where the logarithm of the sorted intensities increases by more than the
+    # tolerance; the number of beginnings up to an intensity is the index of its level. With
+    # `prepend`, the first difference is zero.
+    order = np.argsort(im)
+    ln_lowest = math.log(float(im[order[0]]))
+    is_next_level = np.diff(np.log(im[order]), prepend=ln_lowest) > SAME_LEVEL
+    result = np.empty(im.size, np.intp)
+    result[order] = np.cumsum(is_next_level)
+    return result

@@ -1,0 +1,747 @@
+"""Intensity measures of the runs of a campaign, and errors of fits to runs of which some have the
+same ground motion.
+
+The measures are Sa at a period or at the first period of each building, Sa_avg, the maximum
+displacement of a yielding oscillator (SDi, Tothong and Cornell 2006), peaks, Arias intensity,
+cumulative absolute velocities, and durations. They refer to the component of the run times its
+factor. Measures that are not a power of the factor (SDi, CAV5) are computed for each factor.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
+from tdint.analysis.spectra.inelastic import constant_strength
+from tdint.arrays import Array
+from tdint.csv_table import CsvTable, read_table
+from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
+from tdint.files import is_file
+from tdint.ground_motion.horizontals import motion_names
+from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
+from tdint.ground_motion.record import Record
+from tdint.number_parsing import Grid, parse_grid, parse_ratio
+from tdint.studies.batch import Run
+from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.fragility.runs import BuildingDamage, runs_of_motions
+from tdint.studies.intensity import (
+    AVERAGE,
+    SPECTRAL,
+    check_period,
+    geometric_mean,
+    unknown_measure,
+)
+from tdint.studies.pairs import LARGER, SEPARATE, PairRule, recording_numbers
+from tdint.studies.plan import Plan
+from tdint.studies.store import FILE, Store
+from tdint.studies.store_opening import open_existing
+from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
+
+FIRST = "T1"
+"""Name of the first period of each building."""
+
+
+@dataclass(frozen=True)
+class RunMeasure:
+    """Intensity measure of a run: of a scaled record, and for some measures of the first period of
+    the building.
+
+    Attributes
+    ----------
+    column : str
+        Name of the column in tables, without the unit.
+    unit, meaning : str
+        SI unit and description.
+    value : callable
+        Function that computes the measure from a record and the first period of the building, s.
+    power : float | None
+        The measure is proportional to this power of the scale factor of the record; None if it must
+        be computed for each scale factor.
+    called : str
+        Name in tables of functions, where {} is replaced by the first period of the building.
+    """
+
+    column: str
+    unit: str
+    meaning: str
+    value: Callable[[Record, float], float]
+    power: float | None = 1.0
+    called: str = ""
+
+    def label(self, period: float | None) -> str:
+        """Return the name of the measure in tables of functions.
+
+        Parameters
+        ----------
+        period : float | None
+            First period of all buildings, s. If it is None (different or unknown periods), the
+            name contains T1 instead of the period.
+        """
+        return self.called.format(FIRST if period is None else f"{period:.6g}")
+
+    def of(self, record: Record, factor: float, period: float) -> float:
+        """Return the measure of a record times `factor`, for a building with the first period
+        `period` (s); nan if it cannot be computed."""
+        try:
+            if self.power is None:
+                return self.value(record.scaled(abs(factor)), period)
+            return self.value(record, period) * float(abs(factor) ** self.power)
+        except AnalysisError:  # the period is too short for the sampling interval of the record
+            return math.nan
+
+
+_FORMS = ("sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRENGTH")
+
+
+def run_measure(text: str) -> RunMeasure:
+    """Return the intensity measure that a text specifies.
+
+    Parameters
+    ----------
+    text : str
+        For example `pgv`, `sa:0.5` (period in s), `sa` (at the first period of each building),
+        `sa-avg:0.2:2` (periods in s), `sa-avg` (from 0.2 to 3 times the first period), `sdi:1:0.1`
+        or `sdi:T1:10%` (period and yield force over weight).
+
+    Raises
+    ------
+    UsageError
+        The measure is unknown, or a number is missing or invalid.
+    """
+    name, _, parameters = text.strip().partition(":")
+    # The name of the column is accepted also, for example d5_75 for d5-75.
+    motion_measure = MEASURES_OF_MOTION.get(name.replace("_", "-"))
+    if motion_measure and not parameters:
+        compute = motion_measure.of
+        return RunMeasure(
+            motion_measure.head,
+            motion_measure.unit,
+            motion_measure.meaning,
+            lambda record, period: compute(record),  # independent of the period of the building
+            motion_measure.power,
+            motion_measure.name,
+        )
+    parsers = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
+    if name not in parsers:
+        hint = did_you_mean(name, [*parsers, *MEASURES_OF_MOTION])
+        raise unknown_measure(text, (*MEASURES_OF_MOTION, *_FORMS), hint)
+    try:
+        return parsers[name](parameters)
+    except (UsageError, ValueError) as error:
+        form = next(possible for possible in _FORMS if re.match(rf"{name}[:\[]", possible))
+        raise UsageError(f"{text!r}: {error}; expected {form}") from None
+
+
+def _period(text: str) -> tuple[float | None, str, str]:
+    """Parse the period of an intensity measure: `T1` or an empty text for the first period of each
+    building, or a number of seconds.
+
+    The result is the period (s; None for the first period), its text in descriptions, and its text
+    in names, where {} is replaced by the first period later. ValueError or UsageError is raised
+    for any other text.
+    """
+    if text in ("", FIRST):
+        return None, "the first period of the building", "{}"
+    value = float(text)
+    check_period(value)
+    return value, f"{value:g} s", f"{value:g}"
+
+
+def _column_name(*parts: object) -> str:
+    """Return the name of a column, for example sa_0p5 for ("sa", 0.5)."""
+    texts = [f"{part:g}" if isinstance(part, float) else str(part) for part in parts]
+    return "_".join(texts).replace(".", "p")
+
+
+def _spectral(parameters: str) -> RunMeasure:
+    """Return the measure Sa at a period, for the text of the period (`_period`)."""
+    period, period_text, symbol = _period(parameters)
+
+    def value(record: Record, first_period: float) -> float:
+        """Return Sa of a record, m/s^2."""
+        return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
+
+    return RunMeasure(
+        _column_name("sa", period or "t1"),
+        "m/s^2",
+        f"Sa at {period_text}, 5 % damping",
+        value,
+        called=f"sa({symbol})",
+    )
+
+
+def _average(parameters: str) -> RunMeasure:
+    """Return the measure Sa_avg, the geometric mean of Sa over a range of periods. `parameters` is
+    FIRST:LAST[:COUNT] in s, or empty for the default multiples of the first period of the building
+    (`AVERAGE`)."""
+    with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
+    grid = parse_grid(with_count) if parameters else None
+    if grid is not None and grid.count == 1:
+        raise UsageError(f"an average requires a first and a last period, got {parameters!r}")
+    # The default range contains the periods of higher modes and of the damaged building.
+    if isinstance(grid, Grid):
+        range_text = f"{grid.first:g} to {grid.last:g} s"
+    else:
+        range_text = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
+
+    def value(record: Record, first_period: float) -> float:
+        """Return Sa_avg of a record, m/s^2."""
+        periods = grid.values() if grid else first_period * AVERAGE.values()
+        return geometric_mean(spectrum(record, periods, SA_DAMPING).psa)
+
+    column = _column_name("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
+    called = f"sa-avg({grid.first:g}:{grid.last:g})" if grid else "sa-avg({})"
+    return RunMeasure(
+        column,
+        "m/s^2",
+        f"geometric mean of Sa from {range_text}, 5 % damping",
+        value,
+        called=called,
+    )
+
+
+def _inelastic(parameters: str) -> RunMeasure:
+    """Return the measure SDi, the maximum displacement of an elastoplastic oscillator. `parameters`
+    is PERIOD:STRENGTH, where the strength is the yield force divided by the weight."""
+    parameter_text, _, strength_text = parameters.partition(":")
+    period, oscillator_period_text, symbol = _period(parameter_text)
+    strength = parse_ratio(strength_text)
+    if not 0.0 < strength < math.inf:
+        raise UsageError(
+            f"the strength (yield force divided by weight) must be positive, got {strength_text!r}"
+        )
+
+    def value(record: Record, first_period: float) -> float:
+        """Return the maximum displacement of the oscillator under a record, m."""
+        periods = np.array([period or first_period])
+        (inelastic,) = constant_strength(record, periods, [strength], SA_DAMPING)
+        return float(inelastic.sd[0])
+
+    meaning = (
+        f"maximum displacement of an elastoplastic oscillator of {oscillator_period_text}, 5 % "
+        f"damping, yielding at {strength:g}"
+    )
+    called = f"sdi({symbol},{strength:g})"
+    return RunMeasure(
+        _column_name("sdi", period or "t1", strength),
+        "m",
+        f"{meaning} of its weight",
+        value,
+        None,
+        called,
+    )
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """Values of the requested intensity measures for a run, which is identified by the columns of
+    runs.csv. A value is nan if it cannot be computed."""
+
+    building: str
+    record: str
+    component: str
+    scale: float
+    sample: int
+    values: tuple[float, ...]
+
+
+def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterator[MeasuredRun]:
+    """Yield the intensity measures of all stored runs of a campaign, in the order of runs.csv."""
+    names, records = store.buildings(), store.records()
+    # First period of a building by its number, s
+    period = cache(lambda building: plan.buildings[building].subject().period)
+
+    @cache
+    def unscaled(measure: int, motion: int, first_period: float) -> float:
+        """Return a measure of an unscaled record."""
+        return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
+
+    def value(measure: int, motion: int, factor: float, first_period: float) -> float:
+        """Return a measure of a scaled record. `measure` and `motion` are numbers."""
+        power = measures[measure].power
+        if power is None:
+            return measures[measure].of(plan.motions[motion].record, factor, first_period)
+        return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
+
+    # The order keeps the runs of a building together, so that its period is computed one time.
+    query = (
+        "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, "
+        "sample"
+    )
+    for building, motion, scale, sample in store.connection.execute(query):
+        values = tuple(value(i, motion, scale, period(building)) for i in range(len(measures)))
+        yield MeasuredRun(names[building][0], *records[motion][:2], scale, sample, values)
+
+
+def measure_named(text: str) -> RunMeasure:
+    """Return the intensity measure for a fit to a table of runs.
+
+    Parameters
+    ----------
+    text : str
+        A measure that `run_measure` accepts, `sa_t1` (the name of the column of `sa`, without its
+        unit), or the name of another column of the table without its unit. The values of such a
+        column are only read; they cannot be computed from records.
+
+    Raises
+    ------
+    UsageError
+        The text is not a measure, and cannot be the name of a column.
+    """
+    try:
+        return run_measure(text)
+    except UsageError:
+        # The table of runs contains the measure `sa` in the column sa_t1.
+        if text == "sa_t1":
+            return run_measure("sa")
+        if not re.fullmatch(r"\w+", text):  # not the name of a column
+            raise
+        # The values are read from the column, so the function that computes them is not used.
+        return RunMeasure(text, "", text, lambda record, period: math.nan, called=text)
+
+
+class RunIntensities:
+    """Reader of the intensities of the runs of a store, building by building in the order of the
+    buildings.
+
+    Both components of a pair have the geometric mean of their intensities, because the hazard
+    refers to pairs. If the campaign has scaled the runs to levels of this intensity measure, the
+    intensities are the levels. Sa(T1) and PGA are columns of the store; other measures are read
+    from measures.csv.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the campaign, which may contain measures.csv.
+    pair_demand : str | None
+        Rule that combines the components of pairs; None for the rule of the campaign.
+
+    Raises
+    ------
+    UsageError
+        The runs have no such measure.
+    """
+
+    def __init__(
+        self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
+    ) -> None:
+        """Select the source of the intensities: the levels of the campaign, otherwise values of the
+        store (Sa(T1) and PGA), otherwise the file measures.csv."""
+        self._measure, self._file = measure, folder / MEASURES
+        records = store.records()
+        self._record_names = {
+            number: (name, component) for number, (name, component, _) in records.items()
+        }
+        # If the components count as separate ground motions, only components that were read as a
+        # pair have a common intensity: the second component (direction 2) has the number after the
+        # first. Otherwise components that were recognized as a pair by their names also have one.
+        rule = store.pair_rule()
+        if (pair_demand or rule.demand) == SEPARATE:
+            first_components = {
+                number: number - 1 if direction > 1 else number
+                for number, (_, _, direction) in records.items()
+            }
+            rule = replace(rule, recordings=first_components)
+        # `_pairs` only groups the runs of both components; it combines no demands. A rule with the
+        # demand SEPARATE would not group them, so it is replaced.
+        self._pairs = replace(rule, demand=LARGER)
+        # Negative levels reverse the direction of a motion.
+        settings = store.parameters()
+        self._levels = (
+            sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
+        )
+        self.unit = measure.unit
+        # Attribute of `BuildingDamage` with the values; the store contains only Sa(T1) and PGA.
+        stored_name = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
+        self._stored_name = None if self._levels else stored_name
+        self._rows: Iterator[tuple[int, list[str]]] = iter(())
+        if not (self._levels or stored_name):
+            # Rows of the file of `tdint campaign --im`, which are read together with the buildings.
+            if not is_file(self._file):
+                raise UsageError(no_measure_message(str(self._file.parent), measure.column))
+            table = read_table(str(self._file), "the measures of a campaign are a table")
+            column_name, unit = column_of(table, measure.column)
+            self._column_index, self._rows = table.header.index(column_name), iter(table.rows)
+            si, self._factor = _UNITS[unit]
+            self.unit = measure.unit or si
+
+    @property
+    def note(self) -> str:
+        """Note for the user on the intensity of pairs; empty without pairs, and if the intensities
+        are levels."""
+        if not self._pairs.pairs or self._levels:
+            return ""
+        return (
+            f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both "
+            "components"
+        )
+
+    def of(self, building: BuildingDamage) -> Array:
+        """Return the intensity of each run of a building, shape (runs,), SI units; nan if it is
+        unknown. The buildings must be requested in the order of the store.
+
+        Raises
+        ------
+        ModelError
+            The rows of measures.csv do not match the runs of the store.
+        """
+        if self._levels:
+            return np.array(self._levels)[building.rank]
+        if self._stored_name:
+            values = np.array(getattr(building, self._stored_name), float)
+        else:
+            values = np.array([self._next_value(building, run) for run in building.keys], float)
+        if self._pairs.pairs:
+            for indices in runs_of_motions(building, self._pairs):
+                if len(indices) > 1:
+                    values[indices] = math.sqrt(float(np.prod(values[indices])))
+        return values
+
+    def _next_value(self, building: BuildingDamage, run: Run) -> float:
+        """Return the value in the next row of measures.csv, SI units; nan if the cell is empty.
+        ModelError is raised if the row belongs to another run, or there are no more rows.
+        """
+        # After the last row, the empty row leads to the error below.
+        line, row = next(self._rows, (0, []))
+        # The rows are in the order of the runs, unless the campaign was run again after the table
+        # was written.
+        record_name, component = self._record_names[run.motion]
+        keys = [building.building, record_name, component, f"{run.scale:.12g}", str(run.sample)]
+        if row[: len(_KEYS)] != keys:
+            raise _outdated_measures(f"{self._file}:{line}", keys)
+        text = row[self._column_index] if self._column_index < len(row) else ""
+        return self._factor * float(text) if text else math.nan
+
+
+def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
+    """Return True if a campaign with the given settings has scaled its motions to levels of an
+    intensity measure, with the same period and damping ratio."""
+    # `settings` has no key `measure` if the levels are scale factors.
+    name, period = settings.get("measure"), settings.get("period")
+    if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
+        return False
+    # The levels of sa-avg can be averages over multiples of any period. The intensity measure
+    # sa-avg of runs is an average over multiples of the first period, so only these levels match.
+    if name == "sa-avg" and period != FIRST:
+        return False
+    # For example `sa(T1)` or `sa(0.5)`.
+    period_text = ""
+    if name in SPECTRAL:
+        period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
+    return measure.called.format(FIRST) == f"{name}{period_text}"
+
+
+MEASURES = "measures.csv"
+"""File name of the measures, next to runs.csv; written by `tdint campaign --im`."""
+
+_KEYS = ("building", "record", "component", "scale", "sample")  # columns that identify a run
+_QUANTITIES = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
+_UNITS = {unit: (si, factor) for si, units in _QUANTITIES.items() for unit, factor in units.items()}
+"""SI unit and conversion factor to it, by the unit of a measure in a table."""
+
+
+def motions_of(table: CsvTable) -> NDArray[np.intp]:
+    """Return, for each run of a table, the index of its ground motion, or of its event if events
+    are known.
+
+    Both components of a pair have the same index. Pairs are defined by the store in the directory
+    of the table. Without a store, or without a column `component`, components of one record, and
+    of records whose names differ only in the component, are a pair.
+    """
+    names: list[object] = list(range(len(table.rows)))
+    if table.has("record"):
+        names = list(motion_names(table.texts("record")))
+    with _store_of_table(table) as store:
+        # Without ground motion fields, a column `event` is a column of the inventory, not an event.
+        if table.has("event") and (store is None or store.events()):
+            names = list(table.texts("event"))
+        elif store is not None and table.has("record") and table.has("component"):
+            motion_of_component = {}
+            records = store.records()
+            for number, motion in recording_numbers(records).items():
+                record, component, _ = records[number]
+                motion_of_component[record, component] = motion
+            keys = zip(table.texts("record"), table.texts("component"), strict=True)
+            names = [motion_of_component.get(key, key) for key in keys]
+    index_of_name = {name: index for index, name in enumerate(dict.fromkeys(names))}
+    return np.array([index_of_name[name] for name in names], np.intp)
+
+
+# Runs under the same ground motion, or of the same event if events are known, are correlated. The
+# errors of a fit are therefore jackknife estimates over ground motions or events (Efron and Stein
+# 1981, The Annals of Statistics 9(3)). For many runs, groups of ground motions are used
+# (delete-a-group jackknife, Kott 2001, Journal of Official Statistics 17(4)).
+
+Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
+"""Function that fits one or more fragility functions to the runs that a mask selects. A fit that is
+impossible is replaced by its error."""
+
+_MIN_GROUPS = 30
+"""Minimum number of groups of ground motions, if there are as many ground motions. With 30 groups,
+the standard errors are accurate to about 13 %."""
+
+_MAX_FITTED_RUNS = 2_000_000
+"""Maximum total number of runs in all fits of a jackknife. For more runs, several ground motions
+form a group. Fits of this number of runs to a cloud need several seconds."""
+
+
+def over_motions(
+    fit: Fit, is_used: NDArray[np.bool_], motion: NDArray[np.intp] | None
+) -> list[Fragility | AnalysisError]:
+    """Fit fragility functions, and estimate the covariance of ln theta and beta by a jackknife over
+    ground motions.
+
+    Parameters
+    ----------
+    fit : callable
+        Function that fits the runs selected by a mask of shape (n,).
+    is_used : ndarray of bool, shape (n,)
+        True for the runs that are used in the fit.
+    motion : ndarray of int, shape (n,), or None
+        Ground motion of each run. If None, the covariance of the fit is kept.
+
+    Returns
+    -------
+    list
+        Functions, or errors that prevent them. The covariance is nan if fewer than three groups
+        permit a fit.
+    """
+    fits = fit(is_used)
+    if motion is None:
+        return fits
+    # Groups with about equal numbers of ground motions: ground motion i of m, in ascending order,
+    # belongs to group floor(i * groups / m).
+    motions = np.unique(motion[is_used])
+    affordable_groups = _MAX_FITTED_RUNS // max(int(np.sum(is_used)), 1)
+    group_count = min(motions.size, max(_MIN_GROUPS, affordable_groups))
+    group_of_run = (np.searchsorted(motions, motion) * group_count) // motions.size
+    # (ln theta, beta) of the fits without a group, for each function
+    estimates: list[list[tuple[float, float]]] = [[] for _ in fits]
+    for omitted_group in range(group_count) if group_count > 2 else ():
+        try:
+            refits = fit(is_used & (group_of_run != omitted_group))
+        except AnalysisError:
+            continue
+        for position, refit in enumerate(refits):
+            if isinstance(refit, Fragility):
+                estimates[position].append((math.log(refit.theta), refit.beta))
+    results: list[Fragility | AnalysisError] = []
+    for function, function_estimates in zip(fits, estimates, strict=True):
+        if isinstance(function, Fragility):
+            covariance = _jackknife_covariance(function_estimates)
+            function = replace(function, covariance=covariance, motions=motions.size)
+        results.append(function)
+    return results
+
+
+def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
+    """Return the jackknife covariance of two parameters, shape (2, 2): n - 1 times the covariance
+    of their n estimates, each without a group of the observations; nan for fewer than three
+    estimates."""
+    if len(estimates) < 3:
+        return np.full((2, 2), math.nan)
+    return np.asarray((len(estimates) - 1) * np.cov(np.array(estimates).T, bias=True))
+
+
+def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
+    """Group the indices of the rows of a table of runs by ground motion and level; return the rule
+    for pairs and the groups.
+
+    The rows of the two components of a pair at a level form a group. Each row is a separate group
+    if the table has no pairs or if their components count separately. Pairs are defined by the
+    store in the same directory, otherwise by their names. Without `pair_demand`, the rule of the
+    store applies, or the default if there is no store.
+
+    Raises
+    ------
+    UsageError
+        The components of a pair were run at different levels.
+    """
+    separate_rows = [[row] for row in range(len(table.rows))]
+    if not table.has("record", "component"):
+        return PairRule(pair_demand or LARGER), separate_rows
+    names = list(zip(table.texts("record"), table.texts("component"), strict=True))
+    number_of_name = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    with _store_of_table(table) as store:
+        # Direction (1 or 2) of each record of the store, by its name and component
+        stored_records = store.records().values() if store else ()
+        directions = {(name, component): number for name, component, number in stored_records}
+        demand = pair_demand or (store.pair_demand() if store else LARGER)
+    # Name, component and direction of each record of the table; direction 0: not in the store
+    records = {number: (*name, directions.get(name, 0)) for name, number in number_of_name.items()}
+    rule = PairRule(demand, recording_numbers(records))
+    if rule.demand == SEPARATE or not rule.pairs:
+        return rule, separate_rows
+
+    # A level is identified by the intensity, rounded to six digits, if the table contains it.
+    # Otherwise it is identified by the rank of the factor, because the factors of the components
+    # may differ.
+    samples = table.texts("sample") if table.has("sample") else [""] * len(names)
+    column = next((name for name in ("im", "scale") if table.has(name)), None)
+    intensities = table.numbers(column, empty=True) if column else [1.0] * len(names)
+    rows_of_record: dict[tuple[int, str], list[int]] = {}
+    for row, (name, sample) in enumerate(zip(names, samples, strict=True)):
+        rows_of_record.setdefault((number_of_name[name], sample), []).append(row)
+    rows_of_motion: dict[tuple[int, str, object], list[int]] = {}
+    for (number, sample), rows in rows_of_record.items():
+        for rank, row in enumerate(sorted(rows, key=lambda index: abs(intensities[index]))):
+            level = f"{intensities[row]:.6g}" if column == "im" else rank
+            rows_of_motion.setdefault((rule.motion(number), sample, level), []).append(row)
+
+    # The demands of the two components can be combined only if both were run at the level. `paired`
+    # contains the motions that have a second component.
+    paired = {*rule.partners.values()}
+    unpaired = [key for key, rows in rows_of_motion.items() if key[0] in paired and len(rows) == 1]
+    if unpaired and column == "im":
+        first_row = rows_of_motion[unpaired[0]][0]
+        record_name, _ = names[first_row]
+        raise UsageError(
+            f"{table.source}: the components of a pair ({record_name}) were run at different "
+            "levels, so that their demands cannot be combined; use --fit ida, or "
+            "--pair-demand separate"
+        )
+    return rule, sorted(rows_of_motion.values())
+
+
+def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
+    """Replace the intensities of the two components of each pair by their geometric mean.
+
+    The store in the directory of the table states which components were read as a pair. Other
+    intensities are not changed.
+    """
+    with _store_of_table(table) as store:
+        records = store.records() if store is not None else {}
+    # First component of each pair, by the name and component of the second component (direction 2)
+    first_components = {
+        (name, component): records[number - 1][:2]
+        for number, (name, component, direction) in records.items()
+        if direction > 1
+    }
+    if not first_components:
+        return im
+    result, keys = im.copy(), _keys(table)
+    row_of_key = {key: row for row, key in enumerate(keys)}
+    for row, (building, record, component, *scale_and_sample) in enumerate(keys):
+        # Empty names, for which no row exists, represent a record without a first component.
+        first_component = first_components.get((record, component), ("", ""))
+        first_row = row_of_key.get((building, *first_component, *scale_and_sample))
+        if first_row is not None:
+            result[[row, first_row]] = math.sqrt(im[row] * im[first_row])
+    return result
+
+
+def first_period_of_runs(table: CsvTable) -> float | None:
+    """Return the first period (s) of the building of a table of runs, from the store in the
+    directory of the table; None if it is unknown."""
+    building = table.only("building")
+    with _store_of_table(table) as store:
+        if store is None:
+            return None
+        for number, (name, _) in store.buildings().items():
+            if name == building:
+                return store.period(number)
+    return None
+
+
+@contextmanager
+def _store_of_table(table: CsvTable) -> Iterator[Store | None]:
+    """Open the store in the directory of a table in a `with` statement. Yield None if the table is
+    not runs.csv or the directory has no store."""
+    folder = Path(table.source).parent
+    if table.source == "-" or Path(table.source).name != "runs.csv" or not is_file(folder / FILE):
+        yield None
+        return
+    with open_existing(folder) as store:
+        yield store
+
+
+def with_measures(table: CsvTable) -> CsvTable:
+    """Add the columns of measures.csv to the table of runs in the same directory.
+
+    If measures.csv does not exist, the table is returned unchanged.
+
+    Returns
+    -------
+    CsvTable
+        The table with the additional columns. Columns that it already has are not added again.
+
+    Raises
+    ------
+    ModelError
+        measures.csv has no row for one of the runs.
+    """
+    file = Path(table.source).with_name(MEASURES)
+    if table.source == "-" or not is_file(file):
+        return table
+    measures = read_table(str(file), "the measures of a campaign are a table")
+    # Match rows by the names of the runs, because the table may have been sorted.
+    measures_by_run = {
+        key: cells for key, (_line, cells) in zip(_keys(measures), measures.rows, strict=True)
+    }
+    new_columns = [
+        column for column, name in enumerate(measures.header) if name not in table.header
+    ]
+    rows = []
+    for key, (line, cells) in zip(_keys(table), table.rows, strict=True):
+        if key not in measures_by_run:
+            raise _outdated_measures(str(file), key)
+        new_cells = [measures_by_run[key][column] for column in new_columns]
+        rows.append((line, [*cells, *new_cells]))
+    names = tuple(measures.header[column] for column in new_columns)
+    return replace(
+        table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows)
+    )
+
+
+def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
+    """Return the error of a table of measures that does not contain the row of a run. `location` is
+    the path of the file, with the line if known."""
+    return ModelError(
+        f"{location}: the row of the run {' '.join(keys)} is missing; run `tdint campaign` with "
+        "--im again"
+    )
+
+
+def _keys(table: CsvTable) -> list[tuple[str, ...]]:
+    """Return the keys of the runs of a table (`_KEYS`)."""
+    return list(zip(*(table.texts(name) for name in _KEYS), strict=True))
+
+
+def column_of(table: CsvTable, name: str) -> tuple[str, str]:
+    """Return the title of the column with an intensity measure, and the unit of the column. `name`
+    is the title without the suffix of the unit, such as `pga` for the column `pga_m_s2`.
+
+    Raises
+    ------
+    UsageError
+        The table does not contain the measure.
+    """
+    for unit in _UNITS:
+        if table.has(f"{name}{suffix(unit)}"):
+            return f"{name}{suffix(unit)}", unit
+    raise UsageError(no_measure_message(table.source, name))
+
+
+def no_measure_message(source: str, name: str) -> str:
+    """Return the error message about a table of runs that does not contain the intensity measure
+    `name`."""
+    return (
+        f"{source}: the runs have no measure {name}; run `tdint campaign` on the same directory "
+        f"with --im, which writes {MEASURES}"
+    )
+
+
+def motions_if_known(table: CsvTable) -> NDArray[np.intp] | None:
+    """Return the index of the ground motion, or of the event, of each row of a table; None if the
+    table has neither a column `event` nor a column `record`."""
+    return motions_of(table) if table.has("event") or table.has("record") else None
