@@ -337,9 +337,11 @@ class SpectrumRequest(TablesRequest):
     @property
     def target_spectrum(self) -> TargetSpectrum | None:
         """The target spectrum; None if it is not requested."""
+        if self.target is None:
+            return None
         from tdint.analysis.spectra.target import read_target
 
-        return read_target(self.target) if self.target is not None else None
+        return read_target(self.target)
 
     @property
     def elastic_settings(self) -> SpectrumSettings:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import Record
-from tdint.model.definition import Model
 from tdint.number_parsing import parse_ratio
 from tdint.units import DriftSize, parse_drift
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals
+    from tdint.model.definition import Model
 
 
 class AnyTrace(Protocol):
@@ -52,6 +52,8 @@ def model_of(argument: Any) -> Model:
     ModelError
         The argument is invalid, or the file contains errors.
     """
+    from tdint.model.definition import Model  # spectra of records do not need this import
+
     if isinstance(argument, Model):
         return argument
     # Imported here, because loading YAML takes time and is not needed for an existing model.

@@ -19,6 +19,7 @@ of time.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,9 @@ from tdint.kernels.linear_terms import finite, force_value
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method
-from tdint.model.building import Building
+
+if TYPE_CHECKING:
+    from tdint.model.building import Building
 
 Array = NDArray[np.float64]
 

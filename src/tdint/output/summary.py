@@ -16,17 +16,19 @@ from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdint.files import INPUT_DIGESTS
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
-from tdint.model.definition import Model
 from tdint.output.tables.table import converted, described_in, digits
 from tdint.system import version_of_sources
 from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
 
 _LINE = 160  # maximum characters of a JSON line, indentation excluded
 _SCHEMA = 1  # version of the layout; increased when a key is removed or changes its meaning

@@ -204,7 +204,8 @@ def groups(
     # Coefficients of displacement and velocity in the absolute acceleration.
     table[spectra.BY_DISPLACEMENT] = omega**2
     table[spectra.BY_VELOCITY] = 2.0 * damping * omega
-    for count in np.unique(parts).tolist():
+    # `np.unique` would import numpy.ma, which takes longer than the spectrum of one record.
+    for count in sorted(set(parts.tolist())):
         indices = np.flatnonzero(parts == count)
         missing_columns = -indices.size % lanes(indices.size)
         columns = np.append(indices, np.full(missing_columns, indices[-1]))

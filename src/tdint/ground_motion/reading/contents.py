@@ -497,12 +497,11 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
     """Return the format of a file. If it is not supported, the RecordError states the probable
     reason, such as a compressed file or a text table without a header, and the remedy.
     """
-    from tdint.ground_motion.formats.free_table import find_table
-    from tdint.ground_motion.formats.text import table_in
-
     recognized = _recognize(data, layout)
     if recognized is not None:
         return recognized
+    from tdint.ground_motion.formats.free_table import find_table
+    from tdint.ground_motion.formats.text import table_in
 
     for first_bytes, program in _COMPRESSIONS.items():
         if data.startswith(first_bytes):
@@ -539,13 +538,13 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
     Tables with a free header are tried after all formats. With a layout, the format of text tables
     is tried once more at the end, because the layout permits tables that have no sufficient header.
     """
-    from tdint.ground_motion.formats.free_table import find_table
-
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
             if _recognizes(plugin, data):
                 options = {"layout": layout} if plugin.name == TEXT_TABLE else {}
                 return _Recognized(plugin.name, partial(_read_by, plugin, data, **options))
+        from tdint.ground_motion.formats.free_table import find_table  # needed only for tables
+
         table = find_table(data, layout)
         if table is not None and table.is_record:
             return _Recognized(TEXT_TABLE, table.read)

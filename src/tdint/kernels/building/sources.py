@@ -40,9 +40,7 @@ _PUBLIC = "tdint.plugin"
 """Module from which plug-ins import names that are defined in other modules."""
 
 _LAWS = "tdint.kernels.laws"
-_IMPORT = re.compile(
-    rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE
-)
+_IMPORT = re.compile(rb"\n[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)")
 _NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
 _COMMENT = re.compile(rb"#[^\n]*")
 _QUOTES = b'"' * 3  # begins and ends a docstring
@@ -213,9 +211,10 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     for package, imported_names in _IMPORT.findall(text):
         base = package.decode()
         items = _COMMENT.sub(b"", imported_names).strip(b"() \t\r\n").split(b",")
-        # An imported name can be a module or a name in the module `base`.
         names.append(base)
-        names += [f"{base}.{item.split()[0].decode()}" for item in items if item.strip()]
+        # A name that is imported from a package can be a module.
+        if (home := _own_file(base)) and home.name == "__init__.py":
+            names += [f"{base}.{item.split()[0].decode()}" for item in items if item.strip()]
     hashed = code_of_text(text) if file.is_relative_to(_PACKAGE) else text
     return hashlib.sha256(hashed).digest(), tuple(names)
 
