@@ -58,7 +58,6 @@ GROUPS = {
     "Housekeeping": {
         "compile": "Compile time loops ahead of their first use.",
         "validate": "Compare results of this installation with published and exact results.",
-        "rerun": "Repeat a recorded command and compare its results.",
     },
 }
 """The commands in the groups and in the order of the help, with the first sentence of the help of

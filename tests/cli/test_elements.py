@@ -98,8 +98,6 @@ def test_several_runs_and_campaigns_write_the_table_of_each_run(check, model, td
     result = tdint("campaign", "merge", "part1", "part2", "-o", "merged")
     assert result.exit_code == 0, result.output
     assert _rows("merged") == expected
-    result = tdint("rerun", "several")
-    assert result.exit_code == 0, result.output
 
 
 def test_a_sequence_lists_the_elements_over_all_events(model, tdint):

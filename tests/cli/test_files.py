@@ -154,7 +154,7 @@ def test_every_command_that_writes_or_reads_files_is_tested() -> None:
     """Exceptions are `compile`, which names its files by a hash of their content, `rerun`, which
     writes only to an empty directory, and `pushover`, which reads its model in the same way as
     `modes`."""
-    assert writing_commands() - {"compile", "rerun"} == {
+    assert writing_commands() - {"compile"} == {
         line.split()[0] for line, _ in WRITING.values()
     }
     names = cli.list_commands(click.Context(cli))
@@ -187,11 +187,6 @@ def check_json_file(
     assert str(Path.cwd()).encode() not in written[file]
     header = written.get(f"{file.removesuffix('json')}csv", b"").decode().partition("\n")[0]
     assert not header or set(header.split(",")) <= set(about["columns"])
-    with chdir(Path(file).parent):
-        again = tdint("rerun", Path(file).name, code=0)
-    tables = [name for name in written if name.endswith(".csv")]
-    assert again.stdout == ""
-    assert all(f"{Path(name).name}: the same, " in again.stderr for name in tables)
 
 
 @pytest.mark.parametrize("name", WRITING)
@@ -287,7 +282,6 @@ READING = {
     "compile": ("compile FIFO", 3),
     "sensitivity": ("sensitivity FIFO MOTION --vary mass_factor=0.9:1.1", 3),
     "plug-in": ("methods --plugin FIFO.py", 2),
-    "rerun": ("rerun FIFO", 2),
 }
 """Calls with a named pipe instead of a file, and their exit codes."""
 
@@ -443,7 +437,7 @@ def test_every_option_that_writes_a_file_is_tested() -> None:
                 assert (name, option.opts[0]) in tried | {("init", "file")}, name
     reading = {arguments[0] for arguments in lines}
     assert writing_commands() - reading == {
-        "overshoot", "failures", "examples", "validate", "compile", "rerun",
+        "overshoot", "failures", "examples", "validate", "compile",
     }  # fmt: skip
 
 

@@ -252,11 +252,9 @@ def test_every_command_has_a_function_and_help_lists_them():
         "init": "model_template",
     }
     function_names |= {"law": "cyclic_test"}  # `law` would not describe the function.
-    without_function = {"rerun"}  # repeats a command line, not a function call
     names = {
         function_names.get(command, command.replace("-", "_"))
         for command in COMMANDS
-        if command not in without_function
     }
     assert names <= set(package.__all__)
     for name in names | {"plot", "run_many", "to_dict"}:

@@ -53,7 +53,6 @@ CALLS = {
     "examples": ("1 --method newmark-average", 21_300, ""),
     "chart": ("office.yaml --method impulse4 --dt 0.01 --repeat 1 --duration 1", 26_300, "obspy"),
     "compile": ("office.yaml --show", 16_650, ""), "validate": ("", 25_150, "obspy"),
-    "rerun": ("loop.json", 13_150, ""),
 }  # fmt: skip
 """For each command: arguments, maximum number of lines of tdint's own code that it loads (5 % above
 the present number, because a kernel that is not in the cache loads more), and the packages of
@@ -62,7 +61,6 @@ the present number, because a kernel that is not in the cache loads more), and t
 BEFORE = {
     "compare": ("run office.yaml --history=h.csv",),
     "campaign": ("campaign study.yaml -o study",),
-    "rerun": ("law office.yaml --drift 1% -o loop.csv",),
 }
 """Commands that write the input files of other commands."""
 

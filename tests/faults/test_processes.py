@@ -162,7 +162,7 @@ def test_a_worker_ends_with_a_killed_parent(name):
 def test_workers_of_fuzz_tests_end_with_a_killed_parent():
     """A batch of a worker needs minutes, so that the worker would remain."""
     script = Path(__file__).parents[1] / "fuzz/run.py"
-    line = [sys.executable, str(script), "--of", "reruns", "--cases", "5000", "--jobs", "1"]
+    line = [sys.executable, str(script), "--of", "studies", "--cases", "5000", "--jobs", "1"]
     with subprocess.Popen(
         line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
     ) as parent:

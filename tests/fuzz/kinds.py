@@ -15,7 +15,6 @@ from fuzz import (
     command_lines,
     model_files,
     oracle,
-    reruns,
     shards,
     stores,
     studies,
@@ -81,6 +80,5 @@ KINDS = {
     "stores": Kind(lambda: list(stores.CALLS), stores.outcome, stores.OUTCOMES),
     "names": Kind(file_names.names, file_names.outcome, tuple(CODES.values())),
     "shards": Kind(shards.names, shards.outcome, shards.OUTCOMES),
-    "reruns": Kind(reruns.names, reruns.outcome, reruns.OUTCOMES),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -386,14 +385,6 @@ class SampleUnitsType(Name):
         return units_of_text(value) if isinstance(value, str) else value
 
 
-ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar(
-    "elsewhere", default=None
-)
-"""Function that returns the new path of an output when `tdint rerun` repeats a command. Its
-arguments are the parameter, the typed name, and whether the name is a directory. None if outputs
-are written to the typed names."""
-
-
 class FileName(ValueType):
     """Option type of a file name, with completion by the shell.
 
@@ -420,14 +411,10 @@ class FileName(ValueType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path of the file.
 
-        An input file is protected, so that no output of the command replaces it. During `tdint
-        rerun`, the path of an output file is replaced by the result of the function in `ELSEWHERE`,
-        except for standard output and for a figure next to a table (`BESIDE`).
+        An input file is protected, so that no output of the command replaces it.
         """
         if not self.written:
             protect_input(value)
-        elif (elsewhere := ELSEWHERE.get()) and value not in ("", STDIN, BESIDE):
-            return elsewhere(param.name or "" if param else "", value, self.path_type == "dir")
         return value
 
     def shell_complete(

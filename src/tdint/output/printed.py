@@ -58,9 +58,6 @@ ON_SCREEN = PrintedAs()
 PRINTED: ContextVar[PrintedAs] = ContextVar("printed", default=ON_SCREEN)
 """Settings of the running command."""
 
-TRUSTED: ContextVar[bool] = ContextVar("trusted", default=True)
-"""True if a style sheet may start programs; false for style sheets named in a foreign file."""
-
 _ITEM = re.compile(r"""(?:'[^']*'|"[^"]*"|[^,'"])+""")
 _QUOTED = re.compile(r"""'([^']*)'|"([^"]*)\"""")
 _LENGTH = re.compile(r"([0-9.]+)\s*([a-z]+)")

@@ -6,7 +6,6 @@ a state.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import itertools
 import math
@@ -41,7 +40,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
-from tdint.output.printed import ON_SCREEN, PRINTED, TRUSTED, PrintedAs, in_print
+from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print
 from tdint.units import OutputUnits
 
 mpl.rcdefaults()
@@ -435,14 +434,6 @@ def check_print(printed: PrintedAs) -> None:
             text = read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
         except UsageError as error:
             raise UsageError(f"style sheet {error}") from None
-        # matplotlib evaluates lists of colors and starts LaTeX, so a style sheet can execute code.
-        # Therefore an untrusted style sheet is always refused.
-        if not TRUSTED.get():
-            digest = hashlib.sha256(text).hexdigest()
-            raise UsageError(
-                f"the style sheet {printed.style} (SHA-256 {digest}) may start programs; read it, "
-                "then add --trust"
-            )
         try:
             sheet = mpl.rc_params_from_file(printed.style, use_default_template=False)
         except (OSError, ValueError) as error:

@@ -6,7 +6,6 @@ from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
     from tdint.output.tables import buildings as buildings
-    from tdint.output.tables import differences as differences
     from tdint.output.tables import methods as methods
     from tdint.output.tables import responses as responses
     from tdint.output.tables import runs as runs
