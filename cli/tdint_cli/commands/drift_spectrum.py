@@ -68,7 +68,7 @@ class DriftRequest(TablesRequest):
     "tdint drift-spectrum office-motion.txt --stories 5 -o drift.csv --plot",
     exits={4: "a record cannot be read; the other records are processed"},
 )
-@options.record.record_options
+@options.record.plain_record_options
 @options.spectra.tables_of_records()
 @options.of(DriftRequest)
 def command(request: DriftRequest) -> None:

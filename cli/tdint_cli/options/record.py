@@ -25,7 +25,7 @@ option = partial(grammar.option, heading=grammar.RECORD)
 _rare = partial(option, rare=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecordRequest:
     """Options for reading the records of a command line and processed.
 
@@ -44,16 +44,20 @@ class RecordRequest:
     units: SampleUnits | None
     component: str | None
     inventory: str | None
-    layout: TextLayout
-    processing: Processing
+    layout: TextLayout | None = None
+    processing: Processing | None = None
 
     @property
     def choice(self) -> RecordChoice:
         """The same options as a `RecordChoice`, for a suite of ground motions."""
-        from tdint.ground_motion.choice import RecordChoice
+        from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
 
         return RecordChoice(
-            self.units, self.component, self.inventory, self.processing, self.layout
+            self.units,
+            self.component,
+            self.inventory,
+            self.processing or Processing(),
+            self.layout or TextLayout(),
         )
 
     def read(self, file: str) -> list[Record]:
@@ -69,7 +73,7 @@ class RecordRequest:
         return read_chosen(file, self.choice)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecordsRequest(RecordRequest):
     """Common options of the commands that accept records as arguments."""
 
@@ -228,6 +232,9 @@ _PROCESSED = (*_PROCESSING, _with_layout_and_processing)
 
 record_options = grammar.together(records, *_READING, *_PROCESSED)
 """Common options of commands with records as arguments, for a RecordsRequest."""
+
+plain_record_options = grammar.together(records_if_any, units, component, inventory)
+"""The same options without layout and processing, for records that `tdint info --export` wrote."""
 
 optional_record_options = grammar.together(records_if_any, *_READING, *_PROCESSED)
 """The same options for commands with optional records."""

@@ -184,7 +184,7 @@ class IdaRequest(RecordsRequest):
     "tdint ida office.yaml office-motion.txt --threshold 2% -o study --plot",
 )
 @options.analysis.model
-@options.record.optional_record_options
+@options.record.plain_record_options
 @options.of(IdaRequest)
 def command(request: IdaRequest) -> None:
     """Run incremental dynamic analyses: story drift over intensity, up to collapse.

@@ -251,7 +251,7 @@ _SPECTRA = options.output.option(
     exits={5: "a factor exceeds --max-factor; no selection within --factor-range"},
 )
 @options.analysis.plugin
-@options.record.record_options
+@options.record.plain_record_options
 @options.output.to_files(
     picture="Also draw the scaled spectra with median, fractiles and target. Written to this file "
     "(.png, .pdf, .svg), or next to -o with its name.",
