@@ -391,7 +391,7 @@ KEPT_SAFE = {
     "campaign --report": ("shaken.yaml", ".html", "campaign of-it.yaml -o o --report {written}"),
     "campaign -o": ("study.yaml", ".csv", "campaign {read} -o {folder}"),
     "match -o": ("motion.mseed", ".csv", f"match RECORD --target {ASCE7} -o o --plot={{written}}"),
-    "scale -o": ("motion.mseed", ".csv", "scale RECORD --pga 0.4g -o {written}"),
+    "scale -o": ("motion.mseed", ".csv", "scale RECORD --to pga=0.4g -o {written}"),
     "scale --spectra": ("target.csv", ".csv", "scale MOTION --target {read} --spectra {written}"),
     "ida --plot": ("shaken.yaml", ".png", "ida {read} MOTION --precision 40% --plot={written}"),
     "ida --report": (

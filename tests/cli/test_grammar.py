@@ -220,7 +220,7 @@ INPUTS = {
 REQUIRED = {
     "inventory": ["--units", "m"],
     "compare": ["--recorded", "x"],
-    "scale": ["--pga", "1g"],
+    "scale": ["--to", "pga=1g"],
     "match": ["--target", "x", "-o", "m"],
 }
 
@@ -428,7 +428,7 @@ def test_modes_contain_only_parameters_of_their_command(name):
 
 
 def test_an_option_is_not_used_as_the_value_of_another(folder, tdint):
-    call = ("scale", "motion.mseed", "--pga", "0.3g")
+    call = ("scale", "motion.mseed", "--to", "pga=0.3g")
     tdint.refused("--pairs requires a value, but -q is an option", *call, "--pairs", "-q")
     tdint(*call, "--units", "m/s^2", "-q", code=0)
 

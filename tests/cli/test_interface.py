@@ -115,7 +115,7 @@ CASES = {
         ),
     ),
     "scale": (
-        ("scale", *RECORD, "--sa", "2m/s^2", "--at", "0.5"),
+        ("scale", *RECORD, "--to", "sa=2m/s^2", "--at", "0.5"),
         lambda: package.scale([motion()], "sa(0.5)", 2.0),
     ),
     "sensitivity": (

@@ -76,7 +76,7 @@ def test_damping_of_a_matched_spectrum(tdint):
 
 def test_records_of_a_table_of_factors(folder, tdint):
     """An analysis of intensities reads the records of the table, and ignores its factors."""
-    tdint(*f"scale {MOTION} --pga 0.5g -o factors.csv".split(), code=0)
+    tdint(*f"scale {MOTION} --to pga=0.5g -o factors.csv".split(), code=0)
     call = "ida shaken.yaml --im pga --max-im 0.05g -o"
     tdint(*call.split(), "direct", *MOTION.split(), code=0)
     tdint(*call.split(), "listed", "--factors", "factors.csv", code=0)

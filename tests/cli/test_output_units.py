@@ -106,7 +106,7 @@ def test_the_files_of_a_run_in_other_units_convert_back(folder: Path, tdint: Com
         ("spectrum", "motion.mseed", "--period", "0.5,1", "--rotd", "50,100"),
         ("drift-spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5,1"),
         ("info", "motion.mseed", "--component", "HNE"),
-        ("scale", "motion.mseed", "--component", "HNE", "--sa", "0.2g", "--at", 0.5),
+        ("scale", "motion.mseed", "--component", "HNE", "--to", "sa=0.2g", "--at", 0.5),
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )

@@ -37,7 +37,7 @@ def test_commands_recognize_a_matched_pair(folder, tdint, suffix):
     rotd = rows(tdint("spectrum", *files, "--rotd", "100", "--period", "0.3", code=0).stdout)
     assert [row["component"] for row in rotd] == ["337+67"]
     assert float(rotd[0]["rotd100_psa_m_s2"]) == pytest.approx(9.80665, rel=0.02)
-    scaling = ("scale", "m", "--pairs", "geometric-mean", "--sa", "1g", "--at", "0.3")
+    scaling = ("scale", "m", "--pairs", "geometric-mean", "--to", "sa=1g", "--at", "0.3")
     scaled = rows(tdint(*scaling, code=0).stdout)
     assert len(scaled) == 2 and len({row["factor"] for row in scaled}) == 1
     study = "buildings: {models: [shaken.yaml]}\nrecords: {files: [m], pairs: true}\n"
@@ -75,7 +75,7 @@ def test_components_that_do_not_belong_together_are_refused(folder, tdint, old, 
     for call in (
         ("run", "one.yaml", "in", "-o", "out"),
         ("campaign", "study.yaml", "-o", "out"),
-        ("scale", "in", "--pairs", "rotd100", "--sa", "1g", "--at", "0.3"),
+        ("scale", "in", "--pairs", "rotd100", "--to", "sa=1g", "--at", "0.3"),
         ("ida", "one.yaml", "in", "--pairs", "geometric-mean"),
         ("match", "in", "--pairs", "rotd100", *TARGET.split(), "-o", "m"),
     ):
@@ -91,7 +91,7 @@ def test_a_missing_component_is_reported(folder, tdint):
     (folder / "RSN1_EQ_GIL337.AT2").unlink()
     tdint.refused(
         "RSN1_EQ_GIL067.AT2: ... one horizontal component, 67; ",
-        *("scale", "RSN1_EQ_GIL067.AT2", "--pairs", "rotd100", "--sa", "1g", "--at", "0.3"),
+        *("scale", "RSN1_EQ_GIL067.AT2", "--pairs", "rotd100", "--to", "sa=1g", "--at", "0.3"),
         code=4,
     )
 

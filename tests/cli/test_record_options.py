@@ -21,7 +21,7 @@ LINES = {
     "run": "run shaken.yaml --record motion.txt",
     "match": "match motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.4:0.5 --format csv "
     "-o out --overwrite",
-    "scale": "scale motion.txt --sa 0.5g --at 0.5",
+    "scale": "scale motion.txt --to sa=0.5g --at 0.5",
     "ida": "ida shaken.yaml motion.txt --im pga --threshold 0.1% --max-im 3g",
     "sensitivity": "sensitivity shaken.yaml motion.txt --vary stiffness_factor=0.9:1.1",
     "chart": "chart shaken.yaml --record motion.txt --method newmark-average --dt 0.02 "

@@ -67,7 +67,7 @@ def test_spectral_accelerations_reach_their_values(folder, tdint):
         float(
             rows(tdint("scale", *call, option, "2m/s^2", "--at", "0.5", code=0).stdout)[0]["factor"]
         )
-        for option in ("--sa", "--sa-avg")
+        for option in ("--to", "sa=--sa-avg")
     ]
     assert factors[0] * spectral_acceleration(tdint, call, ["0.5"]) == pytest.approx(2.0, rel=1e-6)
     periods = [f"{0.5 * multiple:.12g}" for multiple in AVERAGE.values()]
@@ -119,7 +119,7 @@ def test_pairs_are_found_by_file_names(folder, tdint, make_record):
                 folder / "named" / f"{name}_{ending}.mseed", channel, peak=peak + peak_difference
             )
     names = "{}_long.mseed,{}_tran.mseed"
-    scale = ("scale", "named", *UNITS, "--pga", "0.1g", "--pairs")
+    scale = ("scale", "named", *UNITS, "--to", "pga=0.1g", "--pairs")
     messages = [
         line
         for line in tdint(*scale, "geometric-mean", code=4).stderr.splitlines()
@@ -139,7 +139,7 @@ def test_pairs_are_found_by_file_names(folder, tdint, make_record):
 
 def test_a_failing_record_stops_a_set_but_not_single_records(folder, tdint):
     call = ("scale", "motion.mseed", "none.mseed", *UNITS)
-    result = tdint(*call, "--pgv", "10cm/s", code=4)
+    result = tdint(*call, "--to", "pgv=10cm/s", code=4)
     assert len(rows(result.stdout)) == 2 and "none.mseed" in result.stderr
     tdint.refused("none.mseed", *call, "--p695", code=4)
     tdint.refused(
@@ -213,7 +213,7 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
 
 
 def test_factors_from_wrong_units_cause_a_warning(folder, tdint):
-    messages = tdint("-q scale motion.mseed --units", "1e3 m/s^2", "--pga", "0.1g", code=0).stderr
+    messages = tdint("-q scale motion.mseed --units", "1e3 m/s^2", "--to", "pga=0.1g", code=0).stderr
     assert "peak ground acceleration" in messages and "factors outside 0.05 to 20" in messages
 
 

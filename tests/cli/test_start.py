@@ -42,7 +42,7 @@ CALLS = {
     "drift-spectrum": ("motion.mseed --period 1", 17_500, "obspy"),
     "match": ("motion.mseed --target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:1 -o m", 18_200, "obspy"),
     "campaign": ("status study", 31_800, ""),
-    "scale": ("motion.mseed --pga 0.4g", 36_450, "obspy"),
+    "scale": ("motion.mseed --to pga=0.4g", 36_450, "obspy"),
     "ida": ("office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%", 36_850, "obspy"),
     "sensitivity": ("office.yaml motion.mseed --vary damping=2%:5%", 38_700, "obspy"),
     "fragility": ("stripes.csv", 35_700, ""), "methods": ("", 14_100, ""),

@@ -57,7 +57,7 @@ COMMANDS = {
     "losses.csv of tdint campaign": "{folder}/damage.yaml",
     "floor-spectra-mean.csv of tdint campaign": "{folder}/campaign.yaml --floor-spectra roof",
     "measures.csv of tdint campaign": f"{{folder}}/campaign.yaml --im {','.join(readmes.MEASURES)}",
-    "tdint scale": "records/firm-soil.mseed --pga 0.4g",
+    "tdint scale": "records/firm-soil.mseed --to pga=0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "tdint fragility": "configs/stripes.csv --modeling-dispersion 0.2",

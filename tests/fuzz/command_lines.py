@@ -52,8 +52,8 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
     "scale": [
         SELECT,
         (*SELECT, "--events", "events.csv", "--per-event", "1", "--target-std", "scatter.csv"),
-        ("a.txt", "--pga", "0.2g"),
-        ("n.mseed", "--units", "m/s^2", "--sa", "1m/s^2", "--at", "0.5"),
+        ("a.txt", "--to", "pga=0.2g"),
+        ("n.mseed", "--units", "m/s^2", "--to", "sa=1m/s^2", "--at", "0.5"),
     ],
     "sensitivity": [("linear.yaml", "a.txt", "--vary", "damping=2%:5%")],
     "ida": [("linear.yaml", "a.txt")],

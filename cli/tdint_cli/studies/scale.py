@@ -20,7 +20,6 @@ from tdint_cli.options.option_types import (
     ListOf,
     Number,
     PairWish,
-    intensity,
     span,
     span_at,
 )
@@ -37,12 +36,33 @@ if TYPE_CHECKING:
     from tdint.arrays import Array
     from tdint.number_parsing import Grid
     from tdint.studies.scaling import Scaling
-    from tdint.units import OutputUnits, Units
+    from tdint.units import OutputUnits
 
-_VALUES = ("sa", "sa-avg", "pga", "pgv", "arias", "cav")
+_SI_UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
-_ACCELERATION = intensity("acceleration")
+
+
+class _MeasureValue(click.ParamType):
+    """Option type of an intensity measure with its value and unit, such as pga=0.4g."""
+
+    name = "measure"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, float]:
+        """Return the name of the measure, and the value in SI units."""
+        from tdint.studies.intensity import measure_at, scalable_measures
+        from tdint.units import parse_units
+
+        name, _, text = value.partition("=")
+        if name not in scalable_measures():
+            self.fail(f"{value!r} is not MEASURE=VALUE with {', '.join(scalable_measures())}")
+        unit = measure_at(name, 0.05, 1.0).unit
+        units = parse_units(text)
+        if not units.has_factor or _SI_UNITS[units.quantity] != unit:
+            self.fail(f"{text!r} must be a number with a unit of {unit}, such as {name}=0.4g")
+        return name, units.scale
 
 
 @options.request
@@ -117,62 +137,25 @@ class ScaleRequest(RecordsRequest):
         help="Target standard deviation of ln Sa of the selected set, or a CSV file with the "
         "columns period_s and scatter.",
     )
-    sa: Units | None = options.option(
-        type=_ACCELERATION, help="Scale to this Sa at the period --at, such as 0.6g."
-    )
-    sa_avg: Units | None = options.option(
-        type=_ACCELERATION,
-        rare=True,
-        help="Scale to this Sa_avg (average of Sa around the period --at).",
+    to: tuple[str, float] | None = options.option(
+        type=_MeasureValue(),
+        metavar="MEASURE=VALUE",
+        help="Scale to this value of an intensity measure: sa=0.6g or sa-avg=0.4g at the period "
+        "--at, pga=0.4g, pgv=40cm/s, arias=2m/s, cav=9m/s, or a measure of a plug-in.",
     )
     at: float | None = options.option(
-        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
-    )
-    pga: Units | None = options.option(
-        type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g."
-    )
-    pgv: Units | None = options.option(
-        type=intensity("velocity"),
-        rare=True,
-        help="Scale to this peak ground velocity, such as 40cm/s.",
-    )
-    arias: Units | None = options.option(
-        type=intensity("velocity"), rare=True, help="Scale to this Arias intensity, such as 2m/s."
-    )
-    cav: Units | None = options.option(
-        type=intensity("velocity"),
-        rare=True,
-        help="Scale to this cumulative absolute velocity, such as 9m/s.",
+        type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of sa and sa-avg."
     )
     p695: bool = options.option(
         rare=True,
-        help="Normalize pairs by their peak ground velocities (FEMA P-695, A.8). With --sa and "
-        "--at, then scale the set to this median Sa of all components.",
+        help="Normalize pairs by their peak ground velocities (FEMA P-695, A.8). With --to sa "
+        "and --at, then scale the set to this median Sa of all components.",
     )
     pairs: PairWish | None = study_options.pairs(
         "Scale both horizontal components of a ground motion with one factor, based on this "
         "measure."
     )
-    damping: float = study_options.damping("--target or --sa or --sa-avg or --plot")
-
-    @property
-    def value(self) -> tuple[str, float] | None:
-        """Name and value (SI units) of the intensity measure to scale to; None: not specified.
-
-        Raises
-        ------
-        UsageError
-            Several intensity measures are specified.
-        """
-        values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
-        specified = [(name, value.scale) for name, value in values.items() if value is not None]
-        if len(specified) > 1:
-            names = " and ".join(f"--{name}" for name, _ in specified)
-            raise UsageError(
-                f"{names} cannot be used together, because a ground motion is scaled to one "
-                "value; omit all but one"
-            )
-        return specified[0] if specified else None
+    damping: float = study_options.damping("--target or --to sa or sa-avg or --plot")
 
     def check(self) -> None:
         """Check that the options can be used together.
@@ -182,29 +165,30 @@ class ScaleRequest(RecordsRequest):
         UsageError
             No target value is given or several are given, or an option has no effect.
         """
-        measure = self.value[0] if self.value else ""
+        measure = self.to[0] if self.to else ""
         goals = ["--target"] if self.target else []
         if self.p695:
             goals.append("--p695")
         elif measure:
-            goals.append(f"--{measure}")
+            goals.append("--to")
         if len(goals) != 1:
             problem = "no target is specified"
             if goals:
                 problem = f"{' and '.join(goals)} cannot be used together"
-            raise UsageError(
-                f"{problem}; specify one of --target, --sa with --at, --sa-avg with --at, --pga, "
-                "--pgv, --arias, --cav, --p695"
-            )
+            raise UsageError(f"{problem}; specify one of --target, --to or --p695")
         if self.p695 and measure not in ("", "sa"):
-            raise UsageError(f"--p695 cannot be used with --{measure}; use --sa with --at")
+            raise UsageError(
+                f"--p695 cannot be used with --to {measure}; use --to sa=VALUE with --at"
+            )
         # The rules asce7 and ec8 compare spectra from 0.2 T to 2 T with the period T of the
         # structure, unless --range specifies the periods.
         needs_period = self.rule in _BY_PERIOD and self.range is None
         if measure.startswith("sa") and self.at is None:
-            raise UsageError(f"--{measure} requires a period; add --at SECONDS")
+            raise UsageError(f"--to {measure} requires a period; add --at SECONDS")
         if self.at is not None and not (measure.startswith("sa") or needs_period):
-            raise UsageError("--at requires --sa, --sa-avg, or --rule asce7 or ec8 without --range")
+            raise UsageError(
+                "--at requires --to sa or sa-avg, or --rule asce7 or ec8 without --range"
+            )
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
                 f"--building and --{'range' if self.at is None else 'at'} cannot be used together; "
@@ -246,7 +230,7 @@ _SPECTRA = options.output.option(
 
 @options.command(
     "scale",
-    "tdint scale office-motion.txt --sa 0.6g --at 0.8",
+    "tdint scale office-motion.txt --to sa=0.6g --at 0.8",
     "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
     exits={5: "a factor exceeds --max-factor; no selection within --factor-range"},
 )
@@ -326,7 +310,7 @@ def _scale_function(request: ScaleRequest) -> Any:
     from tdint.studies import scaling
     from tdint.studies.intensity import measure_at
 
-    value = request.value
+    value = request.to
     if request.p695:
         return lambda motions: scaling.scale_p695(
             motions, request.at, value[1] if value else None, damping=request.damping
