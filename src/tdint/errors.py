@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 _MAX_LINE_LENGTH, _HEAD_LENGTH, _TAIL_LENGTH = 1000, 700, 250
 """Maximum number of characters of a line of a message, and numbers of characters that are kept at
@@ -112,6 +112,13 @@ class RecordError(TdintError):
     """Ground-motion record that is invalid or incomplete."""
 
     exit_code = 4
+
+    def located(self, place: str) -> Self:
+        """Return the error with the place, such as the name of the file, before its message; the
+        class and the attributes are kept."""
+        error = type(self).__new__(type(self), abridged(f"{place}: {self}"))
+        vars(error).update(vars(self))
+        return error
 
 
 class AnalysisError(TdintError):

@@ -397,7 +397,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
             f"{source}: the file is corrupt or truncated: {error}; download it again"
         ) from error
     except RecordError as error:
-        raise RecordError(f"{source}: {error}") from error
+        raise error.located(source) from error
     except struct.error as error:
         raise RecordError(f"{source}: the file is truncated within its header ({name})") from error
     if not numeric:

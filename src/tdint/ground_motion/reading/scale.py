@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
+from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
@@ -352,15 +353,17 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     """
     # The empty text in `tdint_units` means that the user must specify the units.
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
-        raise RecordError(
-            f"{label}: the file does not state the units of its samples; {_SPECIFY_UNITS}"
+        raise IncompleteRecord(
+            f"{label}: the file does not state the units of its samples; {_SPECIFY_UNITS}",
+            Missing(units=True),
         )
     code = str(trace.stats.channel).upper()
     if len(code) != 3 or code[1] != _ACCELEROMETER:
-        raise RecordError(
+        raise IncompleteRecord(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
             f"for accelerometer channels (?N?, such as HNE), not for "
-            f"{code or 'a channel without a code'}; {_SPECIFY_UNITS}"
+            f"{code or 'a channel without a code'}; {_SPECIFY_UNITS}",
+            Missing(units=True),
         )
 
     # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
@@ -377,9 +380,10 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     elif peak and not np.any(samples % 1.0):
         why_unlikely = "all samples are whole numbers, probably counts"
     if why_unlikely:
-        raise RecordError(
+        raise IncompleteRecord(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
-            f"{why_unlikely}; {_SPECIFY_UNITS}"
+            f"{why_unlikely}; {_SPECIFY_UNITS}",
+            Missing(units=True),
         )
     return Units("m/s^2", 1.0, has_factor=False), (
         "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "

@@ -1,0 +1,49 @@
+"""Errors of readers that the user answers: properties that a record does not state, and files that
+contain something other than a ground motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tdint.errors import RecordError
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Properties of a record that the file does not state and that the user must specify.
+
+    A reader lists all properties together, so that a single question asks for them. A reader does
+    not know the units that the user specified; the caller removes `units` if these are specified.
+
+    Attributes
+    ----------
+    step : bool
+        The sampling interval is required (`step`).
+    units : bool
+        The units of the samples are required (`units`).
+    columns : tuple of str
+        Columns of which at least one is required (`column`): names, or numbers counted from 1.
+    rows : bool
+        Each line may continue the ground motion; `rows` is then the alternative to `column`.
+    skip_lines : int
+        Number of lines at the beginning that must be skipped (`skip_lines`); 0 if none.
+    """
+
+    step: bool = False
+    units: bool = False
+    columns: tuple[str, ...] = ()
+    rows: bool = False
+    skip_lines: int = 0
+
+
+class IncompleteRecord(RecordError):
+    """Record that can be read if the user specifies the properties in `missing`."""
+
+    def __init__(self, message: str, missing: Missing) -> None:
+        super().__init__(message)
+        self.missing = missing
+
+
+class OtherContent(RecordError):
+    """File that is recognized as something other than a ground motion: response spectra, the table
+    of a search, a spreadsheet. A directory may contain such files."""
