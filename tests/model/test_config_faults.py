@@ -19,7 +19,8 @@ WORDS = {
         "name, units, stories, building, damping, p_delta, excitation, initial, analysis, "
         "collapse_drift, plausibility, damage, limits, output_units, report"
     ),
-    "<story keys>": "mass, weight, height, stiffness, law, elements, dashpot, isolator, repeat",
+    "<story keys>": "mass, weight, height, stiffness, law, elements, dashpot, isolator, rayleigh, "
+    "p_delta, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
     "<ratio>": "a number of at least 0 and below 1",
     "<laws>": ", ".join(LAWS),
@@ -100,7 +101,7 @@ units: {mass: t}¶stories: [{mass: 1e308, stiffness: 1e999}, {mass: 1e-999, stif
         got '1e999'
     2:51: stories[2].mass: must be a positive number, got '1e-999'
 p_delta: true¶stories: [{mass: 1, stiffness: 1, height: 3}, {mass: 1, stiffness: 1}]
-    2:47: stories[2].height: is missing; p_delta needs the height of every story
+    2:47: stories[2].height: is missing; p_delta needs the height of every story; give it, or `p_delta: false` in this story
 stories: [{mass: 1, stiffness: 1}]¶damping: {rayleigh: {ratio: 0.05, modes: [1, 1]}}
     2:21: damping.rayleigh: a one-story model has one mode, and the form with ratio and modes requires two;
         write damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}
@@ -161,8 +162,8 @@ damping: {modal: 105%}
 damping: {modal: [0.05, 1, 0.2, 0.3]}
     2:18: damping.modal: must be a list of at most 3 damping ratios (one per mode), got 4
     2:25: damping.modal[2]: must be <ratio>, got '1'
-damping: {modal: {ratio: 0.05}}
-    2:18: damping.modal.modes: is missing; give the number of damped modes
+damping: {modal: {modes: 2}}
+    2:18: damping.modal.ratio: is missing; give the damping ratio
 excitation: {record: []}
     2:22: excitation.record: must be a file or a mapping with the key file, got a list
 excitation: {record: {}}

@@ -531,7 +531,7 @@ def assemble(model: Model) -> Building:
     heights = np.array(
         [math.nan if story.drift_height is None else story.drift_height for story in stories]
     )
-    if model.p_delta:
+    if model.has_p_delta:
         linear_terms[rows.GEOMETRIC, :n] = -weight_over_height(model)
     law_parameters, yield_drift = _law_table(stories)
     # P-delta (the row GEOMETRIC, negative) reduces the stiffness of the vibration.
@@ -644,11 +644,14 @@ def _can_stiffen(story: Story) -> bool:
 def weight_over_height(model: Model) -> Array:
     """Return the weight above each story divided by the height of the story, N/m, shape (n,).
 
-    P-delta reduces the stiffness of the story by this value.
+    P-delta reduces the stiffness of the story by this value. It is zero in stories without P-delta.
     """
     mass = np.array([story.mass for story in model.stories])
     heights = np.array(
-        [math.nan if story.height is None else story.height for story in model.stories]
+        [
+            (story.height or math.nan) if has_p_delta else math.inf
+            for story, has_p_delta in zip(model.stories, model.p_delta_stories, strict=True)
+        ]
     )
     return np.asarray(STANDARD_GRAVITY * np.cumsum(mass[::-1])[::-1] / heights)
 
@@ -661,7 +664,7 @@ def unstable_after_yield(model: Model) -> tuple[str, ...]:
     P-delta reduces the stiffness of a story by the weight above it divided by its height. The
     story is unstable if this value exceeds the post-yield stiffness of its law.
     """
-    if not model.p_delta:
+    if not model.has_p_delta:
         return ()
     # In SI units, write stiffnesses in MN/m, which gives short numbers for buildings.
     unit_name, unit_value = model.output_units.unit("N/m")
@@ -671,7 +674,7 @@ def unstable_after_yield(model: Model) -> tuple[str, ...]:
         zip(model.stories, weight_over_height(model), strict=True), start=1
     ):
         after_yield = stiffness_after_yield(story)
-        if stiffness_reduction > after_yield:
+        if stiffness_reduction > max(after_yield, 0.0):
             messages.append(
                 f"story {i}: {stiffness_reduction / unit_value:.4g} and "
                 f"{after_yield / unit_value:.4g}"

@@ -138,12 +138,17 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
     linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
     linear_terms[:, rows.FLOOR_DAMPER, :n] = 0.0
-    if model.p_delta:
+    if model.has_p_delta:
         story_heights = [
             np.broadcast_to(
-                changed_values.get((i, HEIGHT), story_numbers(story)[HEIGHT]), draw_count
+                changed_values.get((i, HEIGHT), story_numbers(story)[HEIGHT])
+                if has_p_delta
+                else math.inf,
+                draw_count,
             )
-            for i, story in enumerate(model.stories)
+            for i, (story, has_p_delta) in enumerate(
+                zip(model.stories, model.p_delta_stories, strict=True)
+            )
         ]
         # P-delta depends on the weight above each story: sum the masses from the roof downwards.
         mass_above = np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
@@ -154,7 +159,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     # vibration of the base.
     is_vibration_changed = any(
         column in (MASS, STIFFNESS)
-        or (column == HEIGHT and model.p_delta)
+        or (column == HEIGHT and model.has_p_delta)
         or (column >= FIRST_LAW_PARAMETER and model.stories[i].elements)
         for i, column in changed_values
     )

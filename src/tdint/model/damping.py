@@ -66,7 +66,8 @@ def add_damping(
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
     each floor to the ground and a damper parallel to each story. Modal damping is C = sum 2 xi
-    omega (M phi)(M phi)^T over mass-normalized modes phi.
+    omega (M phi)(M phi)^T over mass-normalized modes phi, which P-delta changes unless
+    `ModalDamping.p_delta` is False.
 
     Parameters
     ----------
@@ -98,6 +99,9 @@ def add_damping(
                 f"modal damping of {n} stories requires {needed / 2**30:.0f} GiB of memory, "
                 f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
             )
+        if not damping.p_delta:
+            link = linear_terms[rows.LINK, :n]
+            vibration = FreeVibration(linear_terms[rows.MASS, :n], stiffness, link)
         modes, ratios = vibration.modes, np.array(damping.ratios)
         # Compute the rows sqrt(2 xi omega) M phi. The last ratio applies to all further modes.
         ratios = np.concatenate([ratios, np.full(n - ratios.size, ratios[-1])])

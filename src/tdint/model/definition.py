@@ -69,14 +69,19 @@ class RayleighCoefficients:
 class ModalDamping:
     """Modal damping for the modes of the initial stiffness. It does not change during yielding.
 
+    The modes are those of the stories, without attachments and links.
+
     Attributes
     ----------
     ratios : tuple of float
         Damping ratios in [0, 1) of the first modes in order. The last ratio applies to all further
         modes, too; it is 0 if they are undamped.
+    p_delta : bool
+        True if P-delta reduces the stiffness of these modes.
     """
 
     ratios: tuple[float, ...]
+    p_delta: bool = True
 
 
 Damping = RayleighRatio | RayleighCoefficients | ModalDamping | None
@@ -273,7 +278,8 @@ class Model:
     damping : Damping
         Damping in addition to dashpots.
     p_delta : bool
-        True if gravity acts on the displaced building. Every story has a height in this case.
+        True if gravity acts on the displaced building, in each story that does not specify it
+        itself. Stories on which it acts have a height (`p_delta_stories`).
     excitation : Excitation
         Ground motion and forces.
     initial : Initial
@@ -328,6 +334,18 @@ class Model:
     force_unit: str = "N"
 
     @property
+    def p_delta_stories(self) -> tuple[bool, ...]:
+        """For each story, True if gravity acts on the displaced story."""
+        return tuple(
+            self.p_delta if story.p_delta is None else story.p_delta for story in self.stories
+        )
+
+    @property
+    def has_p_delta(self) -> bool:
+        """True if gravity acts on at least one displaced story."""
+        return any(self.p_delta_stories)
+
+    @property
     def has_dashpots(self) -> bool:
         """True if a story has a dashpot."""
         return any(story.dashpot or story.power_dashpot for story in self.stories)
@@ -336,7 +354,7 @@ class Model:
     def forces_of_total_shear(self) -> str:
         """Forces that total shears contain in addition to the restoring forces, such as
         `P-delta and viscous forces`; empty if both shears are equal."""
-        forces = ["P-delta"] if self.p_delta else []
+        forces = ["P-delta"] if self.has_p_delta else []
         if self.damping is not None or self.has_dashpots:
             forces.append("viscous forces")
         return " and ".join(forces)
@@ -467,8 +485,8 @@ def damped_by(model: Model, ratio: float) -> Damping:
     match model.damping:
         case RayleighRatio(_, modes, tangent):
             return RayleighRatio((ratio, ratio), modes, tangent)
-        case ModalDamping(old_ratios):
-            return ModalDamping(tuple(ratio if old else 0.0 for old in old_ratios))
+        case ModalDamping(old_ratios) as modal:
+            return replace(modal, ratios=tuple(ratio if old else 0.0 for old in old_ratios))
     has_no_ratio = "is undamped" if model.damping is None else "specifies damping by coefficients"
     raise UsageError(
         f"the damping ratio cannot be changed, because {model.name} {has_no_ratio}; specify "

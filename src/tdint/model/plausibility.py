@@ -20,7 +20,7 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
-from tdint.model.definition import ModalDamping, Model
+from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.story_laws import LAWS
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.units import STANDARD_GRAVITY
@@ -255,6 +255,7 @@ def plausibility_warnings(
         often studied without damping.
     """
     warnings = unusual_values(model, building, pga)
+    warnings += _damped_attached_stories(model)
     if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
         warnings.append(UNDAMPED)
     if not model.plausibility_off:
@@ -272,6 +273,40 @@ def plausibility_warnings(
             "residual drifts are arbitrary; add hardening"
         )
     return (*warnings, *_law_warnings(model), *unstable_after_yield(model))
+
+
+_LIGHT_STORY = 0.2
+"""Mass of the top story over the mass of the story below, up to which a top story with a dashpot is
+reported as a possible absorber: absorbers have 0.01 to 0.1 of the mass of a building, a penthouse
+has 0.3 of the mass of a floor or more."""
+
+
+def _damped_attached_stories(model: Model) -> list[str]:
+    """Return a warning about stories with a dashpot that are probably no stories, but to which
+    Rayleigh damping applies: a light top story (an absorber), and stories without a height in a
+    building with heights (soil springs, equipment)."""
+    stories = model.stories
+    if model.plausibility_off or not isinstance(
+        model.damping, RayleighRatio | RayleighCoefficients
+    ):
+        return []
+    has_heights = any(story.height for story in stories)
+    attached = []
+    for i, story in enumerate(stories):
+        is_light = 0 < i == len(stories) - 1 and story.mass <= _LIGHT_STORY * stories[i - 1].mass
+        has_dashpot = story.dashpot > 0.0 or story.power_dashpot is not None
+        is_story = story.height is not None or not has_heights
+        if has_dashpot and story.rayleigh and not story.isolator and (is_light or not is_story):
+            attached.append(str(i + 1))
+    if not attached:
+        return []
+    stories_text = (
+        f"{'story' if len(attached) == 1 else 'stories'} {abbreviate(attached, _MAX_LISTED)}"
+    )
+    return [
+        f"Rayleigh damping acts on {stories_text} in addition to the dashpot; an absorber or "
+        "equipment on a floor belongs in `attachments`, and a soil spring needs `rayleigh: false`"
+    ]
 
 
 def _law_warnings(model: Model) -> list[str]:

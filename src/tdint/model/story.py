@@ -94,6 +94,8 @@ class Story:
         is used for P-delta only.
     rayleigh : bool
         True if Rayleigh damping applies to the story.
+    p_delta : bool | None
+        True if gravity acts on the displaced story; None for the value of the model.
     elements : tuple of Element
         Elements of a story with several springs in parallel; empty for a story with a single law.
     damper_factor : float
@@ -111,6 +113,7 @@ class Story:
     rayleigh: bool = True
     elements: tuple[Element, ...] = ()
     damper_factor: float = 1.0
+    p_delta: bool | None = None
 
     @property
     def springs(self) -> tuple[Element, ...]:

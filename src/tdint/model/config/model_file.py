@@ -602,7 +602,13 @@ def _read_stories(
         else:
             entries = section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta)
-        return stories, count, _damping_of(damping, stories, count)
+        read = _damping_of(damping, stories, count)
+        if entries and isinstance(read, ModalDamping):
+            for entry in entries.items("stories") or ():
+                switch = entry.peek("rayleigh")
+                if switch and not switch.boolean():
+                    switch.fault("modal damping acts on all stories; use damping.rayleigh")
+        return stories, count, read
     # Imported here because it loads numpy, which is not needed to read other models.
     from tdint.model.config.building_facts import read_building
 
@@ -837,6 +843,7 @@ def _damping_text(damping: Damping) -> str:
             values = f"mass: {mass:.12g}, stiffness: {stiffness:.12g}"
             values += ", tangent: true" if tangent else ""
             return f"{{rayleigh: {{{values}}}}}"
-        case ModalDamping(ratios):
-            return f"{{modal: {format_numbers(ratios)}}}"
+        case ModalDamping(ratios, p_delta):
+            values = format_numbers(ratios)
+            return f"{{modal: {values if p_delta else f'{{ratio: {values}, p_delta: false}}'}}}"
     return "none"

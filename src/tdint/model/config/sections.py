@@ -220,16 +220,26 @@ def _damping_type(count: int | None) -> Either:
     )
     # The value of `modal` is a ratio for all modes, a list of ratios, or {ratio: ..., modes: ...}
     # for the first modes.
-    first_modes = Keys(
-        (
-            Key("ratio", RATIO, "damping ratio", True),
-            Key("modes", mode, "number of modes", True, "give the number of damped modes"),
-        ),
-        # `ModalDamping` applies the last ratio to all further modes; here it is 0.
-        make=lambda _, ratio, modes: (ratio,) * modes + (0.0,) * (modes != count),
-    )
     list_text = f"a list of at most {count} damping ratios (one per mode)"
     ratio_list = EntriesOf(RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
+    first_modes = Keys(
+        (
+            Key(
+                "ratio",
+                Either((RATIO, ratio_list)),
+                "damping ratio, or one per mode",
+                needed=True,
+                advice="give the damping ratio",
+            ),
+            Key("modes", mode, "number of damped modes; default: all"),
+            Key(
+                "p_delta",
+                Flag(),
+                "false for the modes of the stiffness without P-delta; default: true",
+            ),
+        ),
+        make=lambda value, ratio, modes, p_delta: _modal(value, count, ratio, modes, p_delta),
+    )
     modal = Either((RATIO, ratio_list, first_modes))
     # A mapping contains exactly one of the keys `rayleigh` and `modal`. A list of ratios has been
     # converted to a tuple.
@@ -245,11 +255,29 @@ def _damping_type(count: int | None) -> Either:
         one_of=(("rayleigh", "modal"),),
         alternative_groups=(("rayleigh",), ("modal",)),
         description="none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}",
-        make=lambda _, rayleigh, modal: (
-            rayleigh or ModalDamping(modal if isinstance(modal, tuple) else (modal,))
+        make=lambda value, rayleigh, modal: (
+            rayleigh
+            or (
+                modal
+                if isinstance(modal, ModalDamping)
+                else _modal(value, count, modal, None, None)
+            )
         ),
     )
     return Either((Choice(("none",)), RATIO, forms), forms.description)
+
+
+def _modal(
+    value: Value, count: int | None, ratio: Any, modes: int | None, p_delta: bool | None
+) -> ModalDamping:
+    """Return modal damping with one ratio, or with a tuple of ratios of the first modes."""
+    ratios = ratio if isinstance(ratio, tuple) else (ratio,)
+    if modes is not None and len(ratios) > 1:
+        value.fault("give either a list of ratios, or one ratio and `modes`, not both")
+    elif modes is not None:
+        # `ModalDamping` applies the last ratio to all further modes; here it is 0.
+        ratios = ratios * modes + (0.0,) * (modes != count)
+    return ModalDamping(ratios, p_delta is not False)
 
 
 def _rayleigh(

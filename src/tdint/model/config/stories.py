@@ -438,6 +438,18 @@ _STORY = Keys(
             "true for an isolator: its displacement is reported instead of a drift ratio; "
             "`rayleigh` for an isolator with Rayleigh damping",
         ),
+        Key(
+            "rayleigh",
+            Flag(),
+            "false for a story without Rayleigh damping, such as a soil spring; default: true, of "
+            "an isolator false",
+        ),
+        Key(
+            "p_delta",
+            Flag(),
+            "false for a story without P-delta, which needs no height; default: `p_delta` of the "
+            "model",
+        ),
         Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
@@ -455,7 +467,7 @@ def read_stories(
     Parameters
     ----------
     p_delta : bool
-        Require the height of every story.
+        Require the height of every story that does not specify `p_delta: false`.
     """
     entries = value.items("a list of stories", "must contain at least one story") if value else None
     if entries is None:
@@ -494,8 +506,12 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     else:
         law, stiffness_of_law = read_law(law_entry, unit)
     dashpot, power_dashpot, damper_factor = _read_dashpot(section.get("dashpot"), unit)
-    if p_delta:
-        height_entry = section.need("height", "p_delta needs the height of every story")
+    story_p_delta = section.read("p_delta")
+    if p_delta if story_p_delta is None else story_p_delta:
+        height_entry = section.need(
+            "height",
+            "p_delta needs the height of every story; give it, or `p_delta: false` in this story",
+        )
     else:
         height_entry = section.get("height")
     mass = _read_mass(section, unit)
@@ -512,7 +528,9 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     isolator_entry = section.get("isolator")
     is_damped_isolator = bool(isolator_entry and isolator_entry.is_word(_RAYLEIGH))
     is_isolator = is_damped_isolator or bool(isolator_entry and isolator_entry.boolean())
-    has_rayleigh_damping = is_damped_isolator or not is_isolator
+    has_rayleigh_damping = section.read("rayleigh", is_damped_isolator or not is_isolator)
+    if is_damped_isolator and not has_rayleigh_damping:
+        section.value.fault("give either `isolator: rayleigh` or `rayleigh: false`, not both")
     story = Story(
         mass,
         height,
@@ -524,6 +542,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         has_rayleigh_damping,
         elements,
         damper_factor,
+        story_p_delta,
     )
 
     # Parameters and stiffness can be valid separately, but their combination invalid.
