@@ -29,32 +29,32 @@ GROUPS = {
         "Records and suites",
         (
             "tdint.ground_motion",
-            "tdint.studies.matching",
-            "tdint.studies.scaling",
-            "tdint.studies.selection",
+            "tdint.studies.motions.matching",
+            "tdint.studies.motions.scaling",
+            "tdint.studies.motions.selection",
             "tdint.output.tables.spectra",
         ),
     ),
     "runs": (
         "Runs",
         (
-            "tdint.analysis.run",
-            "tdint.analysis.overview",
-            "tdint.analysis.cyclic",
-            "tdint.analysis.pushover",
-            "tdint.analysis.target_displacement",
+            "tdint.response.runs",
+            "tdint.response.overview",
+            "tdint.response.static.cyclic",
+            "tdint.response.static.pushover",
+            "tdint.response.static.target_displacement",
         ),
     ),
-    "spectra": ("Spectra", ("tdint.analysis.spectra",)),
+    "spectra": ("Spectra", ("tdint.response.spectra",)),
     "studies": ("Studies of many runs", ("tdint.studies",)),
     "methods": (
         "Methods",
-        ("tdint.methods", "tdint.assessment", "tdint.assessment.chart", "tdint.analysis"),
+        ("tdint.methods", "tdint.assessment", "tdint.assessment.chart", "tdint.response"),
     ),
     "results": ("Results and errors", ("tdint.",)),
 }
 """Title of each page, and the modules that define its names. The first match is used, so a name of
-`tdint.studies.scaling` is on the page of records."""
+`tdint.studies.motions.scaling` is on the page of records."""
 
 PLUGIN_PAGE = "plug-ins"
 TABLE_PAGE = "results"

@@ -112,8 +112,8 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 @pytest.fixture
 def short_matching(monkeypatch: pytest.MonkeyPatch) -> None:
     """Match motions at few periods in few rounds, for tests of commands and files.
-    tests/analysis/test_matching.py tests the quality of matched motions."""
-    from tdint.studies import matching
+    tests/studies/motions/test_matching.py tests the quality of matched motions."""
+    from tdint.studies.campaign.assigned_motions import matching
 
     monkeypatch.setattr(matching, "_FIRST_PERIODS", 30)
     monkeypatch.setattr(matching, "_STAGES", 0)
@@ -145,7 +145,7 @@ _SHORT_COMMANDS = (
     *("output_units", "rotation", "run", "sequence", "spectrum"),
 )
 _SHORT_RUNS = {
-    "tests/analysis/run/test_steps.py",
+    "tests/response/runs/test_steps.py",
     "tests/model/test_limits.py",
     *(f"tests/cli/test_{name}.py" for name in _SHORT_COMMANDS),
 }
@@ -193,8 +193,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         if not any("kernels" in str(argument) for argument in config.args):
             logging.getLogger("tdint").addFilter(_is_not_about_compilation)
         return
-    from tdint.analysis.run.analysis_kernels import all_kernels
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
+    from tdint.response.runs.analysis_kernels import all_kernels
 
     # Loops that were installed with a wheel are not compiled again.
     missing = [pair for pair in all_kernels() if not list_objects([pair])[0][2]]

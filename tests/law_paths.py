@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from tdint.analysis.cyclic import follow_path
 from tdint.kernels import layout
 from tdint.kernels.stories import law_state
 from tdint.kernels.stories.law_tables import law_state_table
@@ -10,6 +9,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import simple_model
 from tdint.model.story import simple_story
 from tdint.model.story_laws import CODES, Law
+from tdint.response.static.cyclic import follow_path
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05  # N/m, N, and stiffness after yielding divided by K
 CYCLE = np.concatenate(

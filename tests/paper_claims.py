@@ -26,23 +26,23 @@ from as_printed import (
     nonlinear_step,
 )
 from tdint import run
-from tdint.analysis.run.compiled_steps import amplification
-from tdint.assessment.failures import attempt, problems
-from tdint.assessment.order import observed_order, order_problem
-from tdint.assessment.paper_examples import (
+from tdint.assessment.examples.paper_examples import (
     DT,
     EQUAL_ERRORS,
     METHODS,
     examples,
     run_example,
 )
-from tdint.assessment.stability import STARTS, critical_step, overshoot, stability
+from tdint.assessment.failures.failures import attempt, problems
+from tdint.assessment.order.order import observed_order, order_problem
+from tdint.assessment.stability.stability import STARTS, critical_step, overshoot, stability
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import Initial, simple_model
 from tdint.model.story import simple_story
 from tdint.model.story_laws import Law
+from tdint.response.runs.compiled_steps import amplification
 
 ROUNDING = 1e-12  # differences below this are rounding
 DAMPINGS = (0.0, 0.05, 0.2, 0.9, 1.0, 3.0)  # damping ratios xi

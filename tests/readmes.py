@@ -22,11 +22,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tdint import plugin
-from tdint.analysis.spectra.drift import DriftSpectrum
-from tdint.analysis.spectra.elastic import OscillatorMotion, Spectrum
-from tdint.analysis.spectra.inelastic import InelasticSpectrum
-from tdint.assessment.failures import HardProblem, problems
+from tdint import assessment, plugin, studies
+from tdint.assessment.examples import example_tables as examples
+from tdint.assessment.failures.failures import HardProblem, problems
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
@@ -35,9 +33,14 @@ from tdint.model.story_laws import LAWS
 from tdint.output.tables import buildings, methods, responses, spectra, transfer
 from tdint.output.tables import table as shared
 from tdint.output.tables.table import columns_of
+from tdint.response.spectra.drift import DriftSpectrum
+from tdint.response.spectra.elastic import OscillatorMotion, Spectrum
+from tdint.response.spectra.inelastic import InelasticSpectrum
+from tdint.studies.campaign import campaign_tables as campaign
+from tdint.studies.fragility import damage_tables as damage_states
+from tdint.studies.fragility import fragility_tables as functions
 from tdint.studies.fragility.measures import run_measure
-from tdint.assessment.tables import assessment
-from tdint.studies.tables import campaign, comparison, damage_states, studies
+from tdint.studies.recordings import comparison_tables as comparison
 from tdint_cli.main import GROUPS
 
 ROOT = Path(__file__).parents[1]
@@ -172,7 +175,7 @@ def _bound(problem: HardProblem):
 
 
 def problem_table():
-    """Return the table of the problems on which methods fail, with their criteria; `tdint.analysis`
+    """Return the table of the problems on which methods fail, with their criteria; `tdint.response`
     lists the sources."""
     rows = ["| problem | description | passes with |", "|---|---|---|"]
     for problem in problems().values():
@@ -274,18 +277,25 @@ def columns():
         "measures.csv of tdint campaign": campaign.measure_columns(
             list(map(run_measure, MEASURES))
         ),
-        "tdint scale": studies.FACTORS,
-        "tdint ida": studies.CAPACITIES,
-        "ida.csv of tdint ida": studies.IDA,
-        "tdint fragility": (*studies.FRAGILITY, studies.FRAGILITY_TOTAL, *studies.COUNTED),
-        "tdint fragility --im sa,pga": (*studies.COMPARED, *studies.DEPENDENCE),
+        "tdint scale": studies.motions.scaling_tables.FACTORS,
+        "tdint ida": studies.ida.ida_tables.CAPACITIES,
+        "ida.csv of tdint ida": studies.ida.ida_tables.IDA,
+        "tdint fragility": (*functions.FRAGILITY, functions.FRAGILITY_TOTAL, *functions.COUNTED),
+        "tdint fragility --im sa,pga": (*functions.COMPARED, *functions.DEPENDENCE),
         "tdint methods": methods.METHOD,
-        "tdint stability": assessment.STABILITY,
-        "tdint overshoot": assessment.OVERSHOOT,
-        "tdint order": assessment.ORDER,
-        "tdint failures": assessment.FAILURE,
-        "tdint examples": (*assessment.EXAMPLE, assessment.rank(lambda run: None), assessment.OUTCOME),
-        "tdint chart": (assessment.CHART_STORIES, *assessment.CHART),
+        "tdint stability": assessment.stability.stability_tables.STABILITY,
+        "tdint overshoot": assessment.stability.stability_tables.OVERSHOOT,
+        "tdint order": assessment.order.order_tables.ORDER,
+        "tdint failures": assessment.failures.failure_tables.FAILURE,
+        "tdint examples": (
+            *examples.EXAMPLE,
+            examples.rank(lambda run: None),
+            examples.OUTCOME,
+        ),
+        "tdint chart": (
+            assessment.chart.chart_tables.CHART_STORIES,
+            *assessment.chart.chart_tables.CHART,
+        ),
     }
 
 

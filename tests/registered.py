@@ -7,10 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tdint.analysis.run import batch as runs
-from tdint.analysis.run.analysis_kernels import all_kernels
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.time_steps import Steps
 from tdint.ground_motion import measures
 from tdint.kernels.building import compilable
 from tdint.kernels.laws import LAWS as NUMBERED
@@ -22,6 +18,10 @@ from tdint.model.building import assemble
 from tdint.model.definition import simple_model
 from tdint.model.story import simple_story
 from tdint.model.story_laws import Law
+from tdint.response.runs import batch as runs
+from tdint.response.runs.analysis_kernels import all_kernels
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.time_steps import Steps
 
 SHORTER = 80  # steps of `step_check._H`; methods with errors differ at the 60th step
 

@@ -7,15 +7,15 @@ import numpy as np
 from scipy.linalg import eigh
 
 from building_cases import Force, Law, ModalDamping, RayleighCoefficients, model, oscillator, story
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.run import run
 from tdint.kernels import layout as rows
 from tdint.kernels.stepping import Scene
 from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
 from tdint.methods.workspace import workspace
 from tdint.model.building import assemble
+from tdint.response.runs.case import Case
+from tdint.response.runs.outcome import FailedRun
+from tdint.response.runs.run import run
 
 RAYLEIGH = RayleighCoefficients(mass=0.8, stiffness=2e-3)
 FORCE = Force(1, 3.0, 2.0, 5.0)

@@ -22,12 +22,12 @@ from tdint_cli.main import COMMANDS
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LAYERS = (
-    *("kernels", "ground_motion", "model", "methods", "analysis", "output"),
+    *("kernels", "ground_motion", "model", "methods", "response", "output"),
     *("assessment", "studies"),
 )
 
 LONG_SIGNATURES = {
-    "analysis": 2,
+    "response": 2,
     "assessment": 1,
     "studies": 2,
     "output": 2,
@@ -75,15 +75,10 @@ def test_class_names_are_unique_among_layers():
 def test_columns_are_declared_in_table_modules():
     """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
-    subjects = {
-        "output": "buildings responses runs spectra methods loads transfer table",
-        "assessment": "assessment",
-        "studies": "campaign damage_states studies exports comparison matching",
-    }
-    assert makers <= {
-        f"src/tdint/{package}/tables/{name}.py"
-        for package, names in subjects.items()
-        for name in names.split()
+    other = {path for path in makers if not path.endswith("_tables.py")}
+    names = ["buildings", "responses", "runs", "spectra", "methods", "loads", "transfer", "table"]
+    assert other == {f"src/tdint/output/tables/{name}.py" for name in names} | {
+        "src/tdint/studies/campaign/exports.py"
     }
 
 
@@ -123,6 +118,13 @@ ANY_NAME = {
 """Modules that import by names that are not in their text, and the modules that these names can
 be."""
 
+ROOMS = [
+    f"tdint.{path.parent.parent.name}.{path.parent.name}"
+    for package in ("assessment", "studies")
+    for path in (ROOT / "src/tdint" / package).glob("*/__init__.py")
+]
+"""Packages of the subjects of studies and of the assessment of methods."""
+
 TABLES_OF_NAMES = {
     "tdint_cli.handlers": lambda: [name.partition(":")[0] for name in HANDLERS.values()],
     "tdint_cli.main": lambda: [module for module, _ in COMMANDS.values()],
@@ -131,6 +133,11 @@ TABLES_OF_NAMES = {
     "tdint.kernels.laws": lambda: [
         f"tdint.kernels.laws.{name.replace('-', '_')}" for name in LAW_NAMES
     ],
+    # The modules of these packages are rooms, which are packages, and `presentations`.
+    **{
+        name: lambda name=name: [other for other in ROOMS if other.startswith(f"{name}.")]
+        for name in ("tdint.assessment", "tdint.studies")
+    },
     "tdint.methods.catalogue": lambda: [f"tdint.methods.{family}" for family in FAMILIES],
 }
 """Modules that import by names in a table, and the modules of the table."""
@@ -190,9 +197,7 @@ def layers_upward():
         for contract in PROJECT["tool"]["importlinter"]["contracts"]
         if contract["name"] == "Imports run one way"
     )
-    command_line, *below = [
-        layer for group in contract["layers"] for layer in group.split(" | ")
-    ]
+    command_line, *below = [layer for group in contract["layers"] for layer in group.split(" | ")]
     return [*below[::-1], "tdint.plugin", "tdint", command_line]
 
 
@@ -248,24 +253,24 @@ def test_imports_have_no_cycle_and_no_higher_layer():
 @pytest.mark.parametrize(
     "line",
     [
-        "import_module('tdint.analysis.run.run')",
-        "importlib.import_module('tdint.analysis.run.run')",
-        "__import__('tdint.analysis.run.run')",
-        "def check():\n    from tdint.analysis.run.run import run",
+        "import_module('tdint.response.runs.run')",
+        "importlib.import_module('tdint.response.runs.run')",
+        "__import__('tdint.response.runs.run')",
+        "def check():\n    from tdint.response.runs.run import run",
     ],
 )
 def test_import_by_name_that_closes_cycle_is_found(line):
-    name = "tdint.analysis.run.compiled_steps"
-    source = (ROOT / "src/tdint/analysis/run/compiled_steps.py").read_text(encoding="utf-8")
+    name = "tdint.response.runs.compiled_steps"
+    source = (ROOT / "src/tdint/response/runs/compiled_steps.py").read_text(encoding="utf-8")
     upward, cycle = wrong_imports(changed_graph(name, f"{source}\n{line}\n"))
     assert upward == []
-    assert {name, "tdint.analysis.run.run"} <= set(cycle)
+    assert {name, "tdint.response.runs.run"} <= set(cycle)
 
 
 def test_import_by_name_of_higher_layer_is_found():
     source = "from importlib import import_module\nimport_module('tdint.output.plotting')\n"
-    upward, _ = wrong_imports(changed_graph("tdint.analysis.cyclic", source))
-    assert upward == ["tdint.analysis.cyclic imports tdint.output.plotting"]
+    upward, _ = wrong_imports(changed_graph("tdint.response.static.cyclic", source))
+    assert upward == ["tdint.response.static.cyclic imports tdint.output.plotting"]
 
 
 def test_import_by_computed_name_is_refused():
@@ -287,6 +292,9 @@ def test_getattr_of_modules_is_known():
         "tdint.plugin",
         "tdint.output.figures",
         "tdint.output.tables",
+        "tdint.assessment",
+        "tdint.studies",
+        *(room for room in ROOMS if room != "tdint.studies.store"),
         "tdint_cli.options",
     }
 
@@ -318,23 +326,23 @@ NAMED_ELSEWHERE = {
         "cli/tdint_cli/assessment/overshoot.py": "linear",
         "cli/tdint_cli/commands/spectrum_kinds.py": "exact linear",
         "cli/tdint_cli/options/record.py": "linear",
-        "src/tdint/assessment/stability.py": "linear",
-        "src/tdint/analysis/spectra/elastic.py": "exact",
+        "src/tdint/assessment/stability/stability.py": "linear",
+        "src/tdint/response/spectra/elastic.py": "exact",
         "src/tdint/ground_motion/choice.py": "linear",
         "src/tdint/ground_motion/processing_steps.py": "linear",
         "src/tdint/kernels/building/compiler.py": "tanh",
-        "src/tdint/assessment/figures/assessment.py": "linear",
+        "src/tdint/assessment/stability/stability_figures.py": "linear",
         "src/tdint/output/figures/spectrum_curves.py": "exact linear",
-        "src/tdint/assessment/output/chart_summary.py": "gap",
+        "src/tdint/assessment/chart/chart_summary.py": "gap",
     },
     "models with a law": {
-        "src/tdint/assessment/failures.py": "gauss4 polynomial tanh",
-        "src/tdint/assessment/order.py": "bilinear linear polynomial",
-        "src/tdint/analysis/run/compiled_steps.py": "linear",
+        "src/tdint/assessment/failures/failures.py": "gauss4 polynomial tanh",
+        "src/tdint/assessment/order/order.py": "bilinear linear polynomial",
+        "src/tdint/response/runs/compiled_steps.py": "linear",
         "src/tdint/methods/step_check.py": "bilinear linear peak-oriented tanh",
         "src/tdint/model/capacity.py": "multilinear-pinching",
         "src/tdint/model/mdof_lu.py": "trilinear-pinching",
-        "src/tdint/model/story_curves.py": (
+        "src/tdint/model/first_model.py": (
             "bilinear multilinear multilinear-pinching trilinear-pinching"
         ),
         "src/tdint/model/story_laws.py": "linear",
@@ -346,15 +354,15 @@ NAMED_ELSEWHERE = {
     "methods of references, and of buildings for which they are exact": {
         "cli/tdint_cli/assessment/examples.py": "gauss4 impulse impulse4 linear moment4 rk5",
         "src/tdint/assessment/chart/problem.py": "exact gap impulse4 newmark-average",
-        "src/tdint/studies/compare.py": "exact",
-        "src/tdint/studies/fit.py": "exact",
-        "src/tdint/analysis/run/error_estimate.py": "exact",
+        "src/tdint/studies/recordings/compare.py": "exact",
+        "src/tdint/studies/recordings/fit.py": "exact",
+        "src/tdint/response/runs/error_estimate.py": "exact",
     },
     "published examples": {
-        "src/tdint/assessment/paper_examples.py": (
+        "src/tdint/assessment/examples/paper_examples.py": (
             "central-difference impulse newmark-average newmark-linear polynomial rk5 u0v0 wilson"
         ),
-        "src/tdint/assessment/validation.py": (
+        "src/tdint/assessment/validation/validation.py": (
             "bathe bilinear central-difference exact impulse4 moment4 newmark-average "
             "newmark-linear polynomial wilson"
         ),
@@ -371,7 +379,7 @@ NAMED_ELSEWHERE = {
             "bathe central-difference generalized-alpha hht impulse impulse4 moment4 "
             "newmark-average"
         ),
-        "src/tdint/assessment/chart/profiles.py": (
+        "src/tdint/assessment/chart/performance_profiles.py": (
             "bathe central-difference exact gauss4 generalized-alpha hht impulse impulse4 moment4 "
             "newmark-average newmark-linear noh-bathe wilson"
         ),
@@ -379,7 +387,7 @@ NAMED_ELSEWHERE = {
             "bathe central-difference exact gauss4 generalized-alpha impulse impulse4 moment4 "
             "newmark-average newmark-linear noh-bathe"
         ),
-        "src/tdint/assessment/figures/chart_profiles.py": "impulse4 moment4 newmark-average",
+        "src/tdint/assessment/chart/profile_figures.py": "impulse4 moment4 newmark-average",
         "src/tdint/output/figures/style.py": (
             "bathe central-difference exact gauss4 generalized-alpha hht impulse impulse4 moment4 "
             "newmark-average newmark-linear wilson"
@@ -437,8 +445,8 @@ def test_table_of_names_is_found():
 
 def test_choices_of_options_are_names_of_the_library():
     """These options name laws without the import of the modules that use them."""
-    from tdint.assessment.order import STORY_LAWS
-    from tdint.model.story_curves import FITTED_LAWS
+    from tdint.assessment.order.order import STORY_LAWS
+    from tdint.model.first_model import FITTED_LAWS
     from tdint_cli.main import cli
 
     for command, known in (("order", STORY_LAWS), ("init", FITTED_LAWS)):

@@ -197,7 +197,7 @@ def test_underestimation_of_rotd50_at_samples():
     )
     missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(exact))
     text = r"`--maxima samples` would underestimate RotD50 by up to (\d+) %"
-    assert numbers_in_sentence("src/tdint/analysis/spectra/README.md", text) == [
+    assert numbers_in_sentence("src/tdint/response/spectra/README.md", text) == [
         pytest.approx(float(missed), abs=0.5)
     ]
 

@@ -13,16 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint import csv_table
-from tdint.analysis.cyclic import read_drift_path
-from tdint.analysis.spectra.target import read_target
 from tdint.csv_table import TextColumn, read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.studies.definition import FactorsFile
+from tdint.response.spectra.target import read_target
+from tdint.response.static.cyclic import read_drift_path
+from tdint.studies.campaign.assigned_motions import GridFile
+from tdint.studies.campaign.definition import FactorsFile
+from tdint.studies.campaign.inputs import read_factors
 from tdint.studies.fragility.fit_table import fragility
-from tdint.studies.inputs import read_factors
-from tdint.studies.inventory import read_inventory
-from tdint.studies.motions import GridFile
-from tdint.studies.sites import read_grid
+from tdint.studies.regions.inventory import read_inventory
+from tdint.studies.regions.sites import read_grid
 
 
 def grid(source):

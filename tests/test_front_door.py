@@ -19,7 +19,7 @@ import pytest
 import tdint
 import tdint.plugin
 from selection import every
-from tdint.analysis.run.outcome import StoryValues
+from tdint.response.runs.outcome import StoryValues
 
 FUNCTIONS = sorted(
     name for name in tdint.__all__ if callable(getattr(tdint, name)) and name[0].islower()

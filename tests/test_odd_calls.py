@@ -12,7 +12,7 @@ import tdint
 from selection import every
 from tdint.errors import TdintError
 from tdint.studies.fragility.fits import fit_cloud
-from tdint.studies.store_schema import refuse_network
+from tdint.studies.store.schema import refuse_network
 
 ODD = (
     None, "", "no such thing", -1, float("nan"), 1e400, [], {}, {"a": None}, object(), b"x",

@@ -10,9 +10,9 @@ import pytest
 
 import tdint
 from tdint import errors
-from tdint.analysis.run.outcome import FailedRun
 from tdint.errors import TdintError, UsageError
-from tdint.studies.store_schema import UntrustedStoreError
+from tdint.response.runs.outcome import FailedRun
+from tdint.studies.store.schema import UntrustedStoreError
 from tdint.validated_calls import validated_call
 
 MODEL = {"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 100.0}]}

@@ -12,7 +12,7 @@ from typing import Any
 HANDLERS = {
     "several runs": "tdint_cli.studies.many_runs:run_many",
     "models of a campaign": "tdint_cli.studies.campaign_check:models_in",
-    "schema of campaigns": "tdint.studies.reader:campaign_schema",
+    "schema of campaigns": "tdint.studies.campaign.reader:campaign_schema",
     "methods of plug-ins": "tdint_cli.assessment.method_check:check_methods",
     "laws of plug-ins": "tdint_cli.assessment.method_check:law_errors",
 }

@@ -19,9 +19,9 @@ from typing import Any, TypeVar
 
 import click
 
-from tdint.analysis.defaults import NO_METHOD
 from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
 from tdint.number_parsing import abbreviate
+from tdint.response.defaults import NO_METHOD
 from tdint.system import set_nonblocking
 
 

@@ -345,16 +345,20 @@ def declared_homes(file: str) -> dict[str, str]:
     return {name: module for module, name in lines}
 
 
-def modules_on_use(package: str) -> Callable[[str], ModuleType]:
+def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]:
     """Return a `__getattr__` for a package that imports its modules at their first use.
 
-    `package` is the full name of the package, such as `tdint.output.tables`.
+    `package` is the full name of the package, such as `tdint.output.tables`. `style` is the module
+    that must be the first that imports matplotlib: it is imported before a module of figures, whose
+    name ends with `figures`.
     """
 
     def import_on_use(name: str) -> ModuleType:
         """Import the module `name` of the package; raise AttributeError if there is no module."""
         if find_spec(f"{package}.{name}") is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if style and name.endswith("figures"):
+            import_module(style)
         return import_module(f"{package}.{name}")
 
     return import_on_use

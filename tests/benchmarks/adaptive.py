@@ -23,8 +23,8 @@ import numpy as np
 from numba import njit
 from scipy.integrate import solve_ivp
 
+from tdint.assessment.chart.performance_profiles import STANDARD, FieldProblem, read_problems
 from tdint.assessment.chart.problem import largest_relative
-from tdint.assessment.chart.profiles import STANDARD, FieldProblem, read_problems
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.story_laws import CODES

@@ -27,17 +27,17 @@ import numpy as np
 from common import rotated_motions
 
 import tdint
-from tdint.analysis.run.batch import Subject
-from tdint.analysis.run.case import Case
 from tdint.ground_motion.reading.suites import suite_motions
-from tdint.studies.batch import CampaignSettings
-from tdint.studies.buildings import model_buildings
-from tdint.studies.execute import Shard, compile_for, execute_plan, threads
-from tdint.studies.inputs import read_inputs
-from tdint.studies.motions import EveryMotion, Scales
-from tdint.studies.plan import Plan, make_plan
-from tdint.studies.reader import load_campaign
-from tdint.studies.store_opening import open_store
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.case import Case
+from tdint.studies.campaign.assigned_motions import EveryMotion, Scales
+from tdint.studies.campaign.buildings import model_buildings
+from tdint.studies.campaign.chunks import CampaignSettings
+from tdint.studies.campaign.execute import Shard, compile_for, execute_plan, threads
+from tdint.studies.campaign.inputs import read_inputs
+from tdint.studies.campaign.plan import Plan, make_plan
+from tdint.studies.campaign.reader import load_campaign
+from tdint.studies.store.opening import open_store
 
 SCALES = tuple(np.linspace(0.1, 2.0, 20).tolist())
 SHELL_LOOP = 0.56  # s; one call of `tdint run` of version 0.1 on an idle machine, for comparison

@@ -26,10 +26,10 @@ from common import ROOT, components
 
 from building_cases import LINEAR, Law, RayleighCoefficients, model, story
 from tdint import load_model, prepare
-from tdint.analysis.run.run import model_record
-from tdint.assessment.chart.profiles import METHODS
+from tdint.assessment.chart.performance_profiles import METHODS
 from tdint.errors import TdintError
 from tdint.model.building import assemble
+from tdint.response.runs.run import model_record
 
 LIMITS = (1e-2, 1e-3, 1e-4)
 """Limits of the relative error of the peak drifts."""

@@ -11,8 +11,8 @@ from functools import partial
 from common import ROOT, minimum_times
 
 from tdint import read_record
-from tdint.analysis.spectra.drift import drift_spectrum
 from tdint.number_parsing import parse_grid
+from tdint.response.spectra.drift import drift_spectrum
 
 REPEATS = 5
 RECORD = ROOT / "records" / "firm-soil.mseed"

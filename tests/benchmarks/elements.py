@@ -15,8 +15,8 @@ import common  # noqa: F401  adds the directory of building_cases to the search 
 
 from building_cases import noise
 from tdint import load_model
-from tdint.analysis.run.run import prepare
 from tdint.methods.catalogue import catalogue
+from tdint.response.runs.run import prepare
 
 STIFFNESS, STRENGTH = 3.5e8, 2.5e6  # N/m, N
 LAWS = {

@@ -42,11 +42,11 @@ from common import ROOT
 
 from random_buildings import any_building
 from tdint import load_model, prepare, run
-from tdint.analysis.run.outcome import FailedRun, Response
-from tdint.analysis.run.step_choice import _Search
+from tdint.assessment.chart.performance_profiles import PARTS, STANDARD, read_problems
 from tdint.assessment.chart.problem import ending_together
-from tdint.assessment.chart.profiles import PARTS, STANDARD, read_problems
 from tdint.ground_motion.reading.read import read_records
+from tdint.response.runs.outcome import FailedRun, Response
+from tdint.response.runs.step_choice import _Search
 
 # Columns of the tables: quantities, and their titles.
 NAMES = (

@@ -19,7 +19,7 @@ from common import ROOT  # noqa: F401  adds the directory of random_buildings to
 
 import tdint
 from random_buildings import any_building
-from tdint.analysis.run.gradient import SIZE
+from tdint.response.runs.gradient import SIZE
 
 METHODS = (
     *("impulse4", "moment4", "newmark-average", "bathe", "central-difference"),

@@ -14,7 +14,7 @@ from collections import Counter
 from common import ROOT, rotated_motions
 
 from tdint import load_model
-from tdint.studies.ida import ida
+from tdint.studies.ida.ida import ida
 
 
 def main():

@@ -19,8 +19,8 @@ from common import ROOT, minimum_times
 
 from references import finer
 from tdint import read_record
-from tdint.analysis.spectra.inelastic import constant_ductility
 from tdint.number_parsing import parse_grid
+from tdint.response.spectra.inelastic import constant_ductility
 
 REPEATS = 3
 DUCTILITIES = [2.0, 4.0]

@@ -18,12 +18,12 @@ import numpy as np
 from common import components
 
 import tdint
-from tdint.analysis.run.batch import Subject
-from tdint.analysis.run.prepared import Motions
 from tdint.model.definition import Model
 from tdint.model.mdof_lu import BuildingFacts
-from tdint.studies.batch import Batch, CampaignSettings, Run, spectral_accelerations
-from tdint.studies.inventory import InventoryRow, derive_row, model_text
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.prepared import Motions
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run, spectral_accelerations
+from tdint.studies.regions.inventory import InventoryRow, derive_row, model_text
 
 BUILDINGS = 40
 METHODS = ("impulse4", "moment4", "newmark-average")

@@ -16,11 +16,17 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tdint.analysis.arguments import model_of
+from tdint.assessment.chart.performance_profiles import (
+    METHODS,
+    PEAKS,
+    Measured,
+    crossed,
+    measure_problem,
+)
 from tdint.assessment.chart.problem import pose
-from tdint.assessment.chart.profiles import METHODS, PEAKS, Measured, crossed, measure_problem
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
+from tdint.response.arguments import model_of
 
 HERE = Path(__file__).parent
 CONFIGS = HERE.parents[1] / "configs"

@@ -23,13 +23,13 @@ from moment4 import print_errors, reference
 
 from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
-from tdint.analysis.arguments import model_record
-from tdint.analysis.run.batch import Subject
-from tdint.analysis.run.outcome import STORY_QUANTITIES
-from tdint.analysis.run.prepared import Motions, PreparedBuilding
-from tdint.analysis.time_steps import choose_steps
 from tdint.methods.catalogue import catalogue, parse
-from tdint.studies.batch import Batch, CampaignSettings, Run, building_step
+from tdint.response.arguments import model_record
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.response.runs.prepared import Motions, PreparedBuilding
+from tdint.response.time_steps import choose_steps
+from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run, building_step
 
 MODELS = {
     name: load_model(ROOT / "configs" / f"{name}.yaml")

@@ -26,13 +26,13 @@ import raw_points
 from common import ROOT
 
 from tdint import load_model
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import model_record
-from tdint.analysis.time_steps import choose_steps
 from tdint.errors import TdintError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.runs.run import model_record
+from tdint.response.time_steps import choose_steps
 
 FILE = Path(__file__).with_name("loops.csv")
 HEADS = ("loops", "model", "method", "own_us_per_step", "ratio")

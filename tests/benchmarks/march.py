@@ -27,15 +27,15 @@ from newmark_loop import loop_arguments, plain_loop
 
 from law_examples import example
 from tdint import load_model, run, system
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import model_record
-from tdint.analysis.time_steps import choose_steps
 from tdint.assessment.chart.problem import stretched
 from tdint.errors import TdintError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
 from tdint.model.story_laws import LAWS
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.runs.run import model_record
+from tdint.response.time_steps import choose_steps
 
 REPEATS = 15
 """Number of measurements of each run; the minimum counts."""

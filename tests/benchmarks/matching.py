@@ -15,7 +15,7 @@ import numpy as np
 from common import ROOT
 
 import tdint
-from tdint.analysis.spectra.target import TargetSpectrum, read_target
+from tdint.response.spectra.target import TargetSpectrum, read_target
 
 RECORDS = ROOT / "records"
 COMPONENTS = [

@@ -23,14 +23,14 @@ from march import with_law
 from building_cases import story
 from random_buildings import CONSERVATIVE, HYSTERETIC, random_building
 from tdint import load_model, run
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.assessment.chart.profiles import STANDARD, read_problems
-from tdint.assessment.failures import problems
+from tdint.assessment.chart.performance_profiles import STANDARD, read_problems
+from tdint.assessment.failures.failures import problems
 from tdint.methods import moment4
 from tdint.methods.catalogue import parse
 from tdint.model.story_laws import LAWS
+from tdint.response.runs.case import Case
+from tdint.response.runs.outcome import FailedRun
+from tdint.response.runs.prepared import PreparedBuilding
 
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01  # s; sampling interval of the record

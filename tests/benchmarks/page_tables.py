@@ -14,7 +14,7 @@ from statistics import geometric_mean, median
 
 import raw_points
 
-from tdint.assessment.chart.profiles import (
+from tdint.assessment.chart.performance_profiles import (
     COARSE,
     PEAKS,
     TOLERANCES,

@@ -22,10 +22,10 @@ from common import ROOT
 
 from random_buildings import piecewise_building, shaken_building
 from tdint import load_model, run
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.run import model_record
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
+from tdint.response.runs.outcome import FailedRun
+from tdint.response.runs.run import model_record
 
 NAMED = ("ten-story", "ten-story-bilinear", "fluid-dampers", "base-isolated")
 MORE = ("hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5")

@@ -28,12 +28,12 @@ from long_steps import random_bilinear
 from newmark_loop import loop_arguments, plain_loop
 
 from tdint import load_model, prepare, run, run_case
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.run import model_record
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
+from tdint.response.runs.case import Case
+from tdint.response.runs.run import model_record
 
 FILE = Path(__file__).with_name("plain_loop.csv")
 FIXED = Path(__file__).with_name("fixed_cost.csv")

@@ -24,7 +24,7 @@ import numpy as np
 from common import ROOT
 
 from tdint import load_model, prepare, run_case
-from tdint.analysis.run.run import model_record
+from tdint.response.runs.run import model_record
 
 RECORDS, CONFIGS = ROOT / "records", ROOT / "configs"
 TDINT = (sys.executable, "-c", "from tdint_cli.main import main; main()")

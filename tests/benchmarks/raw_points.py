@@ -14,7 +14,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tdint.assessment.chart.profiles import PEAKS, STANDARD, Measured, PeakErrors, read_problems
+from tdint.assessment.chart.performance_profiles import (
+    PEAKS,
+    STANDARD,
+    Measured,
+    PeakErrors,
+    read_problems,
+)
 from tdint.assessment.chart.work_precision import Peer, Point, Timing
 
 HERE = Path(__file__).parent

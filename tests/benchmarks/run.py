@@ -43,10 +43,11 @@ from raw_points import Conditions, Entry
 import png_text
 import tdint
 from tdint import system
-from tdint.assessment.chart import opensees_worker, profiles, work_precision
+from tdint.assessment.chart import opensees_worker, work_precision
 from tdint.assessment.chart import peers as peers_module
-from tdint.assessment.chart.problem import FloorMotion, Reference, ending_together
-from tdint.assessment.chart.profiles import (
+from tdint.assessment.chart import performance_profiles as profiles
+from tdint.assessment.chart.chart_figures import chart_picture
+from tdint.assessment.chart.performance_profiles import (
     COARSE,
     METHODS,
     PARTS,
@@ -60,9 +61,9 @@ from tdint.assessment.chart.profiles import (
     measure_problem,
     read_problems,
 )
+from tdint.assessment.chart.problem import FloorMotion, Reference, ending_together
+from tdint.assessment.chart.profile_figures import profile_picture
 from tdint.assessment.chart.work_precision import Chart, PerformanceProfile, Point, within
-from tdint.assessment.figures.assessment import chart_picture
-from tdint.assessment.figures.chart_profiles import profile_picture
 from tdint.errors import TdintError
 from tdint.kernels.building.sources import digest_of_all
 from tdint.methods.catalogue import chosen, parse
@@ -802,7 +803,7 @@ $ tdint chart office.yaml tower.yaml a.mseed b.mseed
 
 The lines of plug-ins are thick and in front; `--highlight NAME` highlights another line instead.
 To add a problem to this page, add an entry to the file of standard problems; to add a method, add its name to `METHODS`
-of [profiles.py](../../src/tdint/assessment/chart/profiles.py). Then run the command above.
+of [profiles.py](../../src/tdint/assessment/chart/performance_profiles.py). Then run the command above.
 """  # noqa: E501
 
 

@@ -15,9 +15,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 import tdint
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.time_steps import Steps
 from tdint.methods.catalogue import parse
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.time_steps import Steps
 
 RECORDS = 100
 DT = 0.01  # s

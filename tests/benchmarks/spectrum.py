@@ -21,10 +21,10 @@ from common import ROOT, minimum_times
 
 from references import OscillatorResponse
 from tdint import read_record, spectrum
-from tdint.analysis.defaults import PERIODS
-from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.number_parsing import parse_grid
+from tdint.response.defaults import PERIODS
+from tdint.response.spectra.rotated import rotated_spectrum
 
 REPEATS = 15
 RECORD = ROOT / "records" / "firm-soil.mseed"
@@ -145,7 +145,7 @@ def main():
         },
         7,
     )
-    # The differences from tdint are printed. tests/analysis/spectra/test_rotated.py compares the
+    # The differences from tdint are printed. tests/response/spectra/test_rotated.py compares the
     # rotated spectra of tdint with the spectra of 180 rotated motions.
     print_comparison(
         times, results, results["tdint --rotd 0,50,100"], periods, "tdint --rotd 0,50,100"

@@ -12,7 +12,7 @@ import sys
 import numpy as np
 
 import tdint
-from tdint.analysis.spectra.target import read_target
+from tdint.response.spectra.target import read_target
 
 TARGET = "ec8:type=1,soil=C,ag=0.35g"
 PERIODS = np.geomspace(0.05, 4.0, 60)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdint.assessment.chart.profiles import (
+from tdint.assessment.chart.performance_profiles import (
     PARTS,
     PEAKS,
     STANDARD,

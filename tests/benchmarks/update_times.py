@@ -29,9 +29,7 @@ import numpy as np
 import raw_points
 from common import ROOT
 
-from tdint.analysis.run.error_estimate import attempt
-from tdint.assessment.chart.problem import ending_together
-from tdint.assessment.chart.profiles import (
+from tdint.assessment.chart.performance_profiles import (
     PARTS,
     PEAKS,
     STANDARD,
@@ -40,8 +38,10 @@ from tdint.assessment.chart.profiles import (
     _peak_errors,
     read_problems,
 )
+from tdint.assessment.chart.problem import ending_together
 from tdint.assessment.chart.work_precision import CHOOSING, DONE, by_tolerance
 from tdint.methods.catalogue import parse
+from tdint.response.runs.error_estimate import attempt
 
 ROUNDS = 3
 REPEATS = 3  # runs of each point in a process

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.pushover import pushover
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
+from tdint.response.static.pushover import pushover
 from tdint.units import STANDARD_GRAVITY
 
 INCH, KIP = 0.0254, 4448.2216152605

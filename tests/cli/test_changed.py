@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from selection import every
-from tdint.studies import batch, plan
+from tdint.studies.campaign import chunks as batch
+from tdint.studies.campaign import plan
 
 MODEL = """
 units: {{force: kN, mass: t}}

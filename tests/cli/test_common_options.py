@@ -5,7 +5,8 @@ import shutil
 import click
 import pytest
 
-from tdint.studies import execute, ida
+from tdint.studies.campaign import execute
+from tdint.studies.ida.ida import ida
 from tdint.system import processors
 from tdint_cli import processes
 from tdint_cli.main import COMMANDS, cli

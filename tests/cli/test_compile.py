@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from small_kernel import scaled
-from tdint.analysis.run import analysis_kernels
 from tdint.kernels.building import store
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.target import named
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.config.model_file import load_model
+from tdint.response.runs import analysis_kernels
 
 
 @pytest.fixture(autouse=True)

@@ -20,13 +20,13 @@ from cli.conftest import Command, change, copy_of, made_once, write_record
 from csv_rows import rows
 from facts import states
 from tdint.ground_motion.choice import RecordChoice
-from tdint.studies.buildings import RowBuildings
-from tdint.studies.definition import FieldFile
-from tdint.studies.inputs import read_inputs
-from tdint.studies.motions import FieldMotions
-from tdint.studies.plan import make_plan
-from tdint.studies.reader import load_campaign
-from tdint.studies.sites import CampaignMotions, read_field
+from tdint.studies.campaign.assigned_motions import FieldMotions
+from tdint.studies.campaign.buildings import RowBuildings
+from tdint.studies.campaign.definition import FieldFile
+from tdint.studies.campaign.inputs import read_inputs
+from tdint.studies.campaign.plan import make_plan
+from tdint.studies.campaign.reader import load_campaign
+from tdint.studies.regions.sites import CampaignMotions, read_field
 
 CAMPAIGN = """\
 buildings: {inventory: buildings.csv, units: {length: ft}}

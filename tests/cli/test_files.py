@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import chdir, contextmanager
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -154,9 +154,7 @@ def test_every_command_that_writes_or_reads_files_is_tested() -> None:
     """Exceptions are `compile`, which names its files by a hash of their content, `rerun`, which
     writes only to an empty directory, and `pushover`, which reads its model in the same way as
     `modes`."""
-    assert writing_commands() - {"compile"} == {
-        line.split()[0] for line, _ in WRITING.values()
-    }
+    assert writing_commands() - {"compile"} == {line.split()[0] for line, _ in WRITING.values()}
     names = cli.list_commands(click.Context(cli))
     takes_files = {
         name

@@ -128,10 +128,7 @@ def test_an_invalid_figure_is_refused_before_the_computation(
     tdint.refused(message, *arguments, code=code)
 
 
-PARAMETERS = {
-    name: import_module(module).command.params
-    for name, (module, _) in COMMANDS.items()
-}
+PARAMETERS = {name: import_module(module).command.params for name, (module, _) in COMMANDS.items()}
 TABLES = [
     name
     for name, parameters in PARAMETERS.items()

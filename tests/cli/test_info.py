@@ -8,9 +8,9 @@ import pytest
 from csv_rows import rows
 from facts import each_states
 from ground_motion import format_files
-from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.measures import spectrum_intensity
 from tdint.ground_motion.reading.read import read_record
+from tdint.response.spectra.elastic import spectrum
 
 
 def errors(result) -> list[str]:

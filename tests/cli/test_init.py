@@ -18,7 +18,7 @@ from tdint.ground_motion.pulse import VelocityPulse
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
-from tdint.studies.reader import campaign_schema
+from tdint.studies.campaign.reader import campaign_schema
 
 
 @pytest.mark.parametrize("units", every(2, ["si", "us"]))

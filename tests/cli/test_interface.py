@@ -252,10 +252,7 @@ def test_every_command_has_a_function_and_help_lists_them():
         "init": "model_template",
     }
     function_names |= {"law": "cyclic_test"}  # `law` would not describe the function.
-    names = {
-        function_names.get(command, command.replace("-", "_"))
-        for command in COMMANDS
-    }
+    names = {function_names.get(command, command.replace("-", "_")) for command in COMMANDS}
     assert names <= set(package.__all__)
     for name in names | {"plot", "run_many", "to_dict"}:
         assert callable(getattr(package, name)), name

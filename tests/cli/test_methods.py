@@ -10,7 +10,7 @@ import scipy.integrate
 from csv_rows import rows
 from facts import each_states, states
 from selection import every
-from tdint.assessment.order import LOADS, STORY_LAWS
+from tdint.assessment.order.order import LOADS, STORY_LAWS
 from tdint.methods.catalogue import catalogue, parse
 from tdint_cli.assessment import order
 
@@ -265,7 +265,7 @@ def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(
 
 
 def test_a_failing_method_does_not_prevent_the_others(tdint, monkeypatch):
-    from tdint.assessment import order as accuracy
+    from tdint.assessment.order.order import order as accuracy
     from tdint.errors import AnalysisError
 
     measure = accuracy.observed_order

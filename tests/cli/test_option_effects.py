@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tdint.assessment.stability as stability
+import tdint.assessment.stability.stability as stability
 from cli.conftest import STUDY, write_record
 from csv_rows import rows
 from tdint.assessment.chart import problem as references

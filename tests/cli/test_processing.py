@@ -8,11 +8,11 @@ import pytest
 
 from csv_rows import rows
 from selection import every
-from tdint.analysis.run.run import run
-from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.config.model_file import load_model
+from tdint.response.runs.run import run
+from tdint.response.spectra.elastic import spectrum
 
 OPTIONS = (
     "--trim", "0.5:2.5", "--baseline", "linear", "--pad", "1:2", "--highpass", "0.5",

@@ -26,8 +26,8 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 from tdint.output.spectrum_text import spectrum_text
-from tdint.studies.motions import MotionFactors
-from tdint.studies.output.suite_report import _scaled_motions
+from tdint.studies.campaign.assigned_motions import MotionFactors
+from tdint.studies.campaign.suite_report import _scaled_motions
 
 CONFIGS, RECORDS = (Path(__file__).parents[2] / name for name in ("configs", "records"))
 EMPTY = {"meta", "img", "br"}

@@ -390,7 +390,7 @@ def test_a_history_larger_than_the_free_disk_space_is_refused_before_the_run(
     motion, 2 floors, 2 stories and 8 energies."""
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000.0))
     monkeypatch.setattr(
-        "tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run")
+        "tdint.response.runs.run.run_case", lambda *_, **__: pytest.fail("it was run")
     )
     size = 101 * (2 + 2 * 3 + 2 * 4 + 8) * bytes_ / 1e9
     message = f"{file}: requires at least {size:.3g} GB, but 1e-06 GB are free"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
-from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
+from tdint.response.spectra.elastic import spectrum
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")
@@ -80,8 +80,8 @@ def test_the_assumed_motion_between_samples_is_reported(folder, tdint, arguments
 
 
 def test_the_choices_equal_the_options_of_the_library():
-    from tdint.analysis.spectra.elastic import MAXIMA
     from tdint.ground_motion.processing_steps import INTERPOLATIONS
+    from tdint.response.spectra.elastic import MAXIMA
     from tdint_cli.commands.spectrum import command
 
     choices = {parameter.name: parameter.type for parameter in command.params}

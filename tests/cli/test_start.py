@@ -19,15 +19,15 @@ HEAVY = {"numba", "scipy.stats", "scipy.optimize", "matplotlib", "obspy"}
 
 UNNEEDED = {
     "scipy", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
-    "tdint.studies", "tdint.analysis.run.sequence", "tdint.analysis.spectra.floors",
-    "tdint.analysis.run.step_choice", "tdint.ground_motion.horizontals",
+    "tdint.studies", "tdint.response.runs.sequence", "tdint.response.spectra.floor_motions",
+    "tdint.response.runs.step_choice", "tdint.ground_motion.horizontals",
     "tdint.ground_motion.reading.instrument", "tdint.ground_motion.formats.free_table",
     "tdint.ground_motion.formats.header_statements",
 }  # fmt: skip
 """Modules that runs and spectra of records do not need."""
 
 WITHOUT_RECORDS = {"importlib.metadata", "tdint.ground_motion.reading.read"}
-WITHOUT_RUNS = {"numpy.polynomial", "tdint.methods", "tdint.analysis.run.outcome"}
+WITHOUT_RUNS = {"numpy.polynomial", "tdint.methods", "tdint.response.runs.outcome"}
 WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 
 CALLS = {
@@ -69,20 +69,20 @@ UNNEEDED_BY_COMMAND = {
     | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"}
     | {"tdint_cli.studies.campaign_files", "tdint.model.law_checks", "tdint.methods.step_check"}
     | {f"tdint.kernels.laws.{law}" for law in ("imk", "bouc_wen", "multilinear_pinching", "gap")}
-    | {"tdint.kernels.oscillators", "tdint.analysis.spectra", "tdint.csv_table"}
+    | {"tdint.kernels.oscillators", "tdint.response.spectra", "tdint.csv_table"}
     | {"tdint.ground_motion.processing_steps", "tdint.output.run_summary", "tdint.output.summary"}
     | {f"tdint.methods.{family}" for family in FAMILIES if family != "impulse4"},
     "spectrum": UNNEEDED - {"tdint.ground_motion.horizontals"}
-    | {"yaml", "tdint.model.definition", "tdint.analysis.spectra.target", "tdint.csv_table"},
+    | {"yaml", "tdint.model.definition", "tdint.response.spectra.target", "tdint.csv_table"},
     "law": UNNEEDED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.time_loop"},
     "modes": UNNEEDED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},
-    "check": {"tdint.analysis.run.outcome", "tdint.analysis.run.run"},
+    "check": {"tdint.response.runs.outcome", "tdint.response.runs.run"},
     "inventory": WITHOUT_RUNS | {"yaml"},
     "info": {"scipy.signal"},  # only for filters
     **dict.fromkeys(("stability", "overshoot", "failures", "examples"), WITHOUT_FILES),
     "methods": UNNEEDED
     | (WITHOUT_RECORDS - {"importlib.metadata"})
-    | {"tdint.analysis.run.outcome", "llvmlite", "yaml", "tdint.model.config", "hashlib"},
+    | {"tdint.response.runs.outcome", "llvmlite", "yaml", "tdint.model.config", "hashlib"},
 }
 """Further modules that commands must not import, unless numpy, click or yaml import them."""
 

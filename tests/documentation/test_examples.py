@@ -15,8 +15,8 @@ from click.testing import CliRunner
 import readmes
 import tdint
 from csv_rows import rows
-from tdint.assessment.order import observed_order, order_problem
-from tdint.assessment.stability import critical_step
+from tdint.assessment.order.order import observed_order, order_problem
+from tdint.assessment.stability.stability import critical_step
 from tdint.methods import single_step
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import load_model

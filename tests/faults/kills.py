@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from cli.read_only import read_only
 from fuzz.sandbox import invoked
 from tdint.errors import UsageError
-from tdint.studies.store_opening import check_chunks, open_existing
+from tdint.studies.store.opening import check_chunks, open_existing
 
 RECORDS = 20
 MODEL = """\

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tdint import system
 from tdint.errors import OutputError
-from tdint.studies import store_schema
+from tdint.studies.store import schema as store_schema
 
 Lock = Callable[[Path], AbstractContextManager[None]]
 

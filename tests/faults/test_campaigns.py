@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from faults.conftest import wait_until
-from tdint.studies.store import FILE
+from tdint.studies.store.result_store import FILE
 
 pytestmark = pytest.mark.slow
 
@@ -33,12 +33,12 @@ SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
 KILLER = """\
 import os, random, shutil, signal, sys, time
 from pathlib import Path
-from tdint.studies.execute import compile_for
-from tdint.studies.inputs import read_inputs
-from tdint.studies.plan import make_plan
-from tdint.studies.reader import load_campaign
+from tdint.studies.campaign.execute import compile_for
+from tdint.studies.campaign.inputs import read_inputs
+from tdint.studies.campaign.plan import make_plan
+from tdint.studies.campaign.reader import load_campaign
 from tdint_cli.main import cli
-import tdint.output.summary, tdint.studies.tables.campaign
+import tdint.output.summary, tdint.studies.campaign.campaign_tables
 import tdint_cli.studies.campaign_files, tdint_cli.studies.campaign
 
 def campaign(folder):

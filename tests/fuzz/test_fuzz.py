@@ -23,8 +23,8 @@ TRIED: dict[str, tuple[int, set[str]]] = {
     "commands": (2, set()),
     "characters": (3, {"usage"}),
     "studies": (8, {"done"}),
-    # Recovery is too rare for so few cases; tests/cli/test_campaign_store.py tests it for each type
-    # of damage.
+    # Recovery is too rare for so few cases; tests/cli/studies/test_campaign_store.py tests it for
+    # each type of damage.
     "stores": (8, {stores.REFUSED}),
     "names": (12, set()),
     "api": (16, set(api.OUTCOMES)),
@@ -78,7 +78,7 @@ def test_corrupt_inputs_have_expected_outcomes(work, input_type, name):
 )
 @pytest.mark.usefixtures("short_matching")
 def test_intact_studies_are_done(work, name):
-    """Fits are excluded, because they take seconds and are tested in tests/cli/test_compare.py."""
+    """Fits take seconds and are tested in tests/cli/studies/test_compare.py."""
     lines = {line for line in studies.STUDIES[name].lines if "--fit" not in line}
     assert {run(list(line)) for line in lines} == {"done"}
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from grid.solver import springs_of
 from tdint import load_model, make_record, run
-from tdint.analysis.run.outcome import FailedRun
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.methods.catalogue import catalogue, parse
+from tdint.response.runs.outcome import FailedRun
 
 STEPS = (0.5, 1.0, 2.0, 5.0)
 """Time steps, sampling intervals."""

@@ -6,9 +6,9 @@ import pytest
 import tdint
 from grid.springs import LAWS
 from selection import every
-from tdint.analysis.cyclic import follow_path
 from tdint.model.building import assemble
 from tdint.model.story_laws import LAWS as TDINT_LAWS
+from tdint.response.static.cyclic import follow_path
 
 STIFFNESS, STRENGTH = 4e7, 2e5  # N/m, N
 POINTS = 100  # drifts between two reversals, for laws that tdint integrates along the path

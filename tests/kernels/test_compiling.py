@@ -15,8 +15,6 @@ import pytest
 from facts import states
 from small_kernel import scaled
 from tdint import load_model
-from tdint.analysis.run.analysis_kernels import all_kernels, kernels_of_model
-from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels import build
 from tdint.kernels.building import compilable, store
@@ -33,6 +31,8 @@ from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
 from tdint.kernels.stories.law_state import follow
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import parse as parse_method
+from tdint.response.runs.analysis_kernels import all_kernels, kernels_of_model
+from tdint.response.runs.prepared import PreparedBuilding
 from tdint.system import lock
 
 SMALL = Path(__file__).parents[1] / "small_kernel.py"

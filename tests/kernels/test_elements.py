@@ -14,13 +14,13 @@ from building_cases import noise
 from selection import every
 from small_buildings import BUILDINGS, LAWS, MASS, MOTION, STIFFNESS, STRENGTH, YIELD_DRIFT
 from tdint import load_model, run, run_many
-from tdint.analysis.cyclic import follow_path
 from tdint.errors import ModelError
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.model.building import assemble
 from tdint.model.definition import simple_model
 from tdint.model.story import Element, Story
 from tdint.model.story_laws import CODES, SUM_OF_ELEMENTS
+from tdint.response.static.cyclic import follow_path
 
 BILINEAR = {"type": "bilinear", "stiffness": STIFFNESS, "yield_force": STRENGTH, "hardening": 0.05}
 STOP = {"type": "gap", "gap": 2.0 * YIELD_DRIFT, "stop_stiffness": 3.0 * STIFFNESS}

@@ -17,18 +17,18 @@ import pytest
 
 import tdint
 from csv_rows import rows
-from tdint.analysis.run.analysis_kernels import run_interpreted
-from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import AnalysisError
 from tdint.kernels.building import load_or_compile, process, store, target
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, parse
+from tdint.response.runs.analysis_kernels import run_interpreted
+from tdint.response.runs.prepared import PreparedBuilding
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 INTERPRETED = """
 import json, sys
 import tdint
-from tdint.analysis.run.analysis_kernels import run_interpreted
+from tdint.response.runs.analysis_kernels import run_interpreted
 for file, method in json.loads(sys.argv[1]):
     case = tdint.prepare(file, method=method, allow_unstable=True)
     assert run_interpreted(case.prepared, [case.method], 100)

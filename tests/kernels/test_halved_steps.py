@@ -7,9 +7,9 @@ import pytest
 
 from small_buildings import BUILDINGS, MOTION
 from tdint import load_model, run
-from tdint.analysis.run.outcome import FailedRun
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop import loop
+from tdint.response.runs.outcome import FailedRun
 
 pytestmark = pytest.mark.skipif(
     os.environ.get("TDINT_KERNELS") != "python", reason="replaces a function of the time loop"

@@ -7,10 +7,10 @@ import pytest
 
 from law_paths import along, follow, law_table, random_path
 from tdint import load_model
-from tdint.analysis.cyclic import follow_path
 from tdint.kernels.laws.multilinear import _RULES
 from tdint.model.building import assemble
 from tdint.model.story_laws import LAWS, Law
+from tdint.response.static.cyclic import follow_path
 
 POINTS = [(0.02, 80.0), (0.04, 120.0), (0.10, 150.0)]
 OTHER = [(0.015, 60.0), (0.03, 90.0), (0.08, 115.0)]  # the same slopes at other drifts

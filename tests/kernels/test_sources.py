@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import pytest
 
 import tdint
-from tdint.analysis.run.analysis_kernels import all_kernels
 from tdint.kernels.building import sources
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS
+from tdint.response.runs.analysis_kernels import all_kernels
 
 PACKAGE = Path(tdint.__file__).parent
 MODULES = {

@@ -30,15 +30,15 @@ from selection import every  # noqa: E402
 from small_buildings import BUILDINGS, LAWS, MOTION, PAIR, YIELD_DRIFT  # noqa: E402
 from step_checks import TOO_LARGE, SingleSteps  # noqa: E402
 from tdint import load_model, prepare, run, run_case  # noqa: E402
-from tdint.analysis.cyclic import follow_path  # noqa: E402
-from tdint.analysis.run.sequence import run_sequence  # noqa: E402
-from tdint.analysis.spectra.drift import drift_spectrum  # noqa: E402
-from tdint.analysis.spectra.elastic import oscillator_motion, spectrum  # noqa: E402
-from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength  # noqa: E402
-from tdint.analysis.spectra.rotated import rotated_spectrum  # noqa: E402
 from tdint.kernels import layout as rows  # noqa: E402
 from tdint.methods.catalogue import catalogue  # noqa: E402
 from tdint.model.building import assemble  # noqa: E402
+from tdint.response.runs.sequence import run_sequence  # noqa: E402
+from tdint.response.spectra.drift import drift_spectrum  # noqa: E402
+from tdint.response.spectra.elastic import oscillator_motion, spectrum  # noqa: E402
+from tdint.response.spectra.inelastic import constant_ductility, constant_strength  # noqa: E402
+from tdint.response.spectra.rotated import rotated_spectrum  # noqa: E402
+from tdint.response.static.cyclic import follow_path  # noqa: E402
 
 TOLERANCE = 1e-8
 """Largest difference of a checksum, relative to the largest value and the root of the number of

@@ -8,9 +8,6 @@ import pytest
 
 from law_examples import example
 from tdint import load_model
-from tdint.analysis.run.compiled_steps import kernels
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.time_steps import choose_steps
 from tdint.kernels import layout as rows
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import EVERYTHING
@@ -18,6 +15,9 @@ from tdint.kernels.building.load_or_compile import compile_ahead
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.story_laws import LAWS, Law
+from tdint.response.runs.compiled_steps import kernels
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.time_steps import choose_steps
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 RATES = [

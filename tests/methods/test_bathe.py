@@ -8,10 +8,10 @@ import pytest
 
 from building_cases import Law, noise
 from step_checks import RAYLEIGH, TOO_LARGE, SingleSteps, building, load, matrices
-from tdint.analysis.run.run import run
 from tdint.errors import UsageError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
+from tdint.response.runs.run import run
 
 METHODS = (
     "bathe",

@@ -1,7 +1,7 @@
 """Properties of every method: modal superposition of linear buildings, convergence for yielding
 buildings, and recovery from failed steps.
 
-Order, stability, period error and numerical damping are tested in tests/analysis/assessment.
+Order, stability, period error and numerical damping are tested in tests/response/assessment.
 """
 
 import numpy as np

@@ -14,8 +14,6 @@ import pytest
 
 from registered import forgotten, plain  # noqa: F401 (fixtures)
 from selection import every
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.time_steps import Steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.branch_following import set_branch
@@ -25,6 +23,8 @@ from tdint.model.definition import simple_model
 from tdint.model.law_checks import verify_laws
 from tdint.model.story import simple_story
 from tdint.model.story_laws import LAWS, Law, register_law
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.time_steps import Steps
 
 K, MASS, DASHPOT = 1000.0, 1.0, 1.0  # N/m, kg, N s/m: a period of 0.2 s, a damping ratio of 0.016
 H, STEPS = 0.0025, 240  # s: 80 steps to the period

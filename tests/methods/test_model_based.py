@@ -8,10 +8,10 @@ import pytest
 
 from building_cases import Law, model, noise, story
 from step_checks import RAYLEIGH, building, load, matrices, restoring_of
-from tdint.analysis.run.compiled_steps import amplification
-from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.run import run
 from tdint.methods.catalogue import parse
+from tdint.response.runs.compiled_steps import amplification
+from tdint.response.runs.outcome import FailedRun
+from tdint.response.runs.run import run
 
 KR = ("kr-alpha:rho_inf=1", "kr-alpha", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=0")
 METHODS = ("chang", "cr", *KR)

@@ -24,8 +24,7 @@ from random_buildings import CONSERVATIVE, HYSTERETIC, degrading_building, rando
 from selection import every
 from step_checks import RAYLEIGH, building
 from tdint import load_model, run
-from tdint.analysis.run.compiled_steps import amplification, spectral_radius
-from tdint.assessment.failures import attempt, problems
+from tdint.assessment.failures.failures import attempt, problems
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import moment4 as equations
 from tdint.kernels.linear_terms import force_moment
@@ -37,6 +36,7 @@ from tdint.methods import moment4
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble, force_table
 from tdint.model.story import PowerDashpot
+from tdint.response.runs.compiled_steps import amplification, spectral_radius
 
 RHO = (1.0, 0.8, 0.5, 0.2, 0.0)
 OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")

@@ -5,9 +5,9 @@ import pytest
 
 from building_cases import noise, oscillator
 from step_checks import RAYLEIGH, building, load, matrices
-from tdint.analysis.run.run import run
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
+from tdint.response.runs.run import run
 
 METHODS = ("houbolt", "park")
 

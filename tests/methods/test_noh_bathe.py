@@ -6,11 +6,11 @@ import pytest
 
 from building_cases import Law, noise
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
-from tdint.analysis.run.run import run
-from tdint.assessment.stability import critical_step
+from tdint.assessment.stability.stability import critical_step
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.noh_bathe import stability_limit, tableau
+from tdint.response.runs.run import run
 
 P = 0.54
 R = 1.0 - P

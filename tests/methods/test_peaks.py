@@ -19,10 +19,10 @@ from small_buildings import BUILDINGS as SMALL_BUILDINGS
 from small_buildings import LAWS as YIELDING
 from small_buildings import MOTION, STIFFNESS, YIELD_DRIFT
 from tdint import load_model, read_record, run
-from tdint.analysis.cyclic import follow_path
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
+from tdint.response.static.cyclic import follow_path
 
 QUANTITIES = ("drift", "displacement", "velocity", "absolute_acceleration", "shear")
 METHODS = (

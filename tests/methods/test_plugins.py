@@ -22,11 +22,9 @@ import tdint
 from registered import compiled_truth, forget, forgotten, plain  # noqa: F401 (fixtures)
 from selection import every
 from separate_streams import runner
-from tdint.analysis.run import compiled_steps
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.assessment import failures, order
 from tdint.assessment.chart.problem import Problem, _cache_file
-from tdint.assessment.order import check_law, check_method
+from tdint.assessment.failures.failures import failures
+from tdint.assessment.order.order import check_law, check_method, order
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import build
 from tdint.kernels.building.compilable import Variant
@@ -41,10 +39,12 @@ from tdint.model import story_laws
 from tdint.model.plugins import files_to_send
 from tdint.model.story_laws import Law
 from tdint.plugin import HOMES
-from tdint.studies.cluster import run_chunk_with_plugins
-from tdint.studies.inputs import read_inputs
-from tdint.studies.plan import make_plan
-from tdint.studies.reader import load_campaign
+from tdint.response.runs import compiled_steps
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.studies.campaign.cluster import run_chunk_with_plugins
+from tdint.studies.campaign.inputs import read_inputs
+from tdint.studies.campaign.plan import make_plan
+from tdint.studies.campaign.reader import load_campaign
 from tdint_cli.main import cli
 
 

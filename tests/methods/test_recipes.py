@@ -17,7 +17,7 @@ from registered import compiled_truth, forgotten, plain  # noqa: F401 (fixtures)
 from selection import every
 from tdint import plugin
 from tdint.assessment.chart.problem import pose
-from tdint.assessment.order import check_law, check_method
+from tdint.assessment.order.order import check_law, check_method
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.methods.exact import oscillator

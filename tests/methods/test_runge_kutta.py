@@ -10,11 +10,11 @@ import pytest
 
 from building_cases import Law, noise
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
-from tdint.analysis.run.compiled_steps import amplification
-from tdint.analysis.run.run import run
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.runge_kutta import imaginary_stability_limit
+from tdint.response.runs.compiled_steps import amplification
+from tdint.response.runs.run import run
 
 METHODS = ("rk5", "gauss4")
 

@@ -10,7 +10,7 @@ from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity, read_classes
-from tdint.studies.inventory import derive_all, model_text, read_inventory
+from tdint.studies.regions.inventory import derive_all, model_text, read_inventory
 
 DEMO = CapacityCurve(
     (0.00060789, 0.00486316, 0.0242, 0.04353684), (0.103152, 0.20630401, 0.12378241, 0.12502023)

@@ -31,9 +31,9 @@ sys.path.insert(0, str(ROOT / "tests"))
 from mutants.first_stage import Session, in_copy, result_of  # noqa: E402
 from mutants.places import Mutant, Place  # noqa: E402
 
-COMMANDS = ("tests/cli", "tests/campaign", "tests/faults", "tests/documentation/test_examples.py")
+COMMANDS = ("tests/cli", "tests/studies", "tests/faults", "tests/documentation/test_examples.py")
 PACKAGE = (
-    "tests/analysis",
+    "tests/response",
     "tests/model",
     "tests/methods",
     "tests/ground_motion",

@@ -95,7 +95,7 @@ COMPILED = [
     "tests/methods/test_long_steps.py",
     "tests/methods/test_softening_and_pinching_buildings.py",
     "tests/methods/test_every_method.py",
-    "tests/analysis/spectra",
+    "tests/response/spectra",
 ]
 SECONDS = 1800.0
 """Time limit of the second stage, s. A mutant that loops forever is counted as killed."""

@@ -15,7 +15,7 @@ from tdint.model.config.model_file import model_schema
 from tdint.model.keys import fields
 from tdint.model.keys.nodes import MappingNode, ScalarNode
 from tdint.model.story_laws import LAWS
-from tdint.studies.reader import campaign_schema
+from tdint.studies.campaign.reader import campaign_schema
 
 RENAMED = "renamed"
 """Attribute of the faults of a file that contains the names in places: those of mappings with a

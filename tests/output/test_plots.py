@@ -10,13 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from selection import every
-from tdint.analysis.run.outcome import STORY_QUANTITIES, ErrorHistory
-from tdint.analysis.run.run import run
-from tdint.analysis.spectra.drift import HeightPeriod, drift_spectrum
-from tdint.analysis.spectra.elastic import spectrum
-from tdint.analysis.spectra.inelastic import constant_strength
-from tdint.assessment.figures.assessment import order_picture
-from tdint.assessment.order import order
+from tdint.assessment.order.order import order
+from tdint.assessment.order.order_figures import order_picture
 from tdint.errors import OutputError
 from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
@@ -31,10 +26,15 @@ from tdint.output.figures.spectrum_curves import (
     spectrum_picture,
 )
 from tdint.output.figures.style import changed, picture, titled
-from tdint.studies.figures.sensitivity import sensitivity_picture
-from tdint.studies.figures.suites import floor_suite_picture, profile_picture
-from tdint.studies.profiles import FloorSuite, Profile
-from tdint.studies.sensitivity import PEAKS, ParameterEffect
+from tdint.response.runs.outcome import STORY_QUANTITIES, ErrorHistory
+from tdint.response.runs.run import run
+from tdint.response.spectra.drift import HeightPeriod, drift_spectrum
+from tdint.response.spectra.elastic import spectrum
+from tdint.response.spectra.inelastic import constant_strength
+from tdint.studies.campaign.story_profiles import FloorSuite, Profile
+from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture
+from tdint.studies.sensitivity.sensitivity import PEAKS, ParameterEffect
+from tdint.studies.sensitivity.sensitivity_figures import sensitivity_picture
 from tdint.units import parse_output_units
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tdint.assessment.chart.profiles import METHODS
+from tdint.assessment.chart.performance_profiles import METHODS
 from tdint.methods.catalogue import catalogue
 from tdint.output.figures.legends import add_legend, legend_columns
 from tdint.output.figures.style import add_ratio_axis, method_styles, scaled_unit, write_labels

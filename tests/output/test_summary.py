@@ -18,11 +18,11 @@ from building_cases import (
 )
 from story_values import story_values
 from tdint import prepare, run_case, spectrum
-from tdint.analysis.run.outcome import FailedRun, StoryErrors, StoryPeaks
-from tdint.analysis.spectra.elastic import first_mode
 from tdint.model.building import assemble
 from tdint.output.run_summary import MEANINGS, failure_summary, peak_errors, run_summary
 from tdint.output.summary import json_bytes
+from tdint.response.runs.outcome import FailedRun, StoryErrors, StoryPeaks
+from tdint.response.spectra.elastic import first_mode
 
 
 def test_json_has_twelve_digits_null_and_ordered_keys():

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from story_values import story_values
-from tdint.analysis.run.outcome import ENERGY_TERMS, EnergyHistory, History, StoryPeaks
-from tdint.analysis.spectra.elastic import Spectrum
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.config.model_file import load_model
 from tdint.output import tables
 from tdint.output.tables import buildings, methods, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
+from tdint.response.runs.outcome import ENERGY_TERMS, EnergyHistory, History, StoryPeaks
+from tdint.response.spectra.elastic import Spectrum
 from tdint.units import parse_output_units, suffix
 
 

@@ -7,7 +7,7 @@ from fetch import SOURCES
 from numpy.typing import NDArray
 
 import tdint
-from tdint.assessment.validation import MODEL, NUMERICAL, ROUNDING, ValidationCase
+from tdint.assessment.validation.validation import MODEL, NUMERICAL, ROUNDING, ValidationCase
 from tdint.ground_motion.record import Record
 
 Array = NDArray[np.float64]

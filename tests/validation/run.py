@@ -24,7 +24,7 @@ from manufactured import AMPLITUDE, STEPS, observe_all
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
 import png_text
 import tdint
-from tdint.assessment.validation import (
+from tdint.assessment.validation.validation import (
     MODEL,
     NUMERICAL,
     ROUNDING,

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from tdint.assessment.validation import ROUNDING, ValidationCase
+from tdint.assessment.validation.validation import ROUNDING, ValidationCase
 
 STIFFNESS = (2374.36, 3105.67, 3825.10)  # over a mass of 1, from the base up, 1/s^2
 DAMPING = [0.0139, 0.0076, 0.0027]

@@ -13,7 +13,7 @@ import pytest
 import run
 from file_cases import kaikoura_cases
 
-from tdint.assessment.validation import closed_form_cases, compute_case, textbook_cases
+from tdint.assessment.validation.validation import closed_form_cases, compute_case, textbook_cases
 
 CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")

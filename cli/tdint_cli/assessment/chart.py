@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.analysis.defaults import PEAKS, QUANTITIES
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint.errors import UsageError
 from tdint.model.plugins import peers
 from tdint.number_parsing import pluralize
 from tdint.output import tables
+from tdint.response.defaults import PEAKS, QUANTITIES
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.grammar import Mode, refuse_idle
@@ -25,10 +24,10 @@ from tdint_cli.options.record import NAMES
 from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
+    from tdint.assessment.chart.chart_summary import Advice
+    from tdint.assessment.chart.performance_profiles import FieldProblem
     from tdint.assessment.chart.problem import Problem
-    from tdint.assessment.chart.profiles import FieldProblem
     from tdint.assessment.chart.work_precision import Chart, Peer, Point, Timing
-    from tdint.assessment.output.chart_summary import Advice
     from tdint.ground_motion.record import Record
     from tdint.methods.method import Integrator
     from tdint.model.definition import Model
@@ -201,8 +200,8 @@ def command(request: Request) -> None:
         return
     refuse_idle(_SIZES if request.stories else _ONE_BUILDING, MODES)
     building = _check(request)
-    from tdint.analysis.arguments import model_record
     from tdint.model.config.model_file import load_model
+    from tdint.response.arguments import model_record
 
     model = with_motion(load_model(building.model), building)
     record = model_record(model)
@@ -312,8 +311,8 @@ def _chart_many(request: Request) -> None:
             "the plug-in defines other programs for comparison (PEERS), which require one building "
             "under one record; specify one model and one record"
         )
-    from tdint.assessment.chart.profiles import METHODS, measure_all
-    from tdint.assessment.output.chart_summary import field_summary
+    from tdint.assessment.chart.chart_summary import field_summary
+    from tdint.assessment.chart.performance_profiles import METHODS, measure_all
 
     problems = _problems(request)
     integrators = _integrators(request, METHODS)
@@ -339,10 +338,10 @@ def _chart_many(request: Request) -> None:
         if case.peer_note:
             gap = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
             notes.append(f"{case.name}, {case.motion}: openseespy:{gap} {case.peer_note}")
-    table = assessment_tables.assessment.profile_table(chart)
+    table = assessment.chart.chart_tables.profile_table(chart)
     request.outputs.deliver(
         table,
-        lambda: assessment_figures.chart_profiles.profile_picture(
+        lambda: assessment.chart.profile_figures.profile_picture(
             chart, target=request.target_error, highlight=request.highlight
         ),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
@@ -359,7 +358,7 @@ def _chart_many(request: Request) -> None:
 
 def _problems(request: Request) -> list[FieldProblem]:
     """Return the problems of --problems, or all combinations of the models and records."""
-    from tdint.assessment.chart.profiles import crossed, read_problems
+    from tdint.assessment.chart.performance_profiles import crossed, read_problems
     from tdint.model.config.model_file import load_model
 
     if request.problems:
@@ -490,8 +489,8 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
     The limits apply to the error that --target-error selects. Each advice also contains the error
     of the peak drifts that `tdint run` would estimate for this method and time step.
     """
+    from tdint.assessment.chart.chart_summary import Advice
     from tdint.assessment.chart.work_precision import alternative, cheapest
-    from tdint.assessment.output.chart_summary import Advice
     from tdint.methods.catalogue import parse
 
     advice = []
@@ -532,7 +531,7 @@ def _deliver(
 
     `record` is the record; None for a model without a record.
     """
-    from tdint.assessment.output.chart_summary import chart_summary
+    from tdint.assessment.chart.chart_summary import chart_summary
 
     settings: dict[str, Any] = {
         "name": model.name,
@@ -540,16 +539,16 @@ def _deliver(
         "highlight": request.highlight,
     }
     table = (
-        assessment_tables.assessment.sizes_table(charts)
+        assessment.chart.chart_tables.sizes_table(charts)
         if request.stories
-        else assessment_tables.assessment.chart_table(charts[0])
+        else assessment.chart.chart_tables.chart_table(charts[0])
     )
 
     def draw() -> Figure:
         """Return the figure of a single chart, or of the charts for several numbers of stories."""
         if request.stories:
-            return assessment_figures.assessment.sizes_picture(charts, **settings)
-        return assessment_figures.assessment.chart_picture(
+            return assessment.chart.chart_figures.sizes_picture(charts, **settings)
+        return assessment.chart.chart_figures.chart_picture(
             charts[0], versus=request.versus, **settings
         )
 

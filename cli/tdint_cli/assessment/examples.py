@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.analysis.defaults import BETAS
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint.files import check_outputs, is_there, write_files
 from tdint.number_parsing import Grid
 from tdint.output import figures
+from tdint.response.defaults import BETAS
 from tdint.units import SI
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
@@ -24,7 +23,7 @@ from tdint_cli.terminal import note, say, say_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tdint.assessment.paper_examples import Example, ExampleRun
+    from tdint.assessment.examples.paper_examples import Example, ExampleRun
     from tdint.files import Content
 
 _CHECK_METHOD = "gauss4"
@@ -124,7 +123,7 @@ def command(request: Request) -> None:
     the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings, redrawn; and
     beta-scan, which is not in the paper: impulse with other values of beta.
     """
-    from tdint.assessment.paper_examples import (
+    from tdint.assessment.examples.paper_examples import (
         DT,
         default_integrators,
         examples,
@@ -168,7 +167,7 @@ def command(request: Request) -> None:
             )
         )
     emit_table(
-        assessment_tables.assessment.example_table(
+        assessment.examples.example_tables.example_table(
             [run for example in requested for run in runs[example]], request.reference
         )
     )
@@ -202,14 +201,14 @@ def _files(
     The table contains the runs with all time steps, the figures only the runs with the first time
     step.
     """
-    table = assessment_tables.assessment.example_table(runs, reference)
+    table = assessment.examples.example_tables.example_table(runs, reference)
     first_runs = [run for run in runs if run.dt == runs[0].dt]
     contents: list[Content] = [table.csv(), options.output.provenance(table.meanings, SI)]
     if any(run.outcome == "done" and not run.variant for run in first_runs):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
         draw = partial(
-            assessment_figures.examples.example_picture,
+            assessment.examples.example_figures.example_picture,
             title,
             first_runs,
             exact=exact,
@@ -236,7 +235,7 @@ def _general_figures(examples: Sequence[Example], suffix: str) -> dict[str, Cont
         if example.drawn_as:
             title = f"Figure {example.drawn_as}, redrawn: example {example.number}, {example.about}"
             draw_functions[_name(example.drawn_as)] = partial(
-                assessment_figures.examples.row_picture, title, example.model
+                assessment.examples.example_figures.row_picture, title, example.model
             )
     draw_functions[_BETA_SCAN] = _draw_beta_scan
     return {
@@ -256,9 +255,9 @@ def _draw_oscillator_figure(number: int) -> Any:
     Figures 1 to 5 show oscillators without load, figure 6 the order of accuracy under a harmonic
     load. The methods are the five methods of the paper and, as thin lines, impulse4 and moment4.
     """
-    from tdint.assessment.order import observed_order, order_problem
-    from tdint.assessment.paper_examples import FIVE
-    from tdint.assessment.stability import stability
+    from tdint.assessment.examples.paper_examples import FIVE
+    from tdint.assessment.order.order import observed_order, order_problem
+    from tdint.assessment.stability.stability import stability
 
     integrators = options.analysis.integrators((*FIVE, *_THIN_METHODS))
     if number == _ORDER_FIGURE:
@@ -266,14 +265,14 @@ def _draw_oscillator_figure(number: int) -> Any:
         measured = [
             observed_order(method, problem) for method in integrators for problem in problems
         ]
-        return assessment_figures.assessment.order_picture(
+        return assessment.order.order_figures.order_picture(
             measured,
             f"Figure {number}: order of accuracy over ω₀ / ω\n",
             thin=len(_THIN_METHODS),
         )
     quantity, damping, title = _OSCILLATOR_FIGURES[number]
     curves = [stability(method, _STEPS.values(), damping) for method in integrators]
-    return assessment_figures.assessment.accuracy_picture(
+    return assessment.stability.stability_figures.accuracy_picture(
         curves, quantity, f"Figure {number}: {title}", thin=len(_THIN_METHODS)
     )
 
@@ -281,14 +280,14 @@ def _draw_oscillator_figure(number: int) -> Any:
 def _draw_beta_scan() -> Any:
     """Return the figure of the spectral radius of impulse for several values of its parameter
     beta."""
-    from tdint.assessment.stability import stability
+    from tdint.assessment.stability.stability import stability
 
     integrators = options.analysis.integrators([f"impulse:beta={beta}" for beta in BETAS])
     curves = [stability(method, _STEPS.values()) for method in integrators]
     title = (
         "Not in the paper: spectral radius of impulse with other values of beta, damping ratio 0"
     )
-    return assessment_figures.assessment.accuracy_picture(curves, "spectral_radius", title)
+    return assessment.stability.stability_figures.accuracy_picture(curves, "spectral_radius", title)
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:
@@ -297,7 +296,7 @@ def _exact(example: Example, dt: float, reference: str) -> str:
     `dt` is the time step of the methods, s, which the reference solution divides. `reference` is
     `paper` for the reference solution of the paper, `finer` for the more accurate one.
     """
-    from tdint.assessment.paper_examples import EXACT, FINER, exact_steps
+    from tdint.assessment.examples.paper_examples import EXACT, FINER, exact_steps
 
     if reference == "paper":
         method, substeps = EXACT, exact_steps(example, dt)
@@ -308,7 +307,7 @@ def _exact(example: Example, dt: float, reference: str) -> str:
 
 def _report_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
     """Report an example: its reference solutions, the ranking of the methods, and a remark."""
-    from tdint.assessment.paper_examples import (
+    from tdint.assessment.examples.paper_examples import (
         EQUAL_ERRORS,
         EXACT,
         NORMS,

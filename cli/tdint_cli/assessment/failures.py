@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint_cli import options
 from tdint_cli.options.option_types import ListOf, Name
 from tdint_cli.options.output import Outputs
@@ -14,7 +13,7 @@ from tdint_cli.terminal import say, say_table
 
 def _problems() -> list[str]:
     """Return the names of the problems, for the completion of --problem."""
-    from tdint.assessment.failures import problems
+    from tdint.assessment.failures.failures import problems
 
     return list(problems())
 
@@ -51,7 +50,7 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     time reached. The number of each verdict is written to standard error. The exit code is 0 also
     if a method fails.
     """
-    from tdint.assessment.failures import (
+    from tdint.assessment.failures.failures import (
         attempt,
         compile_for,
         find_problems,
@@ -68,8 +67,8 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
         for trial in attempt(integrator, problem)
     ]
     outputs.deliver(
-        assessment_tables.assessment.failure_table(trials),
-        lambda: assessment_figures.failure_matrix.failure_picture(trials),
+        assessment.failures.failure_tables.failure_table(trials),
+        lambda: assessment.failures.failure_figures.failure_picture(trials),
     )
     # Count the verdicts of each method. The first column is `pass`, the other columns follow in the
     # order of occurrence.

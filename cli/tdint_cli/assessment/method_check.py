@@ -10,8 +10,8 @@ def check_methods(plugins: tuple[str, ...]) -> None:
     """Compare the methods of plug-ins with their declared properties, and write the table. Failures
     is raised afterwards if a method contradicts its properties.
     """
-    from tdint.assessment.order import check_method
-    from tdint.assessment.tables.assessment import DECLARATION
+    from tdint.assessment.order.order import check_method
+    from tdint.assessment.stability.stability_tables import DECLARATION
     from tdint.methods.catalogue import load_plugin, parse
     from tdint.output.tables.table import Table
     from tdint_cli.drawing import emit_table
@@ -38,7 +38,7 @@ def law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
     """
     if not plugins or file == "-":
         return []
-    from tdint.assessment.order import check_law
+    from tdint.assessment.order.order import check_law
     from tdint.methods.catalogue import load_plugin
     from tdint.model.config.model_file import load_model
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint.errors import AnalysisError, TdintError
 from tdint.number_parsing import Grid
 from tdint_cli import options
@@ -17,7 +16,7 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say_table
 
 if TYPE_CHECKING:
-    from tdint.assessment.order import ObservedOrder
+    from tdint.assessment.order.order import ObservedOrder
 
 _RATIOS = Grid(0.2, 5.0, 15)
 
@@ -83,7 +82,7 @@ def command(
     is one row per method and frequency ratio, or one row per method if --load is not harmonic. A
     summary with one line per method, the range of its orders, is written to standard error.
     """
-    from tdint.assessment.order import observed_order, order_problem
+    from tdint.assessment.order.order import observed_order, order_problem
 
     ratios = (
         [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()]
@@ -104,8 +103,8 @@ def command(
             failures.append(error)
     if measured:
         outputs.deliver(
-            assessment_tables.assessment.order_table(measured),
-            lambda: assessment_figures.assessment.order_picture(measured),
+            assessment.order.order_tables.order_table(measured),
+            lambda: assessment.order.order_figures.order_picture(measured),
         )
         say_table(_summary(measured))
         # The order is NaN if too few errors exceed the rounding errors, because the method is exact

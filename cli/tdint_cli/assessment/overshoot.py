@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint_cli import options
 from tdint_cli.options.option_types import Count, Number
 from tdint_cli.terminal import say, say_table
 
 if TYPE_CHECKING:
-    from tdint.assessment.stability import Overshoot
+    from tdint.assessment.stability.stability import Overshoot
 
 _MAX_STEPS = 100_000  # maximum number of steps; a table with more rows is difficult to open
 _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
@@ -68,7 +67,7 @@ def command(request: Request) -> None:
     the maximum displacement and velocity of the exact motion; T is the period of small vibrations.
     There are no powers; the maximum ratios are written to standard error.
     """
-    from tdint.assessment.stability import STARTS, overshoot, verdict
+    from tdint.assessment.stability.stability import STARTS, overshoot, verdict
 
     integrators = options.analysis.integrators(request.methods)
     if request.law != "linear":
@@ -84,8 +83,8 @@ def command(request: Request) -> None:
     motions = [motion for pair in pairs.values() for motion in pair]
     shown = request.drawn(motions, _DRAWN)
     request.outputs.deliver(
-        assessment_tables.assessment.overshoot_table(motions),
-        lambda: assessment_figures.assessment.overshoot_picture(shown),
+        assessment.stability.stability_tables.overshoot_table(motions),
+        lambda: assessment.stability.stability_figures.overshoot_picture(shown),
     )
     named_pairs = {}
     for (integrator, ratio), pair in pairs.items():
@@ -103,7 +102,7 @@ def _report_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> No
     the motions from an initial displacement and from an initial velocity. The verdicts are the last
     column.
     """
-    from tdint.assessment.stability import EXACT_POWERS
+    from tdint.assessment.stability.stability import EXACT_POWERS
 
     rows = [
         ("method", "u from u0", "dt v from u0", "u from dt v0", "dt v from dt v0", "overshoots"),
@@ -130,7 +129,7 @@ def _report_maxima(pairs: dict[str, list[Overshoot]]) -> None:
     `pairs` contains the motions from an initial displacement and from an initial velocity, for each
     method and damping ratio.
     """
-    from tdint.assessment.stability import BEYOND
+    from tdint.assessment.stability.stability import BEYOND
 
     rows: list[tuple[str, ...]] = [
         ("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from tdint.analysis.defaults import BETAS
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint.number_parsing import Grid
+from tdint.response.defaults import BETAS
 from tdint_cli import options
 from tdint_cli.options.option_types import ListOf, grid
 from tdint_cli.terminal import say_table, warn
@@ -56,7 +55,7 @@ def command(request: Request) -> None:
     """
     import numpy as np
 
-    from tdint.assessment.stability import LARGEST, critical_step, false_limit, stability
+    from tdint.assessment.stability.stability import LARGEST, critical_step, false_limit, stability
 
     scan_methods = tuple(f"impulse:beta={beta}" for beta in BETAS) if request.beta_scan else ()
     integrators = options.analysis.integrators((*request.methods, *scan_methods))
@@ -71,8 +70,10 @@ def command(request: Request) -> None:
     ]
     shown = curves if scan_methods else request.drawn(curves, _DRAWN)
     request.outputs.deliver(
-        assessment_tables.assessment.stability_table(curves),
-        lambda: assessment_figures.assessment.stability_picture(shown, band=request.beta_scan),
+        assessment.stability.stability_tables.stability_table(curves),
+        lambda: assessment.stability.stability_figures.stability_picture(
+            shown, band=request.beta_scan
+        ),
     )
     # Report the maximum stable time steps. The limit without damping is computed also, because
     # methods declare their limit for zero damping: a warning reports a wrong declaration.

@@ -25,8 +25,12 @@ def command(outputs: Outputs) -> None:
     its tolerance. tests/validation in the source tree has all cases with their values, including
     comparisons with other programs and with recordings.
     """
-    from tdint.assessment.tables.assessment import validation_table
-    from tdint.assessment.validation import closed_form_cases, compute_case, textbook_cases
+    from tdint.assessment.validation.validation import (
+        closed_form_cases,
+        compute_case,
+        textbook_cases,
+    )
+    from tdint.assessment.validation.validation_tables import validation_table
 
     cases = (*closed_form_cases(), *textbook_cases())
     results = []

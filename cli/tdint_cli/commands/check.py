@@ -15,7 +15,7 @@ from tdint_cli.options.option_types import FileName
 from tdint_cli.terminal import Failures, emit, note, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.overview import Overview
+    from tdint.response.overview import Overview
     from tdint.units import OutputUnits
 
 _MODELS = Mode("with models", frozenset(("models", "output_units")))
@@ -85,9 +85,9 @@ def command(
             "no model file is specified; specify the file to check (tdint check MODEL.yaml), or "
             "write the schema of such files (tdint check --schema)"
         )
-    from tdint.analysis.overview import overview_in_campaign
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
+    from tdint.response.overview import overview_in_campaign
     from tdint.units import SI
     from tdint_cli.drawing import emit_table
 

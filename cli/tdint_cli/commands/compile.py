@@ -91,10 +91,10 @@ def command(request: Request) -> None:
             "no model file is specified; specify the models to compile for (tdint compile "
             "MODEL.yaml), or compile for all buildings (tdint compile --all)"
         )
-    from tdint.analysis.run.analysis_kernels import all_kernels, kernels_of_model
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.model_file import load_model
+    from tdint.response.runs.analysis_kernels import all_kernels, kernels_of_model
 
     if request.output:
         check_outputs([Path(request.output) / "objects"], overwrite=True)

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.analysis.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
 from tdint.number_parsing import Grid
 from tdint.output import figures
+from tdint.response.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint_cli import options
 from tdint_cli.commands.spectrum import make_tables
 from tdint_cli.commands.spectrum_kinds import Results, TablesRequest, TableType
 from tdint_cli.options.option_types import Number
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.drift import DriftSpectrum
     from tdint.ground_motion.record import Record
     from tdint.output.figures.style import Figure
+    from tdint.response.spectra.drift import DriftSpectrum
 
 _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 
@@ -98,7 +98,7 @@ class _DriftSpectra(TableType):
             raise UsageError("--stories cannot be used with --story-height; omit one of them")
         if request.beam and (request.stories is not None or request.story_height is not None):
             raise UsageError("--beam has no stories; omit --stories and --story-height")
-        from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
+        from tdint.response.spectra.drift import number_of_stories, parse_height_period
 
         # These functions raise UsageError for invalid coefficients of --height-period, and for
         # buildings with too many stories. Their results are computed again for each record.
@@ -108,7 +108,7 @@ class _DriftSpectra(TableType):
 
     def compute(self, request: DriftRequest, records: Sequence[Record]) -> Results:
         """Return the spectra of each component for each damping ratio."""
-        from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
+        from tdint.response.spectra.drift import drift_spectrum, parse_height_period
 
         results = [
             drift_spectrum(

@@ -132,13 +132,13 @@ def command(request: Request) -> None:
         )
         outputs.deliver(
             table,
-            lambda: figures.comparison.info_picture(infos, outputs.shown_units),
+            lambda: figures.static_curves.info_picture(infos, outputs.shown_units),
             lambda: table_summary("info", request.settings, records, table.meanings),
         )
     warn(*warnings)
-    if outputs.picture and (left_out := len(infos) - figures.comparison.MOST_RECORDS) > 0:
+    if outputs.picture and (left_out := len(infos) - figures.static_curves.MOST_RECORDS) > 0:
         note(
-            f"the figure shows only the first {figures.comparison.MOST_RECORDS} components; "
+            f"the figure shows only the first {figures.static_curves.MOST_RECORDS} components; "
             f"{left_out} are omitted"
         )
     note(*notes)

@@ -18,7 +18,7 @@ from tdint_cli.options.option_types import Count, FileName, Name, Written
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
-    from tdint.model.story_curves import FittedLaw
+    from tdint.model.first_model import FittedLaw
 
 FILE = "building.yaml"
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
@@ -238,7 +238,7 @@ def _laws(request: Request) -> list[FittedLaw]:
     the misfit. UsageError is raised if the numbers of stories and of --weights differ; ModelError,
     if the file of the curves is invalid.
     """
-    from tdint.model.story_curves import fit_story, read_story_curves
+    from tdint.model.first_model import fit_story, read_story_curves
 
     assert request.from_pushover is not None and request.weights is not None
     curves = read_story_curves(request.from_pushover)
@@ -266,7 +266,7 @@ def _model(name: str, request: Request, motion: str | None) -> str:
 
     `motion` is the name of the file of the ground motion; None for a model without a ground motion.
     """
-    from tdint.model.story_curves import story_model, type_model
+    from tdint.model.first_model import story_model, type_model
 
     if request.structure is None:
         stories = len(request.weights) if request.weights else request.stories

@@ -19,8 +19,8 @@ from tdint_cli.terminal import say, say_table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tdint.analysis.cyclic import Cycle, CyclicTest
     from tdint.model.story_laws import Law
+    from tdint.response.static.cyclic import Cycle, CyclicTest
     from tdint.units import DriftSize, OutputUnits
 
 _CYCLES = Mode("without --path", frozenset(("drifts", "cycles", "points")))
@@ -97,8 +97,8 @@ def command(request: Request) -> None:
     refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
     if request.path == request.model == "-":
         raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
-    from tdint.analysis.cyclic import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
+    from tdint.response.static.cyclic import cyclic_test, path_test, read_drift_path
 
     cycles_per_amplitude = request.cycles or 1
     imposed_drifts = None if request.path is None else read_drift_path(request.path)
@@ -126,7 +126,8 @@ def command(request: Request) -> None:
     outputs = request.outputs.else_in(building.output_units)
     units = outputs.shown_units
     outputs.deliver(
-        tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, units)
+        tables.buildings.cyclic_table(test),
+        lambda: figures.static_curves.cyclic_picture(test, units),
     )
     _report(test, request.element, last_cycles, units)
 

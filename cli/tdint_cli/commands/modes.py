@@ -14,11 +14,11 @@ from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.spectra.transfer import TransferFunction
     from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
+    from tdint.response.spectra.modal import ModalResponse
+    from tdint.response.spectra.transfer import TransferFunction
     from tdint.units import OutputUnits
     from tdint_cli.options.output import Outputs
 
@@ -139,8 +139,8 @@ def command(
 
 def _transfer(model: Model, source: str, outputs: Outputs) -> None:
     """Compute transfer functions, write their outputs and print the maximum of the roof."""
-    from tdint.analysis.spectra.transfer import transfer_function
     from tdint.model.building import assemble
+    from tdint.response.spectra.transfer import transfer_function
 
     floors = len(model.stories)
     if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
@@ -223,7 +223,7 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
     The vibration modes of the building do not depend on the ground motion. If the record cannot be
     read, the command therefore continues without the spectrum, and the note states the reason.
     """
-    from tdint.analysis.arguments import model_record
+    from tdint.response.arguments import model_record
 
     source = model.excitation.record
     if source is None or source.file == "-":
@@ -236,8 +236,8 @@ def _record(model: Model) -> tuple[Record | None, list[str]]:
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     """Run a response spectrum analysis, write its outputs and print its summary."""
-    from tdint.analysis.spectra.modal import response_spectrum_analysis
     from tdint.model.building import assemble
+    from tdint.response.spectra.modal import response_spectrum_analysis
 
     units_of_page = outputs.units or model.page_units
     outputs = outputs.else_in(model.output_units)

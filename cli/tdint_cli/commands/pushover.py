@@ -15,8 +15,8 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.pushover import Pushover
-    from tdint.analysis.target_displacement import TargetDisplacement
+    from tdint.response.static.pushover import Pushover
+    from tdint.response.static.target_displacement import TargetDisplacement
     from tdint.units import DriftSize, OutputUnits
 
 PATTERNS = ("first-mode", "uniform", "triangular")
@@ -67,8 +67,8 @@ def command(
     coefficient method (ASCE 41-17, site class D, C_m 1). Roof displacement, base shear and
     equivalent oscillator are reported on standard error and in the JSON file next to -o.
     """
-    from tdint.analysis.pushover import pushover
     from tdint.model.config.model_file import load_model
+    from tdint.response.static.pushover import pushover
 
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
@@ -80,20 +80,20 @@ def command(
     if target is None:
         outputs.deliver(
             tables.buildings.pushover_table(result),
-            lambda: figures.comparison.pushover_picture(result, units),
+            lambda: figures.static_curves.pushover_picture(result, units),
             lambda: _events(result, units),
             page=lambda: _page(result, (), page_units),
         )
         say(_result_text(result, units))
         return
-    from tdint.analysis.target_displacement import target_displacements
+    from tdint.response.static.target_displacement import target_displacements
 
     targets = tuple(target_displacements(result, target))
     building_table = tables.buildings.target_building_table(targets).in_units(units)
     events = _events(result, units)
     outputs.deliver(
         tables.buildings.target_table(targets),
-        lambda: figures.comparison.target_picture(targets, units),
+        lambda: figures.static_curves.target_picture(targets, units),
         lambda: {**events, **building_table.as_summary("targets")},
         lambda: _page(result, targets, page_units),
     )

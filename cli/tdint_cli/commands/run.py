@@ -28,27 +28,27 @@ from tdint_cli.commands.run_request import (
     SUMMARY,
     Request,
 )
+from tdint_cli.demand_limits import check_limit_options, outcome_text
 from tdint_cli.drawing import emit_table
 from tdint_cli.handlers import call
-from tdint_cli.limits import check_limit_options, outcome_text
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.terminal import complain, is_debug, is_quiet, note, note_of_runs, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.case import Case
-    from tdint.analysis.run.outcome import (
+    from tdint.files import Content
+    from tdint.ground_motion.record import Input, Record
+    from tdint.model.definition import Model
+    from tdint.output.tables.table import Table
+    from tdint.output.verdicts import Verdict
+    from tdint.response.runs.case import Case
+    from tdint.response.runs.outcome import (
         Collapse,
         FailedRun,
         Response,
         StepChoice,
         StoryPeaks,
     )
-    from tdint.files import Content
-    from tdint.ground_motion.record import Input, Record
-    from tdint.model.definition import Model
-    from tdint.output.tables.table import Table
-    from tdint.output.verdicts import Verdict
 
 _FIGURE_STEPS = 20_000  # maximum number of time steps in a figure; more are not distinguishable
 _MIN_BYTES = 6.0
@@ -153,9 +153,9 @@ def _run(request: Request) -> None:
     AnalysisError if a limit is exceeded with --require.
     """
     start_time = time.perf_counter()
-    from tdint.analysis.arguments import model_record
-    from tdint.analysis.run.outcome import FailedRun
-    from tdint.analysis.run.run import prepare
+    from tdint.response.arguments import model_record
+    from tdint.response.runs.outcome import FailedRun
+    from tdint.response.runs.run import prepare
 
     request.check_files()
     model = _model(request)
@@ -163,7 +163,7 @@ def _run(request: Request) -> None:
     check_limit_options(request.limit, request.require, [model])
     request.floor_request.chosen_floors(len(model.stories))
     if model.damage:
-        from tdint.analysis.run.damage import own_type
+        from tdint.response.runs.damage import own_type
 
         own_type(model)  # invalid damage states are refused before the run
     events = _sequence_records(request, model)
@@ -235,7 +235,7 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
 
     --scale has a single factor for all events, or a factor for each event.
     """
-    from tdint.analysis.arguments import model_record
+    from tdint.response.arguments import model_record
 
     factors = request.scale or (1.0,)
     if len(factors) == 1:
@@ -250,7 +250,7 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
 
 def _step_count(request: Request, case: Case) -> int:
     """Return the number of time steps of a run, and check the disk space for its history."""
-    from tdint.analysis.arguments import number_of
+    from tdint.response.arguments import number_of
 
     dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
     step_count = case.steps(dt, duration).count
@@ -261,8 +261,8 @@ def _step_count(request: Request, case: Case) -> int:
 
 def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
     """Select interpreted time loops if the run is so short that a compilation would take longer."""
-    from tdint.analysis.run.analysis_kernels import run_interpreted
-    from tdint.analysis.run.error_estimate import reference
+    from tdint.response.runs.analysis_kernels import run_interpreted
+    from tdint.response.runs.error_estimate import reference
 
     methods = [case.method]
     if request.check is not False:
@@ -277,8 +277,8 @@ def _failure_content(
 ) -> dict[str, Any]:
     """Return the content of the summary of a failed run. `start_time` is a value of
     `time.perf_counter`, s."""
-    from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import failure_summary
+    from tdint.response.spectra.elastic import first_mode
 
     return failure_summary(
         failure,
@@ -306,8 +306,8 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
 def _respond(case: Case, events: list[Record], request: Request) -> Response:
     """Run the time integration under a single ground motion, or under a sequence if there are
     `events`."""
-    from tdint.analysis.run.run import integrate_case
-    from tdint.analysis.run.settings import RunSettings, settings_from
+    from tdint.response.runs.run import integrate_case
+    from tdint.response.runs.settings import RunSettings, settings_from
 
     settings = settings_from(request, RunSettings, check=request.check is not False)
     outputs: dict[str, Any] = {
@@ -316,7 +316,7 @@ def _respond(case: Case, events: list[Record], request: Request) -> Response:
         "tolerance": request.tolerance,
     }
     if events:
-        from tdint.analysis.run.sequence import integrate_sequence
+        from tdint.response.runs.sequence import integrate_sequence
 
         return integrate_sequence(case, events, settings, rest=request.rest, **outputs)
     return integrate_case(case, settings, **outputs)
@@ -382,9 +382,9 @@ def _files(
     if not (request.output or request.report):
         return files, {}
     # These imports are a fifth of the code of a run, and are not needed without a summary.
-    from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import run_summary
     from tdint.output.summary import model_input
+    from tdint.response.spectra.elastic import first_mode
 
     wall_time = time.perf_counter() - start_time
     first = first_mode(case.building, response.record)
@@ -467,7 +467,7 @@ def _page_verdict(
 def _with_history(response: Response) -> Response:
     """Return the response with a response history for figures, of at most about `_FIGURE_STEPS`
     time steps."""
-    from tdint.analysis.run.outcome import History
+    from tdint.response.runs.outcome import History
 
     assert response.history_chunks is not None
     if response.history is not None:
@@ -542,7 +542,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
 
     In a report (`page`), drift ratios are in percent. The computing time requires --debug.
     """
-    from tdint.analysis.run.demands import demands
+    from tdint.response.runs.demands import demands
 
     record = response.record
     motion = "no ground motion"
@@ -621,7 +621,7 @@ def _maximum_demands(
     For example "drift ratio 0.012 in story 1, roof displacement 0.08 m, base shear 9e+05 N". Drift
     ratios in a report are in percent.
     """
-    from tdint.analysis.run.demands import demands
+    from tdint.response.runs.demands import demands
 
     maximum = demands(stories)
     drift_text = f"drift {units.text(maximum.drift.value, 'm')} in story {maximum.drift.location}"
@@ -654,8 +654,8 @@ def _maximum_demands(
 
 def _damage(response: Response, units: OutputUnits) -> str:
     """Return a sentence on the damage according to the damage states of the model."""
-    from tdint.analysis.run.damage import damage_of_run
     from tdint.model.damage_states import DEMANDS
+    from tdint.response.runs.damage import damage_of_run
 
     damage = damage_of_run(response.model, response.stories, response.status)
     assert damage is not None

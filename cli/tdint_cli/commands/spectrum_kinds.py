@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
-from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
 from tdint.number_parsing import Grid, parse_positive
 from tdint.output import figures, tables
+from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import Mode
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.spectra.elastic import Spectrum, SpectrumSettings
-    from tdint.analysis.spectra.fourier import FourierSpectrum
-    from tdint.analysis.spectra.inelastic import InelasticSpectrum
-    from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.analysis.spectra.target import PublishedSpectrum, SpectrumDifference, TargetSpectrum
     from tdint.ground_motion.horizontals import PairNames
     from tdint.ground_motion.record import Record
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
+    from tdint.response.spectra.elastic import Spectrum, SpectrumSettings
+    from tdint.response.spectra.fourier import FourierSpectrum
+    from tdint.response.spectra.inelastic import InelasticSpectrum
+    from tdint.response.spectra.rotated import RotatedSpectrum
+    from tdint.response.spectra.target import PublishedSpectrum, SpectrumDifference, TargetSpectrum
     from tdint.units import OutputUnits
 
 
@@ -315,7 +315,7 @@ class SpectrumRequest(TablesRequest):
     @property
     def bandwidth(self) -> float | None:
         """Bandwidth of the smoothing of Fourier spectra; None for no smoothing."""
-        from tdint.analysis.spectra.fourier import BANDWIDTH
+        from tdint.response.spectra.fourier import BANDWIDTH
 
         return BANDWIDTH if self.smoothing is None else (self.smoothing or None)
 
@@ -329,7 +329,7 @@ class SpectrumRequest(TablesRequest):
         UsageError
             The file contains several columns of values, and --against-column is missing.
         """
-        from tdint.analysis.spectra.target import read_published
+        from tdint.response.spectra.target import read_published
 
         assert self.against is not None
         return read_published(self.against, damping, self.against_column)
@@ -339,14 +339,14 @@ class SpectrumRequest(TablesRequest):
         """The target spectrum; None if it is not requested."""
         if self.target is None:
             return None
-        from tdint.analysis.spectra.target import read_target
+        from tdint.response.spectra.target import read_target
 
         return read_target(self.target)
 
     @property
     def elastic_settings(self) -> SpectrumSettings:
         """Settings of the computation of elastic spectra."""
-        from tdint.analysis.spectra.elastic import choose_settings
+        from tdint.response.spectra.elastic import choose_settings
 
         return choose_settings(self.method, self.maxima, self.interpolation)
 
@@ -429,7 +429,7 @@ class Elastic(_OscillatorSpectra):
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectrum of each component for each damping ratio."""
-        from tdint.analysis.spectra.elastic import spectrum
+        from tdint.response.spectra.elastic import spectrum
 
         periods = request.chosen_periods()
         lines = [
@@ -465,7 +465,7 @@ class Inelastic(_OscillatorSpectra):
         """Compute the spectrum of each component for each damping ratio and each ductility or
         strength.
         """
-        from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
+        from tdint.response.spectra.inelastic import constant_ductility, constant_strength
 
         periods = request.chosen_periods()
         hardening = request.hardening or 0.0
@@ -494,13 +494,13 @@ class Fourier(TableType):
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectrum of each component."""
-        from tdint.analysis.spectra.fourier import fourier_spectrum
+        from tdint.response.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
         """Return a figure with a line for each component."""
-        return figures.comparison.fourier_picture(lines, request.shown_units)
+        return figures.static_curves.fourier_picture(lines, request.shown_units)
 
 
 class Histories(TableType):
@@ -517,7 +517,7 @@ class Histories(TableType):
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the response of each oscillator for each damping ratio and each component."""
-        from tdint.analysis.spectra.elastic import oscillator_motion
+        from tdint.response.spectra.elastic import oscillator_motion
 
         lines = [
             oscillator_motion(record, period, damping)
@@ -564,8 +564,8 @@ class Rotated(_OscillatorSpectra):
         records : sequence of Record
             Components of a single ground motion, two of which are horizontal.
         """
-        from tdint.analysis.spectra.rotated import rotated_spectrum
         from tdint.ground_motion.horizontals import find_horizontals, with_component
+        from tdint.response.spectra.rotated import rotated_spectrum
 
         motion = find_horizontals([with_component(record) for record in records])
         periods = request.chosen_periods()
@@ -618,7 +618,7 @@ class Against(TableType):
         """Compute the spectra of each component for each damping ratio, with the published
         values.
         """
-        from tdint.analysis.spectra.target import differences
+        from tdint.response.spectra.target import differences
 
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
@@ -665,7 +665,7 @@ def _is_single(request: SpectrumRequest, file: str) -> bool:
 
     try:
         records = read_records(
-            file, units=request.units, inventory=request.inventory, layout=request.layout
+            file, units=request.units, inventory=request.inventory, layout=request.choice.layout
         )
     except RecordError:
         return False  # The error is reported when the file is processed.

@@ -383,6 +383,8 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
                 f"{subject} requires a record, but the model specifies no record; add --record FILE"
             )
         return None
+    from tdint.ground_motion.choice import Processing, TextLayout
+
     choice = source.choice
     if "units" in specified or "inventory" in specified:
         # `units` and `inventory` exclude each other: if the command line specifies one of them,
@@ -391,7 +393,7 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     choice = replace(
         choice,
         **specified,
-        processing=request.processing.over(choice.processing),
-        layout=request.layout.over(choice.layout),
+        processing=(request.processing or Processing()).over(choice.processing),
+        layout=(request.layout or TextLayout()).over(choice.layout),
     )
     return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

@@ -13,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
-from tdint.files import STDIN, protect_input
+from tdint.files import protect_input
 from tdint.number_parsing import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
 from tdint.units import (
     ACCELERATION,

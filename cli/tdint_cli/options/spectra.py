@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.analysis.defaults import PERIODS
 from tdint.errors import UsageError
 from tdint.output import figures, tables
+from tdint.response.defaults import PERIODS
 from tdint_cli.options import grammar, output
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.option_types import FileName, ListOf, Number, grid
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tdint.analysis.run.outcome import Response
-    from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.files import Content
     from tdint.number_parsing import Grid
+    from tdint.response.runs.outcome import Response
+    from tdint.response.spectra.floor_motions import FloorSpectrum
     from tdint.units import OutputUnits
 
 option = partial(grammar.option, heading=grammar.SPECTRUM)
@@ -194,7 +194,7 @@ class FloorRequest:
         floor."""
         if not self.floors:
             return ()
-        from tdint.analysis.spectra.floors import floor_numbers
+        from tdint.response.spectra.floor_motions import floor_numbers
 
         return floor_numbers(self.floors, stories)
 
@@ -206,7 +206,7 @@ class FloorRequest:
         """Return the requested floor spectra of a run; empty without --floor-spectra."""
         if not self.floors:
             return ()
-        from tdint.analysis.spectra.floors import floor_spectra as spectra_of
+        from tdint.response.spectra.floor_motions import floor_spectra as spectra_of
 
         floors = self.chosen_floors(len(response.model.stories))
         return spectra_of(response, floors, self.chosen_periods(), self.floor_damping)
@@ -239,7 +239,7 @@ class FloorRequest:
 
                 title = response.model.name
                 draw = partial(
-                    figures.floors.floor_picture,
+                    figures.floor_spectra.floor_picture,
                     spectra,
                     units,
                     title=title,
@@ -248,8 +248,8 @@ class FloorRequest:
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         # The MiniSEED file contains all floors as stations, regardless of the requested spectra.
         if export:
-            from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.record import to_mseed
+            from tdint.response.spectra.floor_motions import floor_motion
 
             motions = [floor_motion(response, floor) for floor in range(1, stories + 1)]
             files[folder / MOTIONS], notes = to_mseed(motions)

@@ -33,7 +33,7 @@ from tdint_cli.studies.maps import MapRequest
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
-    from tdint.studies.store import Store
+    from tdint.studies.store.result_store import Store
 
 
 @options.request
@@ -203,11 +203,11 @@ def _run(request: CampaignRequest) -> None:
         for name in request.im:
             run_measure(name)
     check_names(Path(request.output), request)
-    from tdint.studies.execute import Shard, cluster, threads
-    from tdint.studies.inputs import read_inputs
-    from tdint.studies.load_cases import LoadFiles
-    from tdint.studies.plan import make_plan
-    from tdint.studies.reader import load_campaign
+    from tdint.studies.campaign.execute import Shard, cluster, threads
+    from tdint.studies.campaign.inputs import read_inputs
+    from tdint.studies.campaign.load_cases import LoadFiles
+    from tdint.studies.campaign.plan import make_plan
+    from tdint.studies.campaign.reader import load_campaign
 
     shard = None
     if request.shard is not None:
@@ -218,7 +218,7 @@ def _run(request: CampaignRequest) -> None:
             )
         shard = Shard(int(first), int(last))
     if request.dask is not None:
-        from tdint.studies.cluster import Cluster
+        from tdint.studies.campaign.cluster import Cluster
 
         scheduler = Cluster(request.dask)
         if request.jobs is not None:
@@ -242,8 +242,8 @@ def _status(request: CampaignRequest) -> None:
 
     Warnings list the inputs that could not be used.
     """
-    from tdint.studies.store_opening import check_chunks, open_existing
-    from tdint.studies.tables.campaign import status_table
+    from tdint.studies.campaign.campaign_tables import status_table
+    from tdint.studies.store.opening import check_chunks, open_existing
 
     with open_existing(_folder(request)) as store:
         check_chunks(store)
@@ -263,7 +263,7 @@ def _export(request: CampaignRequest) -> None:
     """Write the tables of a campaign again (`tdint campaign export`). Failures is raised afterwards
     if a limit is exceeded with --require.
     """
-    from tdint.studies.store_opening import check_chunks, open_existing
+    from tdint.studies.store.opening import check_chunks, open_existing
 
     folder = _folder(request)
     with open_existing(folder, write=True) as store:
@@ -293,8 +293,8 @@ def _merge(request: CampaignRequest) -> None:
             "the directories to merge and -o DIR are required, such as: tdint campaign merge "
             "out-*/ -o all/"
         )
-    from tdint.studies.execute import merge
-    from tdint.studies.store_schema import locked
+    from tdint.studies.campaign.execute import merge
+    from tdint.studies.store.schema import locked
 
     target = Path(request.output)
     # Lock the directory, so that no other process writes to it while the stores are copied.

@@ -9,7 +9,7 @@ from tdint.files import is_file
 from tdint_cli.terminal import say, warn
 
 if TYPE_CHECKING:
-    from tdint.studies.definition import CampaignFile
+    from tdint.studies.campaign.definition import CampaignFile
 
 _CAMPAIGN = re.compile(rb"^(buildings|records|forces)\s*:", re.MULTILINE)
 """A top-level key of campaign files that model files do not have."""
@@ -24,9 +24,9 @@ def _campaign_in(file: str) -> CampaignFile | None:
 
     if not _CAMPAIGN.search(read_source(file).data):
         return None
-    from tdint.studies.inputs import check_load_cases
-    from tdint.studies.load_cases import LoadFiles
-    from tdint.studies.reader import load_campaign
+    from tdint.studies.campaign.inputs import check_load_cases
+    from tdint.studies.campaign.load_cases import LoadFiles
+    from tdint.studies.campaign.reader import load_campaign
 
     campaign = load_campaign(file)
     say(f"{file}: valid campaign file")
@@ -39,12 +39,12 @@ def _models_of(campaign: CampaignFile) -> tuple[str, ...]:
     """Return the model files of a campaign; none if the buildings are derived from an inventory,
     which is checked: ModelError lists its errors, and warnings about unusual rows are printed.
     """
-    from tdint.studies.definition import ModelFiles
+    from tdint.studies.campaign.definition import ModelFiles
 
     if isinstance(campaign.buildings, ModelFiles):
         return campaign.buildings.files
-    from tdint.studies.inputs import read_rows
-    from tdint.studies.unusual_rows import unusual_rows
+    from tdint.studies.campaign.inputs import read_rows
+    from tdint.studies.regions.unusual_rows import unusual_rows
 
     rows, errors = read_rows(campaign.buildings)
     warn(*unusual_rows(rows, campaign.buildings.rules))
@@ -58,7 +58,7 @@ def _times_given_by(campaign: CampaignFile) -> tuple[str, ...]:
 
     Both are those of the ground motions. Load cases have the time step of their table only.
     """
-    from tdint.studies.load_cases import LoadFiles
+    from tdint.studies.campaign.load_cases import LoadFiles
 
     is_missing = isinstance(campaign.records, LoadFiles) and campaign.settings.duration is None
     return ("dt",) if is_missing else ("dt", "duration")

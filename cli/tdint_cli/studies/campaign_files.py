@@ -9,16 +9,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import check_outputs, is_there, protect_input, refuse_protected, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
-from tdint.studies import figures as studies_figures
-from tdint.studies import tables as studies_tables
 from tdint.units import OutputUnits
 from tdint_cli import options
+from tdint_cli.demand_limits import check_limit_options, without_limits
 from tdint_cli.drawing import emit_table
-from tdint_cli.limits import check_limit_options, without_limits
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.floors import suite_spectra
@@ -37,10 +36,10 @@ from tdint_cli.terminal import (
 if TYPE_CHECKING:
     from tdint.files import Content, Writer
     from tdint.output.tables.table import Table
-    from tdint.studies.execute import Advance, Engine, Shard
-    from tdint.studies.plan import Plan
-    from tdint.studies.profiles import FloorSuite, Profile
-    from tdint.studies.store import Store
+    from tdint.studies.campaign.execute import Advance, Engine, Shard
+    from tdint.studies.campaign.plan import Plan
+    from tdint.studies.campaign.story_profiles import FloorSuite, Profile
+    from tdint.studies.store.result_store import Store
     from tdint_cli.studies.suite_limits import SuiteLimits
 
 
@@ -111,7 +110,7 @@ class Profiles:
     @cached_property
     def profiles(self) -> list[Profile]:
         """Profiles of each building and intensity level."""
-        from tdint.studies.profiles import profiles
+        from tdint.studies.campaign.story_profiles import profiles
 
         return list(profiles(self.store))
 
@@ -129,10 +128,10 @@ class Profiles:
         UsageError
             The baseline is not a building of the campaign.
         """
-        from tdint.studies.profiles import ratios
+        from tdint.studies.campaign.story_profiles import ratios
 
         self._require_profiles("--baseline")
-        return studies_tables.campaign.ratio_table(
+        return studies.campaign.campaign_tables.ratio_table(
             self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
         )
 
@@ -151,7 +150,7 @@ class Profiles:
         """
         self._require_profiles("--plot")
         draw = partial(
-            studies_figures.suites.profile_picture,
+            studies.campaign.suite_figures.profile_picture,
             self.profiles,
             self.units,
             limit=self.limits.drift_line,
@@ -207,7 +206,7 @@ class Profiles:
         """
         from tdint.output.page import PageText, page_units
         from tdint.output.summary import files_read
-        from tdint.studies.output.suite_report import suite_page
+        from tdint.studies.campaign.suite_report import suite_page
 
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings.
@@ -405,7 +404,7 @@ def execute_campaign(
         Some records could not be read, a building is too far from any site, or the drift limit is
         not met. Raised after all other work is done.
     """
-    from tdint.studies.store_schema import locked, refuse_network
+    from tdint.studies.store.schema import locked, refuse_network
 
     report_pairs(plan, request)
     _check_result_options(plan, request)
@@ -418,7 +417,7 @@ def execute_campaign(
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         reuse_note = ""
         if request.changed:
-            from tdint.studies.reuse import reuse_results
+            from tdint.studies.campaign.reuse import reuse_results
 
             reuse_note = reuse_results(folder, plan)
         store, store_notes = _open_store(folder, plan, shard_buildings, overwrite=overwrite)
@@ -432,7 +431,9 @@ def execute_campaign(
             profiles = Profiles(store, request)
             finish(profiles, folder, plan)  # write all tables, figures and the summary
             if show:
-                emit_table(studies_tables.campaign.runs_table(store).in_units(profiles.units))
+                emit_table(
+                    studies.campaign.campaign_tables.runs_table(store).in_units(profiles.units)
+                )
             if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
             _report_progress(advance)
@@ -457,7 +458,7 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     building of the campaign; AnalysisError, if an option requires the peaks of all stories, which
     the campaign does not store.
     """
-    from tdint.studies.profiles import check_baseline
+    from tdint.studies.campaign.story_profiles import check_baseline
 
     check_limit_options(request.limit, request.require, plan.models)
     needs_stories = {
@@ -483,9 +484,9 @@ def _open_store(
     together with the tables that were written from it. Otherwise another campaign is an
     AnotherStudyError.
     """
-    from tdint.studies.store import FILE
-    from tdint.studies.store_opening import open_store, remove, remove_store
-    from tdint.studies.store_schema import AnotherStudyError, UntrustedStoreError
+    from tdint.studies.store.opening import open_store, remove, remove_store
+    from tdint.studies.store.result_store import FILE
+    from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
 
     try:
         return open_store(folder, plan, buildings)
@@ -524,7 +525,7 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     RecordError
         Two records are a pair by their names, but differ in sampling interval, length or event.
     """
-    from tdint.studies.pairs import PairRule, check_pairs
+    from tdint.studies.motions.pairs import PairRule, check_pairs
 
     rule = PairRule.from_motions(plan.motions, plan.pair_demand)
     check_pairs(plan.motions, rule)
@@ -560,7 +561,7 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     OutputError
         A file cannot be written.
     """
-    from tdint.studies.store import FILE
+    from tdint.studies.store.result_store import FILE
 
     may_replace = request.overwrite or (folder is not None and is_there(folder / FILE))
     page_files = [
@@ -613,7 +614,7 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     OutputError
         A table exists and must not be replaced.
     """
-    from tdint.studies.store import FILE, foreign_file_error
+    from tdint.studies.store.result_store import FILE, foreign_file_error
 
     if not is_there(folder / FILE) and not overwrite:
         # A tuple multiplied by False is empty.
@@ -639,7 +640,7 @@ def advance_with_bar(
     max_runs : int, optional
         Maximum number of runs. By default, all remaining runs.
     """
-    from tdint.studies.execute import execute_plan
+    from tdint.studies.campaign.execute import execute_plan
 
     with progress_bar(to_terminal=False) as progress:
 
@@ -729,7 +730,9 @@ def _suite_contents(
         from tdint.studies.fragility.measures import measured, run_measure
 
         measures = [run_measure(name) for name in request.im]
-        table = studies_tables.campaign.measures_table(measures, measured(plan, store, measures))
+        table = studies.campaign.campaign_tables.measures_table(
+            measures, measured(plan, store, measures)
+        )
         contents[MEASURES] = table.in_units(profiles.units).csv()
     return contents
 
@@ -795,8 +798,8 @@ def _exports(
     """
     if not names:
         return {}
-    from tdint.studies.tables import exports
-    from tdint.studies.tables import maps as map_tables
+    from tdint.studies.campaign import exports
+    from tdint.studies.regions import maps as map_tables
 
     maps, by = maps or MapRequest(), profiles.request.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
@@ -843,27 +846,24 @@ def _write(
     """
     from tdint.output.run_summary import LIMIT_MEANINGS
     from tdint.output.summary import in_units, json_bytes, merged_inputs
-    from tdint.studies.output.campaign_summary import campaign_summary
+    from tdint.studies.campaign.campaign_summary import campaign_summary
 
     request, store, units = profiles.request, profiles.store, profiles.units
+    tables = studies.campaign.campaign_tables
     # Write runs.csv, unless the campaign selects only other tables.
     files: dict[str, Content] = {}
     if store.is_requested("runs"):
-        files[RUNS] = lambda stream: studies_tables.campaign.write_runs(store, stream, units)
+        files[RUNS] = lambda stream: tables.write_runs(store, stream, units)
     files |= contents
     settings = store.parameters()
     if settings["stories"]:
-        files[STORIES] = lambda stream: studies_tables.campaign.write_stories(store, stream, units)
+        files[STORIES] = lambda stream: tables.write_stories(store, stream, units)
     if next(store.elements(), None) is not None:
-        files[ELEMENTS] = lambda stream: studies_tables.campaign.write_elements(
-            store, stream, units
-        )
+        files[ELEMENTS] = lambda stream: tables.write_elements(store, stream, units)
     if next(store.shocks(), None) is not None:
-        files[SHOCKS] = lambda stream: studies_tables.campaign.write_shocks(store, stream, units)
+        files[SHOCKS] = lambda stream: tables.write_shocks(store, stream, units)
     if settings["profiles"] and is_complete(store):
-        files[PROFILES] = lambda stream: studies_tables.campaign.write_profiles(
-            store, stream, units
-        )
+        files[PROFILES] = lambda stream: tables.write_profiles(store, stream, units)
     files |= _damage(store, units, request.by)
     summary = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
     summary["inputs"] = merged_inputs(summary["inputs"], input_files)
@@ -884,7 +884,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     """
     if not store.damage():
         return {}
-    from tdint.studies.tables.damage_states import (
+    from tdint.studies.fragility.damage_tables import (
         write_damage,
         write_exceedance,
         write_losses,
@@ -909,10 +909,10 @@ def report_outcomes(store: Store) -> None:
     """Report the numbers of runs that failed, collapsed, were repeated, have no error estimate, or
     did not come to rest.
     """
-    from tdint.analysis.run.outcome import FAILED
     from tdint.model.status import FALLEN
-    from tdint.studies.output.campaign_summary import without_error
-    from tdint.studies.store import FILE
+    from tdint.response.runs.outcome import FAILED
+    from tdint.studies.campaign.campaign_summary import without_error
+    from tdint.studies.store.result_store import FILE
 
     statuses = store.statuses()
     failed = {name: statuses[name] for name in FAILED if name in statuses}

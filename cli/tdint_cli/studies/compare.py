@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint import studies
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
 from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
-from tdint.studies import figures as studies_figures
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import FileName, ListOf, Written
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.number_parsing import Grid
-    from tdint.studies.compare import Comparison
-    from tdint.studies.fit import Fit
+    from tdint.studies.recordings.compare import Comparison
+    from tdint.studies.recordings.fit import Fit
     from tdint.units import OutputUnits
 
 TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
@@ -45,7 +45,7 @@ def _requirement(text: str) -> tuple[str, float]:
     """Return the name and the value of a requirement NAME=NUMBER for every floor; BadParameter for
     another form or an unknown name.
     """
-    from tdint.studies.compare import parse_requirement
+    from tdint.studies.recordings.compare import parse_requirement
 
     try:
         return parse_requirement(text)
@@ -156,10 +156,10 @@ def command(request: Request) -> None:
     recording. -o also writes spectra of the absolute floor accelerations.
     """
     from tdint.model.config.model_file import load_model
-    from tdint.studies.compare import Event, compare, unmet
-    from tdint.studies.fit import fit
-    from tdint.studies.recorded import load_recording
-    from tdint.studies.tables.comparison import comparison_table
+    from tdint.studies.recordings.compare import Event, compare, unmet
+    from tdint.studies.recordings.comparison_tables import comparison_table
+    from tdint.studies.recordings.fit import fit
+    from tdint.studies.recordings.recording_file import load_recording
 
     files = [request.recorded, *(request.blind or ())]
     if [request.model, *files].count(STDIN) > 1:
@@ -207,8 +207,8 @@ def _write(
     and of the blind recordings. `fitted` contains the fitted values; None without --fit.
     """
     from tdint.model.config.model_file import rewrite_model
-    from tdint.studies.output.comparison_summary import comparison_summary
-    from tdint.studies.tables.comparison import (
+    from tdint.studies.recordings.comparison_summary import comparison_summary
+    from tdint.studies.recordings.comparison_tables import (
         comparison_spectra_table,
         comparison_table,
         fitted_table,
@@ -233,7 +233,7 @@ def _write(
             files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
     if picture := request.picture:
         draw = partial(
-            studies_figures.recorded.comparison_picture,
+            studies.recordings.comparison_figures.comparison_picture,
             comparisons,
             periods,
             request.damping,
@@ -288,9 +288,9 @@ def _page(
     """
     from tdint.output.page import PageText, page_units
     from tdint.output.summary import files_read
-    from tdint.studies.compare import absolute_displacements, unmet
-    from tdint.studies.output.comparison_report import comparison_page
-    from tdint.studies.tables.comparison import fitted_table
+    from tdint.studies.recordings.compare import absolute_displacements, unmet
+    from tdint.studies.recordings.comparison_report import comparison_page
+    from tdint.studies.recordings.comparison_tables import fitted_table
 
     model = comparisons[0].response.model
     units = page_units(request.output_units or model.page_units)
@@ -315,7 +315,11 @@ def _page(
     ]
     page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
     draw_figure = partial(
-        studies_figures.recorded.comparison_picture, comparisons, periods, request.damping, units
+        studies.recordings.comparison_figures.comparison_picture,
+        comparisons,
+        periods,
+        request.damping,
+        units,
     )
     return comparison_page(
         comparisons,
@@ -364,8 +368,8 @@ def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
 
     `fitted` contains the fitted values of the model; None without --fit.
     """
-    from tdint.studies.compare import absolute_displacements
-    from tdint.studies.tables.comparison import fitted_in
+    from tdint.studies.recordings.compare import absolute_displacements
+    from tdint.studies.recordings.comparison_tables import fitted_in
 
     for item in comparisons:
         say(_motion_sentence(item, units))

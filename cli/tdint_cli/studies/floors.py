@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+from tdint import studies
 from tdint.output import figures
-from tdint.studies import figures as studies_figures
-from tdint.studies import tables as studies_tables
 from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
 
 if TYPE_CHECKING:
     from tdint.files import Content
-    from tdint.studies.plan import Plan
-    from tdint.studies.profiles import FloorSuite
-    from tdint.studies.store import Store
+    from tdint.studies.campaign.plan import Plan
+    from tdint.studies.campaign.story_profiles import FloorSuite
+    from tdint.studies.store.result_store import Store
 
 
 def suite_spectra(
@@ -50,15 +49,17 @@ def suite_spectra(
     """
     if not wanted.floors:
         return {}, ()
-    from tdint.studies.profiles import FloorChoice, floor_suites, run_floors
+    from tdint.studies.campaign.story_profiles import FloorChoice, floor_suites, run_floors
 
     # A store contains no response histories, so the runs are repeated for the floor motions.
     choice = FloorChoice(wanted.floors, wanted.chosen_periods(), wanted.floor_damping)
     floors = run_floors(plan, store, choice, jobs or processors())
     suites = list(floor_suites(store, floors))
     contents: dict[str, Content] = {
-        SPECTRA: studies_tables.campaign.run_floor_table(store, floors).in_units(units).csv(),
-        SPECTRA_MEAN: studies_tables.campaign.floor_suite_table(store, suites)
+        SPECTRA: studies.campaign.campaign_tables.run_floor_table(store, floors)
+        .in_units(units)
+        .csv(),
+        SPECTRA_MEAN: studies.campaign.campaign_tables.floor_suite_table(store, suites)
         .in_units(units)
         .csv(),
     }
@@ -69,6 +70,6 @@ def suite_spectra(
             period = store.period(number)
             if period is not None:
                 periods.append((name, period))
-        draw = partial(studies_figures.suites.floor_suite_picture, suites, units, periods)
+        draw = partial(studies.campaign.suite_figures.floor_suite_picture, suites, units, periods)
         contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
     return contents, suites

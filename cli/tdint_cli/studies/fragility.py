@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import check_outputs, is_file, write_files
 from tdint.number_parsing import pluralize
-from tdint.studies import figures as study_figures
-from tdint.studies import tables as studies_tables
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.options.option_types import FileName, ListOf, Name, Number, span
@@ -175,7 +174,7 @@ def command(request: Request) -> None:
     several = bool(request.im and len(request.im) > 1)
     refuse_idle(_COMPARE if several else _FIT, MODES)
     if is_file(Path(request.table) / "campaign.sqlite"):
-        from tdint.studies.store_opening import open_existing
+        from tdint.studies.store.opening import open_existing
         from tdint_cli.studies.campaign_files import warn_unfinished
 
         with open_existing(Path(request.table)) as store:
@@ -191,7 +190,7 @@ def _compare(request: Request) -> None:
     from tdint.studies.fragility.measure_comparison import compare_measures
 
     fits = compare_measures(request.table, request.im or (), request.sufficiency)
-    request.outputs.deliver(studies_tables.studies.comparison_of_measures(fits))
+    request.outputs.deliver(studies.fragility.fragility_tables.comparison_of_measures(fits))
     best = fits[0]
     say(
         f"{best.im} predicts the drift best: standard deviation of ln drift about the "
@@ -233,7 +232,7 @@ def _fit(request: Request) -> None:
         fit_table,
     )
     from tdint.studies.fragility.fit_types import fit_types
-    from tdint.studies.output.study_summary import study_summary
+    from tdint.studies.fragility.study_summary import study_summary
 
     outputs, by = request.outputs, request.by
     _check_options(request)
@@ -269,18 +268,18 @@ def _fit(request: Request) -> None:
 
     def draw(functions: Sequence[Fragility]) -> Figure:
         """Return the figure of the functions: with --by, a panel for each type."""
-        # The first use of `figures.collapse` imports matplotlib, which is not needed earlier.
-        collapse = study_figures.collapse
-        return collapse.types_picture(functions) if by else collapse.fragility_picture(functions)
+        # The first use of the module of figures imports matplotlib, which is not needed earlier.
+        module = studies.fragility.fragility_figures
+        return module.types_picture(functions) if by else module.fragility_picture(functions)
 
     # The functions are already in the output units; without units, they are not converted again.
     replace(outputs, units=None).deliver(
-        studies_tables.studies.fragility_table(
+        studies.fragility.fragility_tables.fragility_table(
             functions,
             total=request.modeling_dispersion > 0.0,
-            states=studies_tables.studies.FRAGILITY_BUILDING
+            states=studies.fragility.fragility_tables.FRAGILITY_BUILDING
             if by == "building"
-            else studies_tables.studies.FRAGILITY_STATES,
+            else studies.fragility.fragility_tables.FRAGILITY_STATES,
         ),
         lambda: draw(functions),
         page=lambda: _page(request, result, functions, draw),
@@ -318,7 +317,7 @@ def _write_openquake(
 
     `files` contains the paths of the fragility model and of the vulnerability model.
     """
-    from tdint.studies.tables.exports import (
+    from tdint.studies.campaign.exports import (
         STRENGTH,
         fragility_model,
         vulnerability_model,
@@ -349,7 +348,7 @@ def _page(
     """Return the HTML page of --report."""
     from tdint.output.page import PageText
     from tdint.output.summary import files_read
-    from tdint.studies.output.study_report import fragility_page
+    from tdint.studies.fragility.fragility_report import fragility_page
 
     # Page and figure have one unit: an acceleration is in g unless a unit was requested.
     if request.outputs.units is None:
@@ -374,8 +373,8 @@ def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
 
     Types without loss ratios are omitted.
     """
-    from tdint.studies.fragility.runs import stored_states
-    from tdint.studies.store_opening import open_existing
+    from tdint.studies.fragility.building_damage import stored_states
+    from tdint.studies.store.opening import open_existing
 
     with open_existing(folder) as store:
         return {

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import check_outputs, is_there, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
-from tdint.studies import figures as studies_figures
-from tdint.studies import tables as studies_tables
 from tdint.system import processors
 from tdint.units import GROUND_MOTION
 from tdint_cli import options
@@ -37,9 +36,9 @@ from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.model.definition import Model
-    from tdint.studies.ida import IdaSettings, IdaStudy
-    from tdint.studies.ida_curve import Mainshock
-    from tdint.studies.intensity import IntensityMeasure
+    from tdint.studies.ida.ida import IdaSettings, IdaStudy
+    from tdint.studies.ida.ida_curve import Mainshock
+    from tdint.studies.motions.intensity import IntensityMeasure
     from tdint.units import OutputUnits, Units
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
@@ -56,7 +55,7 @@ class _Measure(Name):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name of an intensity measure; click reports invalid names as usage errors."""
-        from tdint.studies.intensity import scaling_obstacle
+        from tdint.studies.motions.intensity import scaling_obstacle
 
         if reason := scaling_obstacle(value):
             self.fail(
@@ -70,7 +69,7 @@ class _Measure(Name):
 
 def _measures() -> tuple[str, ...]:
     """Return the names of the intensity measures for the scaling of ground motions."""
-    from tdint.studies.intensity import scalable_measures
+    from tdint.studies.motions.intensity import scalable_measures
 
     return scalable_measures()
 
@@ -209,11 +208,11 @@ def command(request: IdaRequest) -> None:
     drift threshold; the collapse drift is the last threshold. With -o, the same call
     continues an interrupted analysis; --overwrite starts again.
     """
-    from tdint.analysis.run.settings import settings_from
     from tdint.ground_motion.measures import cut_off
     from tdint.model.config.model_file import load_model
-    from tdint.studies.ida import IdaSettings, ida
-    from tdint.studies.pairs import LARGER
+    from tdint.response.runs.settings import settings_from
+    from tdint.studies.ida.ida import IdaSettings, ida
+    from tdint.studies.motions.pairs import LARGER
 
     folder = _folder(request)
     model = load_model(request.model)
@@ -252,7 +251,7 @@ def command(request: IdaRequest) -> None:
     _report_pairs(request, study)
     shown_study = study.in_units(units)
     if folder is None:
-        emit_table(studies_tables.studies.capacity_table(shown_study))
+        emit_table(studies.ida.ida_tables.capacity_table(shown_study))
     unused = [str(error) for error in suite.failures]
     _write(request, study, shown_study, settings, units, unused)
     _report(shown_study, request.precision)
@@ -265,9 +264,9 @@ def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
     model) and --damping for spectral measures. UsageError is raised if the unit of --max-im is not
     a unit of the measure.
     """
-    from tdint.analysis.spectra.elastic import first_mode
     from tdint.model.building import assemble
-    from tdint.studies.intensity import SPECTRAL, measure_at
+    from tdint.response.spectra.elastic import first_mode
+    from tdint.studies.motions.intensity import SPECTRAL, measure_at
 
     period = math.nan  # measures such as PGA have no period
     if request.im in SPECTRAL:
@@ -286,7 +285,7 @@ def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
 
 def _read_mainshock(request: IdaRequest) -> Mainshock | None:
     """Return the main shock of --after with the drift ratios of --damage; None without --after."""
-    from tdint.studies.ida_curve import Mainshock
+    from tdint.studies.ida.ida_curve import Mainshock
 
     if request.after is None or not request.damage:
         return None
@@ -303,9 +302,9 @@ def _folder(request: IdaRequest) -> Path | None:
     OutputError is raised if a file exists that no earlier call of the study has written and
     --overwrite is not specified, or the store cannot be used.
     """
-    from tdint.studies.ida import STORE
-    from tdint.studies.store_opening import open_written, remove_store
-    from tdint.studies.store_schema import locked
+    from tdint.studies.ida.ida import STORE
+    from tdint.studies.store.opening import open_written, remove_store
+    from tdint.studies.store.schema import locked
 
     folder = Path(request.output) if request.output else None
     picture = request.picture
@@ -340,16 +339,16 @@ def _write(
     `shown` is the study with intensities in the output units, for the tables and the figure.
     `unused` contains the error messages of the records that could not be read.
     """
-    from tdint.analysis.run.settings import RunSettings, settings_from
     from tdint.methods.catalogue import resolved
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
-    from tdint.studies.ida import STORE
-    from tdint.studies.store_opening import open_written
+    from tdint.response.runs.settings import RunSettings, settings_from
+    from tdint.studies.ida.ida import STORE
+    from tdint.studies.store.opening import open_written
 
     files: dict[Path, Content] = {}
     if request.output:
-        runs_table = studies_tables.studies.ida_table(shown)
-        capacities_table = studies_tables.studies.capacity_table(shown)
+        runs_table = studies.ida.ida_tables.ida_table(shown)
+        capacities_table = studies.ida.ida_tables.capacity_table(shown)
         files[Path(request.output) / RUNS] = runs_table.in_units(units).csv()
         files[Path(request.output) / CAPACITIES] = capacities_table.in_units(units).csv()
         summary_settings = {
@@ -374,7 +373,7 @@ def _write(
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
         files[picture] = figures.style.picture(
-            picture.suffix, lambda: studies_figures.collapse.ida_picture(shown)
+            picture.suffix, lambda: studies.ida.ida_figures.ida_picture(shown)
         )
     if request.report:
         files[Path(request.report)] = _page(request, study, settings, unused)
@@ -395,7 +394,7 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
     """
     from tdint.output.page import PageText, page_units
     from tdint.output.summary import files_read
-    from tdint.studies.output.study_report import ida_page
+    from tdint.studies.ida.ida_report import ida_page
 
     units = page_units(request.output_units or study.model.page_units)
     records = [curve.record for curve in study.states[0].curves]
@@ -410,7 +409,7 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
     """Report the default treatment of component pairs, unless the user has selected a treatment."""
-    from tdint.studies.pairs import pairs_note
+    from tdint.studies.motions.pairs import pairs_note
 
     if study.partners and request.pair_demand is None:
         note(pairs_note(len(study.partners), study.pair_demand))
@@ -422,7 +421,7 @@ def _report(study: IdaStudy, precision: float) -> None:
     `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
     a warning.
     """
-    from tdint.studies.pairs import SEPARATE, motions_text
+    from tdint.studies.motions.pairs import SEPARATE, motions_text
 
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
@@ -491,7 +490,7 @@ def _median(study: IdaStudy) -> str:
     """Return a sentence with the median collapse capacity for a single initial damage."""
     import numpy as np
 
-    from tdint.studies.ida_curve import fractiles
+    from tdint.studies.ida.ida_curve import fractiles
 
     curves = study.motion_curves
     count, unit, damage = len(curves), study.measure.unit, curves[0].damage

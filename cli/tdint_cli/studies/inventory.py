@@ -19,7 +19,7 @@ from tdint_cli.terminal import say, warn
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tdint.studies.inventory import InventoryBuilding
+    from tdint.studies.regions.inventory import InventoryBuilding
 
 RULES = ("mdof-lu", "capacity")
 _MAX_SHOWN_ERRORS = 10
@@ -109,8 +109,8 @@ def command(request: Request) -> None:
     from tdint.model.capacity import read_classes
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
-    from tdint.studies.inventory import derive_all, read_inventory
-    from tdint.studies.unusual_rows import unusual_rows
+    from tdint.studies.regions.inventory import derive_all, read_inventory
+    from tdint.studies.regions.unusual_rows import unusual_rows
 
     rules = request.rules
     if (rules == CAPACITY) != (request.classes is not None):
@@ -156,7 +156,7 @@ def _model_files(
     """Return the paths and the contents (YAML) of the model files, ID.yaml for each building.
     UsageError is raised if an id cannot be used as a file name.
     """
-    from tdint.studies.inventory import model_text
+    from tdint.studies.regions.inventory import model_text
 
     files: dict[Path, bytes] = {}
     for building in derived:

@@ -6,14 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.number_parsing import pluralize
-from tdint.studies import tables as studies_tables
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
+from tdint_cli.demand_limits import check_limit_options
 from tdint_cli.drawing import emit_table
-from tdint_cli.limits import check_limit_options
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.studies.campaign_files import (
     Profiles,
@@ -29,7 +29,7 @@ from tdint_cli.terminal import Failures, note_of_runs, say
 if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.model.definition import Model
-    from tdint.studies.plan import Plan
+    from tdint.studies.campaign.plan import Plan
 
 
 def run_many(request: Request, records: tuple[str, ...]) -> None:
@@ -52,8 +52,8 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         files are written.
     """
     from tdint.model.config.model_file import load_model
-    from tdint.studies.execute import threads
-    from tdint.studies.store_opening import open_store
+    from tdint.studies.campaign.execute import threads
+    from tdint.studies.store.opening import open_store
 
     if "-" in (request.model, *records):
         raise UsageError("with several records or scales, inputs must be files, not standard input")
@@ -75,7 +75,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     with store:
         profiles = Profiles(store, request)
         advance = advance_with_bar(plan, store, engine)
-        emit_table(studies_tables.campaign.runs_table(store).in_units(profiles.units))
+        emit_table(studies.campaign.campaign_tables.runs_table(store).in_units(profiles.units))
         say(f"{pluralize(advance.done, 'run')}.")
         report_outcomes(store)
         picture = request.picture(None)
@@ -95,18 +95,23 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     Without records, those of the table of --factors are used, or the record of the model
     (UsageError if there is none).
     """
-    from tdint.analysis.run.settings import settings_from
-    from tdint.studies.batch import CampaignSettings
-    from tdint.studies.definition import (
+    from tdint.response.runs.settings import settings_from
+    from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
+    from tdint.studies.campaign.chunks import CampaignSettings
+    from tdint.studies.campaign.definition import (
         AnalysisOverrides,
         CampaignFile,
         FactorsFile,
         ModelFiles,
         RecordFiles,
     )
-    from tdint.studies.inputs import Inputs, read_factors, read_listed_motions, read_motions
-    from tdint.studies.motions import CampaignMotions, Scales
-    from tdint.studies.plan import make_plan
+    from tdint.studies.campaign.inputs import (
+        Inputs,
+        read_factors,
+        read_listed_motions,
+        read_motions,
+    )
+    from tdint.studies.campaign.plan import make_plan
 
     factors_file = FactorsFile(request.factors) if request.factors is not None else None
     table = read_factors(factors_file) if factors_file else None
@@ -125,8 +130,8 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     elif table:
         table, motions = read_listed_motions(table, record_files)
     else:
-        from tdint.analysis.arguments import model_record
         from tdint.ground_motion.reading.suites import suite_motions
+        from tdint.response.arguments import model_record
 
         # Use the unscaled record of the model: --scale defines the levels.
         record = model_record(with_motion(model, replace(request, scale=(1.0,))))

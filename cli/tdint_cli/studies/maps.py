@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from tdint.errors import UsageError
 
 if TYPE_CHECKING:
-    from tdint.studies.store import Store
+    from tdint.studies.store.result_store import Store
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class MapRequest:
         UsageError
             The polygons cannot be read, or the polygon of a district is missing.
         """
-        from tdint.studies.tables.maps import read_polygons, write_districts
+        from tdint.studies.regions.maps import read_polygons, write_districts
 
         polygons = None
         if self.polygons is not None:
@@ -62,7 +62,7 @@ class MapRequest:
 
 def has_losses(store: Store) -> bool:
     """Return True if damage states of the campaign have loss ratios."""
-    from tdint.studies.fragility.runs import stored_states
+    from tdint.studies.fragility.building_damage import stored_states
 
     return any(states.losses for states in stored_states(store).values())
 
@@ -80,8 +80,8 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
     complete : bool
         True if all runs are done.
     """
-    from tdint.studies.tables.damage_states import check_column
-    from tdint.studies.tables.maps import check_events, is_mapped
+    from tdint.studies.fragility.damage_tables import check_column
+    from tdint.studies.regions.maps import check_events, is_mapped
 
     if not is_mapped(store):
         raise UsageError(

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint import studies
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.number_parsing import pluralize
-from tdint.studies import figures as studies_figures
-from tdint.studies import tables as studies_tables
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
 from tdint_cli.options.option_types import BESIDE, ListOf, PairsType, PairWish, Ratio, span
@@ -24,12 +23,12 @@ from tdint_cli.studies.options import read_table_of_factors
 from tdint_cli.terminal import Failures, Progress, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.target import TargetSpectrum
     from tdint.ground_motion.origin import MotionOrigin
     from tdint.ground_motion.reading.suites import GroundMotion
     from tdint.ground_motion.record import Record
     from tdint.output.tables.table import Table
-    from tdint.studies.matching import Match
+    from tdint.response.spectra.target import TargetSpectrum
+    from tdint.studies.motions.matching import Match
 
 MATCHED, PICTURE = "matched.csv", "matched.png"
 SUITES = ("each", "mean")
@@ -134,10 +133,10 @@ def command(request: MatchRequest) -> None:
     with the scaled seed. If matching would increase the misfit, the scaled seed is written
     unchanged.
     """
-    from tdint.analysis.spectra.target import read_targets
     from tdint.ground_motion.origin import written_motion
-    from tdint.studies.matching import match_suite
-    from tdint.studies.output.motion_files import motion_contents, motion_file_names
+    from tdint.response.spectra.target import read_targets
+    from tdint.studies.motions.matching import match_suite
+    from tdint.studies.motions.motion_files import motion_contents, motion_file_names
 
     # A missing option or an existing output file must not be detected after a long computation.
     if request.output is None:
@@ -163,7 +162,7 @@ def command(request: MatchRequest) -> None:
             )
         else:
             matches = _match_each(suite.motions, targets, matching_options, show_progress)
-    table = studies_tables.matching.match_table(matches)
+    table = studies.motions.matching_tables.match_table(matches)
 
     origins = _origins(request, matches)
     contents, notes = motion_contents(
@@ -177,7 +176,7 @@ def command(request: MatchRequest) -> None:
     note(*notes)
     outputs.deliver(
         table,
-        lambda: studies_figures.matching.match_picture(matches[0]),
+        lambda: studies.motions.matching_figures.match_picture(matches[0]),
         lambda: _summary(request, suite.records, written, table),
     )
     _report(request, matches, targets)
@@ -276,7 +275,7 @@ def _match_each(
 
     `motions` contains the ground motions (single components or pairs) that are scaled and matched.
     """
-    from tdint.studies.matching import match
+    from tdint.studies.motions.matching import match
 
     count = len(motions)
 

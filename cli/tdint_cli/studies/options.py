@@ -17,7 +17,7 @@ from tdint_cli.terminal import note, warn
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
-    from tdint.studies.motions import FactorTable
+    from tdint.studies.campaign.assigned_motions import FactorTable
 
 option = partial(grammar.option, heading=grammar.INTENSITY)
 
@@ -93,8 +93,8 @@ def read_table_of_factors(
         )
     if file is None:
         return read_suite(records, choice, pairs), None
-    from tdint.studies.definition import FactorsFile
-    from tdint.studies.inputs import read_factors, read_listed
+    from tdint.studies.campaign.definition import FactorsFile
+    from tdint.studies.campaign.inputs import read_factors, read_listed
 
     _refuse_component_of_pairs(choice, pairs)
     table, suite = read_listed(

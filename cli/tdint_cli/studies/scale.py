@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint import studies
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.number_parsing import abbreviate, pluralize
-from tdint.studies import figures as studies_figures
-from tdint.studies import tables as studies_tables
 from tdint_cli import options
 from tdint_cli.options.option_types import (
     Count,
@@ -20,6 +19,7 @@ from tdint_cli.options.option_types import (
     ListOf,
     Number,
     PairWish,
+    ValueType,
     span,
     span_at,
 )
@@ -32,10 +32,10 @@ from tdint_cli.terminal import Failures, say, warn
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tdint.analysis.spectra.target import TargetSpectrum
     from tdint.arrays import Array
     from tdint.number_parsing import Grid
-    from tdint.studies.scaling import Scaling
+    from tdint.response.spectra.target import TargetSpectrum
+    from tdint.studies.motions.scaling import Scaling
     from tdint.units import OutputUnits
 
 _SI_UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
@@ -43,7 +43,7 @@ _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
 
 
-class _MeasureValue(click.ParamType):
+class _MeasureValue(ValueType):
     """Option type of an intensity measure with its value and unit, such as pga=0.4g."""
 
     name = "measure"
@@ -52,7 +52,7 @@ class _MeasureValue(click.ParamType):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, float]:
         """Return the name of the measure, and the value in SI units."""
-        from tdint.studies.intensity import measure_at, scalable_measures
+        from tdint.studies.motions.intensity import measure_at, scalable_measures
         from tdint.units import parse_units
 
         name, _, text = value.partition("=")
@@ -275,7 +275,7 @@ def command(request: ScaleRequest) -> None:
             f"factors larger than --max-factor {request.max_factor:g}: {factors}; remove these "
             "ground motions from the suite"
         )
-    table = studies_tables.studies.factor_table(scaling)
+    table = studies.motions.scaling_tables.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
         """Return the content of the JSON file.
@@ -290,10 +290,10 @@ def command(request: ScaleRequest) -> None:
         }
 
     outputs.deliver(
-        table, lambda: studies_figures.collapse.suite_picture(scaling, units), summarize
+        table, lambda: studies.motions.scaling_figures.suite_picture(scaling, units), summarize
     )
     if spectra:
-        content = studies_tables.studies.scaled_table(scaling).in_units(units).csv()
+        content = studies.motions.scaling_tables.scaled_table(scaling).in_units(units).csv()
         write_files({spectra[0]: content}, overwrite=outputs.overwrite)
     say(_summary_text(scaling, units))
     warn(*_warnings(scaling))
@@ -307,8 +307,8 @@ def _scale_function(request: ScaleRequest) -> Any:
     The target is read here, before the records, so that its errors are reported immediately.
     UsageError is raised if it cannot be read, or does not cover the periods.
     """
-    from tdint.studies import scaling
-    from tdint.studies.intensity import measure_at
+    from tdint.studies.motions import scaling
+    from tdint.studies.motions.intensity import measure_at
 
     value = request.to
     if request.p695:
@@ -320,7 +320,7 @@ def _scale_function(request: ScaleRequest) -> Any:
         name, measure_value = value
         measure = measure_at(name, request.damping, request.at or math.nan)
         return lambda motions: scaling.scale_to_value(motions, measure, measure_value, request.pair)
-    from tdint.analysis.spectra.target import read_target
+    from tdint.response.spectra.target import read_target
 
     target = read_target(request.target)
     periods = _period_range(request, target).values()
@@ -377,8 +377,8 @@ def _select_function(
     import numpy as np
 
     from tdint.csv_table import read_table
-    from tdint.studies.scaling import BOUNDS
-    from tdint.studies.selection import named_events, select
+    from tdint.studies.motions.scaling import BOUNDS
+    from tdint.studies.motions.selection import named_events, select
 
     # The target standard deviation is a number, or the name of a table over the periods.
     scatter: Any = None
@@ -428,7 +428,7 @@ def _select_function(
 
 def _warnings(scaling: Scaling) -> list[str]:
     """Return warnings about a suite: unusual factors."""
-    from tdint.studies.scaling import BOUNDS, POSSIBLE
+    from tdint.studies.motions.scaling import BOUNDS, POSSIBLE
 
     warnings = []
     # Factors that scale to a value of an intensity measure may be larger than factors that scale to

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
+from tdint import studies
 from tdint.errors import UsageError
 from tdint.files import digest_of, is_folder, record_digest
 from tdint.number_parsing import parse_ratio, pluralize
-from tdint.studies import figures as studies_figures
 from tdint.system import processors
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
@@ -93,9 +93,9 @@ def command(request: Request) -> None:
     if is_folder(request.building):
         refuse_idle(_CAMPAIGN, MODES)
         from tdint.output.tables.table import Table
-        from tdint.studies.sensitivity import rank_correlations
-        from tdint.studies.store_opening import check_chunks, open_existing
-        from tdint.studies.tables.studies import CORRELATIONS
+        from tdint.studies.sensitivity.sensitivity import rank_correlations
+        from tdint.studies.sensitivity.sensitivity_tables import CORRELATIONS
+        from tdint.studies.store.opening import check_chunks, open_existing
         from tdint_cli.studies.campaign_files import warn_unfinished
 
         with open_existing(Path(request.building)) as store:
@@ -127,12 +127,12 @@ def _one_at_a_time(request: Request) -> None:
     Failures is raised afterwards if some records could not be read.
     """
     from tdint.model.config.model_file import load_model
-    from tdint.studies.definition import RecordFiles
-    from tdint.studies.execute import threads
-    from tdint.studies.inputs import read_motions
-    from tdint.studies.sensitivity import parameter_effects, plan_of
-    from tdint.studies.store_opening import open_store
-    from tdint.studies.tables.studies import parameter_effect_table
+    from tdint.studies.campaign.definition import RecordFiles
+    from tdint.studies.campaign.execute import threads
+    from tdint.studies.campaign.inputs import read_motions
+    from tdint.studies.sensitivity.sensitivity import parameter_effects, plan_of
+    from tdint.studies.sensitivity.sensitivity_tables import parameter_effect_table
+    from tdint.studies.store.opening import open_store
     from tdint_cli.studies.campaign_files import advance_with_bar, report_outcomes, warn_of_plan
 
     model = load_model(request.building)
@@ -151,7 +151,9 @@ def _one_at_a_time(request: Request) -> None:
     outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(
         parameter_effect_table(effects, outputs.shown_units),
-        lambda: studies_figures.sensitivity.sensitivity_picture(effects, outputs.shown_units),
+        lambda: studies.sensitivity.sensitivity_figures.sensitivity_picture(
+            effects, outputs.shown_units
+        ),
     )
     # The table starts with the effects on the peak drift ratio, in descending order.
     largest = effects[0]

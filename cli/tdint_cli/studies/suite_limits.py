@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tdint_cli.limits import outcome_text
+from tdint_cli.demand_limits import outcome_text
 
 if TYPE_CHECKING:
     from tdint.model.limits import LimitCheck
     from tdint.output.tables.table import Table
     from tdint.output.verdicts import Verdict
-    from tdint.studies.profiles import Profile
+    from tdint.studies.campaign.story_profiles import Profile
     from tdint.units import OutputUnits
 
 
@@ -56,7 +56,7 @@ class SuiteLimits:
             Units of the values in the sentences of the results.
         """
         from tdint.output.verdicts import Verdict, has_isolator_limit, isolator_sentence
-        from tdint.studies.output.suite_verdicts import LostMotions, suite_verdicts
+        from tdint.studies.campaign.suite_verdicts import LostMotions, suite_verdicts
 
         for profile, checks in self.checks:
             if not self.is_limited(profile):
@@ -108,7 +108,7 @@ class SuiteLimits:
     def table(self, units: OutputUnits) -> Table | None:
         """Return the comparisons with the limits as a table of the report; None without limits."""
         from tdint.output.verdicts import limit_table
-        from tdint.studies.output.suite_verdicts import LostMotions
+        from tdint.studies.campaign.suite_verdicts import LostMotions
 
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
         reasons = {

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tdint.assessment import figures as assessment_figures
-from tdint.assessment import tables as assessment_tables
+from tdint import assessment
 from tdint.output.presentations import Presentation, fixed_columns
 
 if TYPE_CHECKING:
@@ -13,40 +12,46 @@ if TYPE_CHECKING:
 
 PRESENTATIONS: dict[str, Presentation] = {
     "Chart": Presentation(
-        lambda result: assessment_tables.assessment.chart_table(result),
-        picture=lambda result, _: assessment_figures.assessment.chart_picture(
+        lambda result: assessment.chart.chart_tables.chart_table(result),
+        picture=lambda result, _: assessment.chart.chart_figures.chart_picture(
             result, name="Work-precision diagram", target="peak-drift"
         ),
         alone=True,
     ),
     "ExampleRun": Presentation(
-        rows=lambda results, _: assessment_tables.assessment.example_table(results)
+        rows=lambda results, _: assessment.examples.example_tables.example_table(results)
     ),
     "FieldChart": Presentation(
-        lambda result: assessment_tables.assessment.profile_table(result),
-        picture=lambda result, _: assessment_figures.chart_profiles.profile_picture(
+        lambda result: assessment.chart.chart_tables.profile_table(result),
+        picture=lambda result, _: assessment.chart.profile_figures.profile_picture(
             result, target="peak-drift"
         ),
         alone=True,
     ),
     "ObservedOrder": Presentation(
-        lambda result: assessment_tables.assessment.order_table([result]),
-        picture=lambda results, _: assessment_figures.assessment.order_picture(results),
+        lambda result: assessment.order.order_tables.order_table([result]),
+        picture=lambda results, _: assessment.order.order_figures.order_picture(results),
     ),
     "Overshoot": Presentation(
-        fixed_columns(lambda: assessment_tables.assessment.OVERSHOOT),
-        picture=lambda results, _: assessment_figures.assessment.overshoot_picture(results),
+        fixed_columns(lambda: assessment.stability.stability_tables.OVERSHOOT),
+        picture=lambda results, _: assessment.stability.stability_figures.overshoot_picture(
+            results
+        ),
     ),
     "StabilityCurve": Presentation(
-        fixed_columns(lambda: assessment_tables.assessment.STABILITY),
-        picture=lambda results, _: assessment_figures.assessment.stability_picture(results),
-        on_axes=lambda ax, results, _: assessment_figures.assessment.draw_radius(ax, results),
+        fixed_columns(lambda: assessment.stability.stability_tables.STABILITY),
+        picture=lambda results, _: assessment.stability.stability_figures.stability_picture(
+            results
+        ),
+        on_axes=lambda ax, results, _: assessment.stability.stability_figures.draw_radius(
+            ax, results
+        ),
     ),
     "Trial": Presentation(
-        rows=lambda results, _: assessment_tables.assessment.failure_table(results),
-        picture=lambda results, _: assessment_figures.failure_matrix.failure_picture(results),
+        rows=lambda results, _: assessment.failures.failure_tables.failure_table(results),
+        picture=lambda results, _: assessment.failures.failure_figures.failure_picture(results),
     ),
     "ValidationResult": Presentation(
-        rows=lambda results, _: assessment_tables.assessment.validation_table(results)
+        rows=lambda results, _: assessment.validation.validation_tables.validation_table(results)
     ),
 }

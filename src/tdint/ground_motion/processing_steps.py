@@ -28,7 +28,7 @@ from tdint.ground_motion.record import Record
 # 1/h, 2/h, ...: their amplitudes are below 0.001, and their frequencies are far above those of the
 # oscillators. The reference for the test is a windowed sum of sines up to 0.8 of half the sampling
 # rate, with a response in closed form: all maxima agree to 1e-5 for T >= dt / 2, and most of them
-# agree to 1e-6 (tests/analysis/spectra/test_band_limited.py).
+# agree to 1e-6 (tests/response/spectra/test_band_limited.py).
 #
 # The sampling interval of such a motion is changed by sinc interpolation with a Kaiser window. If
 # the new interval is longer, the sinc is stretched to remove frequencies above the new Nyquist

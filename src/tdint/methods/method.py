@@ -178,7 +178,7 @@ class Method:
     estimating_coefficients : callable, optional
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
-        (`tdint.analysis.run.error_estimate`); None by default.
+        (`tdint.response.runs.error_estimate`); None by default.
     """
 
     name: str

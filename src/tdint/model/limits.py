@@ -154,7 +154,7 @@ def check_limits(
     ----------
     peaks : mapping of str to ndarray, shape (motions, n)
         Peak responses of the stories under each motion, by the names of
-        `tdint.analysis.run.outcome.StoryValues`.
+        `tdint.response.runs.outcome.StoryValues`.
     height : ndarray, shape (n,)
         Story heights, m; nan for isolators.
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.analysis.spectra.elastic import spectrum
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
@@ -29,15 +28,16 @@ from tdint.output.report import (
 from tdint.output.spectrum_text import spectrum_text
 from tdint.output.tables import buildings, transfer
 from tdint.output.tables.table import Table
+from tdint.response.spectra.elastic import spectrum
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tdint.analysis.pushover import Pushover
-    from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.spectra.transfer import TransferFunction
-    from tdint.analysis.target_displacement import TargetDisplacement
+    from tdint.response.spectra.modal import ModalResponse
+    from tdint.response.spectra.transfer import TransferFunction
+    from tdint.response.static.pushover import Pushover
+    from tdint.response.static.target_displacement import TargetDisplacement
 
 
 def pushover_page(
@@ -54,11 +54,11 @@ def pushover_page(
         Target displacements under a design spectrum; may be empty.
     """
     model, units = result.model, page_units(units)
-    draw = partial(figures.comparison.pushover_picture, result, units)
+    draw = partial(figures.static_curves.pushover_picture, result, units)
     # The figure shows the curve; the tables list the story drifts at the target displacements.
     parts: list[Part] = []
     if targets:
-        draw = partial(figures.comparison.target_picture, targets, units)
+        draw = partial(figures.static_curves.target_picture, targets, units)
         parts = [
             _with_method_names(buildings.target_table(targets)),
             "The equivalent oscillators, and the building at the target displacement:",

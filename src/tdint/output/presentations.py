@@ -90,19 +90,19 @@ def _infos(records: Sequence[Any]) -> list[Any]:
 
 def _info_picture(records: Sequence[Any], units: OutputUnits) -> Figure:
     """Return the figure of records or of their properties."""
-    return figures.comparison.info_picture(_infos(records), units)
+    return figures.static_curves.info_picture(_infos(records), units)
 
 
 def _draw_record(axes: Any, records: Sequence[Any], units: OutputUnits) -> None:
     """Plot the acceleration of the first record."""
-    figures.comparison.draw_acceleration(axes, _infos(records)[0].record, units)
+    figures.static_curves.draw_acceleration(axes, _infos(records)[0].record, units)
 
 
 PRESENTATIONS: dict[str, Presentation] = {
     "CyclicTest": Presentation(
         fixed_columns(lambda: tables.buildings.CYCLIC),
-        picture=lambda result, units: figures.comparison.cyclic_picture(result, units),
-        on_axes=lambda ax, result, units: figures.comparison.draw_loop(ax, result, units),
+        picture=lambda result, units: figures.static_curves.cyclic_picture(result, units),
+        on_axes=lambda ax, result, units: figures.static_curves.draw_loop(ax, result, units),
         alone=True,
     ),
     "DriftSpectrum": Presentation(
@@ -114,12 +114,12 @@ PRESENTATIONS: dict[str, Presentation] = {
     "ElementPeaks": Presentation(fixed_columns(lambda: tables.responses.ELEMENT_COLUMNS)),
     "FloorSpectrum": Presentation(
         lambda result: tables.values.floor_spectrum_columns(result),
-        picture=lambda results, units: figures.floors.floor_picture(results, units),
+        picture=lambda results, units: figures.floor_spectra.floor_picture(results, units),
     ),
     "FourierSpectrum": Presentation(
         _record_columns,
-        picture=lambda results, units: figures.comparison.fourier_picture(results, units),
-        on_axes=lambda ax, results, units: figures.comparison.draw_fourier(ax, results, units),
+        picture=lambda results, units: figures.static_curves.fourier_picture(results, units),
+        on_axes=lambda ax, results, units: figures.static_curves.draw_fourier(ax, results, units),
     ),
     "History": Presentation(lambda result: tables.values.history_columns(result)),
     "InelasticSpectrum": Presentation(
@@ -145,8 +145,8 @@ PRESENTATIONS: dict[str, Presentation] = {
         lambda result: tables.values.column_values(
             tables.buildings.pushover(result.drift.shape[1]), result
         ),
-        picture=lambda result, units: figures.comparison.pushover_picture(result, units),
-        on_axes=lambda ax, result, units: figures.comparison.draw_curve(ax, result, units),
+        picture=lambda result, units: figures.static_curves.pushover_picture(result, units),
+        on_axes=lambda ax, result, units: figures.static_curves.draw_curve(ax, result, units),
         alone=True,
     ),
     "Record": Presentation(
@@ -179,7 +179,7 @@ PRESENTATIONS: dict[str, Presentation] = {
     "StoryPeaks": Presentation(fixed_columns(lambda: tables.responses.STORY_COLUMNS)),
     "TargetDisplacement": Presentation(
         fixed_columns(lambda: tables.buildings.TARGET_DISPLACEMENT),
-        picture=lambda results, units: figures.comparison.target_picture(results, units),
+        picture=lambda results, units: figures.static_curves.target_picture(results, units),
     ),
     "TransferFunction": Presentation(
         _columns_of_floors,

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.analysis.run.error_estimate import FLOOR
-from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.origin import match_warnings, matched_text
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
@@ -24,12 +22,14 @@ from tdint.output.tables import buildings
 from tdint.output.tables.responses import ELEMENT_COLUMNS, element_table, story_table
 from tdint.output.tables.spectra import match_origin_table, motion_table
 from tdint.output.tables.table import TEXT, Table, error_percent
+from tdint.response.runs.error_estimate import FLOOR
+from tdint.response.spectra.elastic import spectrum
 from tdint.units import SI, OutputUnits, suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Response, StoryPeaks
-    from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.output.figures.style import FirstPeriods
+    from tdint.response.runs.outcome import Response, StoryPeaks
+    from tdint.response.spectra.floor_motions import FloorSpectrum
 
 MODEL_LIMITS = (
     "Each floor is one mass that moves horizontally in one direction. Torsion, floor flexibility, "
@@ -186,7 +186,7 @@ def run_page(
             )
         )
     spectra = Picture(
-        lambda: figures.floors.floor_picture(
+        lambda: figures.floor_spectra.floor_picture(
             floors, units, title=model.name, period=first_period(model)
         ),
         "Floor spectra",

@@ -6,19 +6,20 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tdint.analysis.run.demands import DEMANDS, only
-from tdint.analysis.run.outcome import ELEMENT_QUANTITIES, ENERGY_TERMS
 from tdint.ground_motion.record import Input, Record
 from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.output.tables.loads import LOAD_COLUMNS, loads_summary
+from tdint.response.runs.demands import DEMANDS, only
+from tdint.response.runs.outcome import ELEMENT_QUANTITIES, ENERGY_TERMS
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import (
+    from tdint.model.limits import LimitCheck
+    from tdint.response.runs.outcome import (
         Collapse,
         ErrorEstimate,
         EventResponse,
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
         StoryErrors,
         StoryPeaks,
     )
-    from tdint.analysis.spectra.elastic import FirstMode
-    from tdint.model.limits import LimitCheck
+    from tdint.response.spectra.elastic import FirstMode
 
 
 MEANINGS = {
@@ -431,7 +431,7 @@ def _damage(response: Response) -> dict[str, Any]:
     if response.model.damage is None:
         return {}
     # Imported here, because runs of buildings without damage states do not need it.
-    from tdint.analysis.run.damage import damage_of_run
+    from tdint.response.runs.damage import damage_of_run
 
     damage = damage_of_run(response.model, response.stories, response.status)
     assert damage is not None

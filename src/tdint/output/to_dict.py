@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.run.outcome import STORY_QUANTITIES, History
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.presentations import presentations
@@ -20,11 +19,12 @@ from tdint.output.tables.table import (
     describe,
     parquet,
 )
+from tdint.response.runs.outcome import STORY_QUANTITIES, History
 from tdint.tabular import ResultList, import_optional
 from tdint.units import SI, OutputUnits, parse_output_units, quantities
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.many_results import Runs
+    from tdint.response.runs.many_results import Runs
 
 _ROWS = 20  # number of rows in the table of a notebook
 _DIGITS = 5  # significant digits in the table of a notebook

@@ -23,8 +23,6 @@ from typing import Any
 import numpy as np
 
 from tdint import system
-from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
-from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.assessment.chart import opensees_worker
 from tdint.assessment.chart.problem import FloorMotion, Problem, Reference, RelativeErrors, errors
@@ -36,6 +34,8 @@ from tdint.model.building import Building
 from tdint.model.plugins import peers
 from tdint.model.status import DONE
 from tdint.model.story_laws import CODES
+from tdint.response.runs.outcome import DIVERGED, NOT_CONVERGED
+from tdint.response.time_steps import Steps
 
 # Maximum number of times that a run is timed, because OpenSeesPy is up to 500 times slower than
 # tdint

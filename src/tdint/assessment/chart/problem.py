@@ -16,13 +16,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from tdint.analysis.arguments import model_record
-from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import run_with_error_estimate
-from tdint.analysis.run.outcome import Response
-from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.run import run_case
-from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import is_file, write_file
@@ -44,6 +37,13 @@ from tdint.model.definition import (
     TableForce,
 )
 from tdint.model.story_laws import CODES
+from tdint.response.arguments import model_record
+from tdint.response.runs.case import Case
+from tdint.response.runs.error_estimate import run_with_error_estimate
+from tdint.response.runs.outcome import Response
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.runs.run import run_case
+from tdint.response.time_steps import Steps, choose_steps
 from tdint.system import cache_subfolder
 
 _Moved = TypeVar("_Moved", Force, TableForce)
@@ -276,7 +276,7 @@ def pose(
     interval = record.dt if record else model.analysis.dt or max(dts, default=None)
     if interval is None and (tables := model.excitation.tables):
         # Imported here, because few models have tables of forces.
-        from tdint.analysis.run.load_notes import default_step
+        from tdint.response.runs.load_notes import default_step
 
         interval, _ = default_step(tables, PreparedBuilding.of(model).period)
     interval_steps = choose_steps(

@@ -13,11 +13,6 @@ from itertools import takewhile
 import numpy as np
 
 from tdint import system
-from tdint.analysis.arguments import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
-from tdint.analysis.run.compiled_steps import unsupported_reason
-from tdint.analysis.run.error_estimate import attempt
-from tdint.analysis.run.outcome import FailedRun, Response
-from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.assessment.chart.problem import (
     Problem,
@@ -34,6 +29,11 @@ from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.status import DONE
 from tdint.number_parsing import pluralize
+from tdint.response.arguments import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
+from tdint.response.runs.compiled_steps import unsupported_reason
+from tdint.response.runs.error_estimate import attempt
+from tdint.response.runs.outcome import FailedRun, Response
+from tdint.response.time_steps import Steps
 from tdint.tabular import Progress as Counted
 from tdint.tabular import Tabular, progress_reporter
 

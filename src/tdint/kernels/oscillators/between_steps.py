@@ -6,7 +6,7 @@ endpoints. With omega h <= 1, a short Taylor series represents q.
 
 At the endpoints, the recursion from step to step is exact (Nigam and Jennings 1969): u1 = A11 u0 +
 A12 v0 - B10 g0 - B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that
-changes linearly from g0 to g1. `tdint.analysis.spectra.elastic` computes the coefficients.
+changes linearly from g0 to g1. `tdint.response.spectra.elastic` computes the coefficients.
 """
 
 from __future__ import annotations

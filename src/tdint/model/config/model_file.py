@@ -370,7 +370,7 @@ def model_keys() -> Keys:
     # Imported here because it loads numpy, which is not needed to read most models.
     from tdint.model.config.building_facts import BUILDING
     from tdint.model.config.damage import DAMAGE
-    from tdint.model.config.limits import LIMITS
+    from tdint.model.config.limit_keys import LIMITS
 
     types = {"building": BUILDING, "damage": DAMAGE, "limits": LIMITS}
     return Keys(
@@ -581,7 +581,7 @@ def _read_limits(
     if value is None:
         return ()
     # Imported here, because most models have no limits.
-    from tdint.model.config.limits import read_limits
+    from tdint.model.config.limit_keys import read_limits
 
     return read_limits(value, unit, stories)
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 from tdint.tabular import modules_on_use
 
 if TYPE_CHECKING:
-    from tdint.output.figures import comparison as comparison
-    from tdint.output.figures import floors as floors
+    from tdint.output.figures import floor_spectra as floor_spectra
     from tdint.output.figures import loads as loads
     from tdint.output.figures import mode_shapes as mode_shapes
     from tdint.output.figures import runs as runs
     from tdint.output.figures import spectrum_curves as spectrum_curves
+    from tdint.output.figures import static_curves as static_curves
     from tdint.output.figures import style as style
 
 # The messages of matplotlib about its font cache are not relevant to users.

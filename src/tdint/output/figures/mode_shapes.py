@@ -29,9 +29,9 @@ from tdint.output.spectrum_text import spectrum_text
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.spectra.transfer import TransferFunction
     from tdint.model.modes import Modes
+    from tdint.response.spectra.modal import ModalResponse
+    from tdint.response.spectra.transfer import TransferFunction
 
 
 _MAX_MODES = 4  # maximum number of modes, because higher modes make the figure crowded

@@ -37,11 +37,11 @@ from tdint.output.spectrum_text import spectrum_text
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.drift import DriftSpectrum
-    from tdint.analysis.spectra.elastic import Spectrum
-    from tdint.analysis.spectra.inelastic import InelasticSpectrum
-    from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.analysis.spectra.target import SpectrumDifference, TargetSpectrum
+    from tdint.response.spectra.drift import DriftSpectrum
+    from tdint.response.spectra.elastic import Spectrum
+    from tdint.response.spectra.inelastic import InelasticSpectrum
+    from tdint.response.spectra.rotated import RotatedSpectrum
+    from tdint.response.spectra.target import SpectrumDifference, TargetSpectrum
 
 
 # ---- This part contains functions that all figures over the period use: lines of components, or

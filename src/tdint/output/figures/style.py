@@ -431,7 +431,7 @@ def check_print(printed: PrintedAs) -> None:
         too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a smaller style sheet"
         # The empty mapping {} selects the messages of the operating system for unreadable files.
         try:
-            text = read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
+            read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
         except UsageError as error:
             raise UsageError(f"style sheet {error}") from None
         try:

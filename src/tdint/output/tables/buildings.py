@@ -26,14 +26,14 @@ from tdint.output.tables.table import (
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
-    from tdint.analysis.cyclic import CyclicTest
-    from tdint.analysis.pushover import Pushover
-    from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.model.definition import Model
     from tdint.model.modes import Modes
     from tdint.model.story import Story
     from tdint.model.story_laws import Law
+    from tdint.response.spectra.modal import ModalResponse
+    from tdint.response.static.cyclic import CyclicTest
+    from tdint.response.static.pushover import Pushover
+    from tdint.response.static.target_displacement import TargetDisplacement
 
 CYCLIC = (
     Column("story", "1", "story", "story, numbered from the ground"),

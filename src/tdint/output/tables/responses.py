@@ -9,14 +9,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.analysis.run.outcome import (
-    ELEMENT_QUANTITIES,
-    ENERGY_TERMS,
-    STORY_QUANTITIES,
-    ErrorHistory,
-    Gradient,
-    History,
-)
 from tdint.output.tables.table import (
     Cell,
     Column,
@@ -26,10 +18,18 @@ from tdint.output.tables.table import (
     numbered,
     rows_of,
 )
+from tdint.response.runs.outcome import (
+    ELEMENT_QUANTITIES,
+    ENERGY_TERMS,
+    STORY_QUANTITIES,
+    ErrorHistory,
+    Gradient,
+    History,
+)
 from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
+    from tdint.response.runs.outcome import Response, StoryErrors, StoryPeaks
 
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
 STORY_COLUMNS = (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from tdint.analysis.run.demands import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.model.parameters import parameter_meaning
 from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, Column, error_columns
+from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
 
 BUILDING_COLUMNS = (
     Column("building", "text", "building", "name of the building"),

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import (
     HOUSNER_PERIODS,
@@ -24,15 +23,16 @@ from tdint.ground_motion.measures import (
 )
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, Table, columns_of, elements_of
+from tdint.response.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.tabular import Tabular
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.arguments import AnyRecord
-    from tdint.analysis.spectra.floors import FloorSpectrum
-    from tdint.analysis.spectra.rotated import RotatedSpectrum
-    from tdint.analysis.spectra.target import SpectrumDifference
     from tdint.ground_motion.origin import MotionOrigin
+    from tdint.response.arguments import AnyRecord
+    from tdint.response.spectra.floor_motions import FloorSpectrum
+    from tdint.response.spectra.rotated import RotatedSpectrum
+    from tdint.response.spectra.target import SpectrumDifference
 
 
 INFO = (
@@ -281,7 +281,7 @@ def record_info(record: AnyRecord) -> RecordInfo:
     RecordError
         The record is invalid or cannot be read.
     """
-    from tdint.analysis.arguments import record_of
+    from tdint.response.arguments import record_of
 
     ground_motion = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
@@ -425,7 +425,7 @@ def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
     There is one row per record, component, damping ratio and period, with both values and their
     relative difference.
     """
-    from tdint.analysis.spectra.target import QUANTITIES
+    from tdint.response.spectra.target import QUANTITIES
 
     return record_table(difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 

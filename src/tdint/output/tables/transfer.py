@@ -10,7 +10,7 @@ from tdint.output.tables.table import Column, Table, elements_of
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.spectra.transfer import TransferFunction
+    from tdint.response.spectra.transfer import TransferFunction
 
 
 def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
-from tdint.analysis.run.outcome import History
 from tdint.output.tables import buildings, responses, runs, spectra
 from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, columns_of
+from tdint.response.runs.demands import DEMANDED, demand_columns, demand_errors
+from tdint.response.runs.outcome import History
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.many_results import Runs
+    from tdint.response.runs.many_results import Runs
 
 Values = list[tuple[Column, Any]]
 

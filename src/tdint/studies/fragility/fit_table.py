@@ -18,13 +18,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.arguments import between, numbers_of
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
+from tdint.response.arguments import between, numbers_of
 from tdint.studies.fragility.fits import fit_at_threshold, fit_capacities, fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
@@ -48,7 +48,7 @@ from tdint.studies.fragility.measures import (
     rows_of_motions,
     with_measures,
 )
-from tdint.studies.pairs import PairRule
+from tdint.studies.motions.pairs import PairRule
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
 
@@ -79,8 +79,8 @@ class FragilityRequest:
     states : tuple of str
         Names of the states of the thresholds in ascending order; default ds1, ds2, ...
     pair_demand : str | None
-        Rule of `tdint.studies.pairs`; default is the rule of the study in the same directory,
-        otherwise the larger demand.
+        Rule of `tdint.studies.motions.pairs`; default is the rule of the study in the same
+        directory, otherwise the larger demand.
     """
 
     fit: str | None = None

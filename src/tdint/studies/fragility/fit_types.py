@@ -19,12 +19,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.damage import exceedance
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import DamageStates
 from tdint.model.status import FALLEN
 from tdint.number_parsing import pluralize
+from tdint.response.runs.damage import exceedance
+from tdint.studies.fragility.building_damage import (
+    BuildingDamage,
+    building_damages,
+    damage_by_motion,
+    runs_of_motions,
+)
 from tdint.studies.fragility.fit_table import (
     MIN_RUNS_PER_LEVEL,
     NO_COMMON_LEVELS,
@@ -39,14 +45,8 @@ from tdint.studies.fragility.measures import (
     measure_named,
     over_motions,
 )
-from tdint.studies.fragility.runs import (
-    BuildingDamage,
-    building_damages,
-    damage_by_motion,
-    runs_of_motions,
-)
-from tdint.studies.pairs import PairRule
-from tdint.studies.store_opening import check_chunks, open_existing
+from tdint.studies.motions.pairs import PairRule
+from tdint.studies.store.opening import check_chunks, open_existing
 
 _SAME_PERIOD = 1e-6  # relative difference; tables are written with at least six digits
 # Three equally likely points with mean 0 and variance 1, which represent a normal distribution.

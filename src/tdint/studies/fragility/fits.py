@@ -28,10 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from tdint.analysis.arguments import between
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.number_parsing import LARGEST
+from tdint.response.arguments import between
 from tdint.studies.fragility.fragility_function import (
     CLOUD,
     IDA,

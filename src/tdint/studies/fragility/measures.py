@@ -21,8 +21,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
-from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
@@ -31,20 +29,22 @@ from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import Grid, parse_grid, parse_ratio
-from tdint.studies.batch import Run
+from tdint.response.spectra.elastic import SA_DAMPING, spectrum
+from tdint.response.spectra.inelastic import constant_strength
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.fragility.building_damage import BuildingDamage, runs_of_motions
 from tdint.studies.fragility.fragility_function import Fragility
-from tdint.studies.fragility.runs import BuildingDamage, runs_of_motions
-from tdint.studies.intensity import (
+from tdint.studies.motions.intensity import (
     AVERAGE,
     SPECTRAL,
     check_period,
     geometric_mean,
     unknown_measure,
 )
-from tdint.studies.pairs import LARGER, SEPARATE, PairRule, recording_numbers
-from tdint.studies.plan import Plan
-from tdint.studies.store import FILE, Store
-from tdint.studies.store_opening import open_existing
+from tdint.studies.motions.pairs import LARGER, SEPARATE, PairRule, recording_numbers
+from tdint.studies.store.opening import open_existing
+from tdint.studies.store.result_store import FILE, Store
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
 
 FIRST = "T1"

@@ -13,11 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from tdint.analysis.run.damage import (
-    BuildingType,
-    divisor_and_period,
-    divisor_and_period_of_model,
-)
 from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.building_rules import CAPACITY as CAPACITY_RULES
@@ -35,7 +30,12 @@ from tdint.model.damage_states import (
 from tdint.model.definition import Model
 from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, TextLine, Value
 from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
-from tdint.studies.buildings import Buildings, RowBuilding, RowBuildings, models_of
+from tdint.response.runs.damage import (
+    BuildingType,
+    divisor_and_period,
+    divisor_and_period_of_model,
+)
+from tdint.studies.campaign.buildings import Buildings, RowBuilding, RowBuildings, models_of
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
 _THRESHOLD_SOURCES = (

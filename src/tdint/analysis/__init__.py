@@ -1,1 +1,0 @@
-"""Analyses: time integration, spectra, assessment of methods, and work-precision diagrams."""

@@ -1,0 +1,371 @@
+"""Figures of work-precision diagrams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from tdint.assessment.chart.chart_notes import BAND_RULE, footnote, short_footnote
+from tdint.number_parsing import pluralize
+from tdint.output.figures.legends import add_legend
+from tdint.output.figures.style import (
+    LIGHT,
+    NARROW,
+    is_narrow,
+    method_styles,
+    plain_minor_numbers,
+    plain_numbers,
+    titled,
+    write_labels,
+)
+from tdint.output.tables.methods import PEER
+from tdint.response.defaults import QUANTITIES
+from tdint.system import CLOCKS
+
+if TYPE_CHECKING:
+    from tdint.assessment.chart.work_precision import Chart, Point
+
+
+# ---- Work-precision diagrams: time over error, error over time step, cost over number of stories;
+# readable in black and white
+
+_FRONT_COLOR = "0.85"  # gray of the band that connects the points of the front
+_MIN_GAP = 1e-14  # replaces a gap of 0, which has no position on a logarithmic axis
+_MAX_ERROR = 10.0  # end of the axis of relative errors; larger errors are outside of the panel
+_COSTS = {
+    "time": "{clock} in the compiled loop (s)",
+    "steps": "time steps",
+    "solves": "solutions of the equations (for scipy: evaluations of the derivatives)",
+}
+"""Label of the axis of each type of cost."""
+_HIGH = 6.6
+"""Height, inches, of a figure for one column of a page, before the height of the legend is added
+and the figure is reduced to the width of the column."""
+
+
+def chart_picture(
+    chart: Chart, *, name: str, target: str, versus: str = "time", highlight: str = ""
+) -> Figure:
+    """Plot a work-precision diagram: cost over error with a line per method, or error over time
+    step.
+
+    `target` is the shown error, a key of `QUANTITIES`. `versus` is `time` (the default), `steps`,
+    `solves` or `dt` (error over time step). Programs that do not count their time steps or
+    solutions have no points for these costs. The line of the method `highlight` is thick.
+
+    Points with an error below the uncertainty of the reference solution are not shown. If a line
+    has such points, a triangle at this uncertainty represents the cheapest of these points. The
+    gray band connects the points for which no other point has both less cost and less error.
+    """
+    if versus == "dt":
+        return _error_figure(_Drawing(chart, target), name, highlight)
+    return _cost_figure(_Drawing(chart, target, versus), name, highlight)
+
+
+def sizes_picture(
+    charts: Sequence[Chart], *, name: str, target: str, highlight: str = ""
+) -> Figure:
+    """Plot the computing time per time step, and the error, over the number of stories.
+
+    Of each method, the measurement with the time step closest to the sampling interval of the
+    record is shown.
+
+    Parameters
+    ----------
+    target : str
+        Error that is shown, a key of `QUANTITIES`.
+    highlight : str
+        Method with a thick line in front of the other lines; empty by default.
+    """
+    figure = Figure(figsize=(7.5, 4.6), layout="constrained")
+    cost, accuracy = figure.subplots(1, 2)
+    lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
+    drawings = [_Drawing(chart, target) for chart in charts]
+    handles = []
+    for line, style in _styles(lines, highlight).items():
+        stories, step_costs, errors = [], [], []
+        for drawing in drawings:
+            points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
+            if points:
+                interval = drawing.chart.interval
+                closest = min(points, key=lambda point: abs(math.log(point.dt / interval)))
+                stories.append(drawing.chart.stories)
+                # The time per step is in microseconds; it is nan without time steps.
+                step_costs.append(1e6 * closest.fastest / (closest.steps or math.nan))
+                errors.append(drawing.error(closest))
+        handles += cost.plot(stories, step_costs, **style)
+        accuracy.plot(stories, errors, **style)
+    for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
+        _chart_frame(axes)
+        plain_numbers(axes.xaxis)
+        axes.set(
+            xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories",
+            ylabel=label,
+        )
+    # The dotted line is proportional to the number of stories, for comparison. It must not change
+    # the limits of the axis.
+    limits = cost.get_ylim()
+    ends = np.array(
+        [min(chart.stories for chart in charts), max(chart.stories for chart in charts)],
+        dtype=float,
+    )
+    cost.plot(
+        ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1
+    )
+    cost.set_ylim(limits)
+    add_legend(figure, cost, handles, lines, NARROW)
+    titled(
+        figure,
+        f"{name}, with more stories\ncost and accuracy over the number of stories, dt "
+        f"{charts[0].interval:.4g} s",
+    )
+    return figure
+
+
+class _Drawing:
+    """Points of a chart that are drawn for a single type of error.
+
+    Attributes
+    ----------
+    target : str
+        Type of error, a key of `QUANTITIES`.
+    versus : str
+        Type of cost: `time`, `steps` or `solves`.
+    gap : float
+        Uncertainty of the reference solution. Smaller errors are not known.
+    lines : dict of str to list of Point
+        Points with a known error and cost, by the name of their line.
+    """
+
+    def __init__(self, chart: Chart, target: str, versus: str = "time") -> None:
+        self.chart = chart
+        self.target = target
+        self.versus = versus
+        self.gap = max(chart.reference.gap.of(target), _MIN_GAP)
+        lines: dict[str, list[Point]] = {point.line: [] for point in chart.points}
+        for point in chart.points:
+            # Comparisons with nan are false, so points with unknown values are excluded.
+            if point.error(target) >= 0.0 and self.cost(point) > 0.0:
+                lines[point.line].append(point)
+        self.lines = {line: points for line, points in lines.items() if points}
+        self.points = [point for points in self.lines.values() for point in points]
+
+    def cost(self, point: Point) -> float:
+        """Return the cost of the time integration of a point: computing time (s), number of time
+        steps or number of solutions, as `versus` selects; nan if it was not counted."""
+        cost = {"time": point.fastest, "steps": point.steps, "solves": point.iterations}[
+            self.versus
+        ]
+        return math.nan if cost is None else float(cost)
+
+    def error(self, point: Point) -> float:
+        """Return the error of a point, or the uncertainty of the reference (`gap`) if the error is
+        smaller."""
+        return max(point.error(self.target), self.gap)
+
+    def known(self, points: Sequence[Point]) -> list[Point]:
+        """Return the points with an error above the uncertainty of the reference (`gap`)."""
+        return [point for point in points if point.error(self.target) > self.gap]
+
+    def position(self, point: Point) -> tuple[float, float]:
+        """Return error and cost, the coordinates of a point."""
+        return self.error(point), self.cost(point)
+
+    def front(self) -> list[Point]:
+        """Return the points that no other point beats in cost and error, the cheapest first."""
+        # In the order of increasing cost, a point belongs to the front if its error is smaller than
+        # the errors of all cheaper points.
+        front: list[Point] = []
+        for point in sorted(self.points, key=lambda point: (self.cost(point), self.error(point))):
+            if not front or self.error(point) < self.error(front[-1]):
+                front.append(point)
+        return front
+
+    @property
+    def has_triangles(self) -> bool:
+        """True if any line has a point with an error below the uncertainty of the reference."""
+        return any(map(self.below, self.lines.values()))
+
+    @property
+    def at_interval(self) -> list[Point]:
+        """Points with the sampling interval of the record as time step."""
+        # The tolerance allows for the rounding of time steps that are computed from the interval.
+        interval = self.chart.interval
+        return [point for point in self.points if abs(point.dt - interval) <= 1e-9 * interval]
+
+    def footnote(self, mark: str) -> str:
+        """Return the explanation below a figure that is wider than a column of a page; `mark` is
+        the symbol of the sampling interval."""
+        return footnote(self.chart, self.target, self.points, mark, self.has_triangles)
+
+    def below(self, points: Sequence[Point]) -> list[Point]:
+        """Return a list with the cheapest of the points with an error of at most the uncertainty of
+        the reference (`gap`); an empty list without such points."""
+        below = [point for point in points if point.error(self.target) <= self.gap]
+        return [min(below, key=self.cost)] if below else []
+
+
+def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
+    """Return the style of each line of a work-precision diagram as keyword arguments of matplotlib.
+
+    Markers of other programs are hollow.
+
+    `highlight` is the method with a thick line; empty for no such method.
+    """
+    plot_styles = method_styles(lines, highlight)
+    faces = {line: "white" if PEER in line else plot_styles[line]["color"] for line in lines}
+    return {
+        line: plot_styles[line] | {"markersize": 4.5, "markerfacecolor": faces[line]}
+        for line in lines
+    }
+
+
+def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
+    """Return the figure of the costs of the methods over their errors, with the gray band."""
+    # In one column, the explanation is the title of the legend, and the panel is higher.
+    narrow = is_narrow()
+    figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
+    axes = figure.subplots()
+    front = drawing.front()
+    (band,) = axes.plot(
+        *_columns(drawing, front),
+        color=_FRONT_COLOR,
+        linewidth=9.0,
+        solid_capstyle="round",
+        zorder=1,
+    )
+    handles, shown_points = _plot_cost_lines(axes, drawing, highlight)
+    _set_cost_axes(axes, drawing, narrow=narrow)
+    add_legend(
+        figure,
+        axes,
+        [*handles, band],
+        [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"],
+        NARROW,
+    )
+    subject = f"{drawing.versus} against accuracy, "
+    if narrow:
+        legend = figure.legends[-1]
+        has_circles = bool(drawing.at_interval)
+        legend.set_title(
+            short_footnote(drawing.chart, drawing.target, has_circles, drawing.has_triangles)
+        )
+        legend.get_title().set(fontsize=6.0, multialignment="center")
+        subject = ""
+    titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
+    # Points of the front and the last point of each line (the smallest time step) are labeled with
+    # their time step. Labels without space are omitted.
+    finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown_points]
+    labelled = dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt))
+    labels = [(*drawing.position(point), f"{point.dt:.4g}") for point in labelled]
+    write_labels(figure, axes, labels, [drawing.position(point) for point in shown_points])
+    return figure
+
+
+def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list[Any], list[Point]]:
+    """Plot a line for each method, with markers at its points and rings at some of the markers.
+    Return the entries of the legend, in the order of `drawing.lines`, and the points with a marker.
+
+    The marker of an error below the gap of the reference is a triangle. A ring marks a time step
+    that is equal to the sampling interval of the record.
+    """
+    handles = []
+    shown_points: list[Point] = []
+    styles = _styles(list(drawing.lines), highlight)
+    for line, points in drawing.lines.items():
+        style = styles[line]
+        compared, below = drawing.known(points), drawing.below(points)
+        shown_points += [*compared, *below]
+        axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
+        axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
+        axes.plot(
+            *_columns(drawing, below),
+            linestyle="none",
+            marker="<",
+            markersize=7.0,
+            color=style["color"],
+        )
+        handles += axes.plot([], [], **style)
+    rings: dict[str, Any] = {
+        "marker": "o",
+        "markersize": 10.0,
+        "markerfacecolor": "none",
+        "markeredgecolor": "0.25",
+    }
+    at_interval = [point for point in shown_points if point in drawing.at_interval]
+    axes.plot(*_columns(drawing, at_interval), linestyle="none", **rings, markeredgewidth=0.8)
+    return handles, shown_points
+
+
+def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
+    """Set scales, range and labels of the axes of a figure of costs over errors. A narrow figure,
+    in one column of a page, has no footnote below the axis.
+    """
+    _chart_frame(axes)
+    # Numbers of steps and of solutions, and the times of a few time steps, often differ by less
+    # than a decade, so that ticks at powers of ten are not sufficient.
+    low, high = np.log10(axes.get_ylim())
+    if drawing.versus != "time" or math.floor(high) - math.ceil(low) < 1:
+        plain_numbers(axes.yaxis)
+        plain_minor_numbers(axes.yaxis)
+    axes.set_xlim(right=min(axes.get_xlim()[1], _MAX_ERROR))
+    quantity = QUANTITIES[drawing.target]
+    text = drawing.footnote("circle" if drawing.at_interval else "")
+    axes.set_xlabel(quantity if narrow else f"{quantity}\n{text}")
+    # The label of a time states which part of each program is timed.
+    chart = drawing.chart
+    label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
+    if drawing.versus == "time" and chart.peers:
+        label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
+    axes.set_ylabel(label)
+
+
+def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    """Return the errors and the costs of points as two lists, the coordinates for matplotlib."""
+    return [drawing.error(point) for point in points], [drawing.cost(point) for point in points]
+
+
+def _chart_frame(axes: Any) -> None:
+    """Make both axes of a panel logarithmic, with labeled ticks at every power of ten."""
+    for axis, scale in ((axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)):
+        scale("log")
+        axis.set_major_locator(LogLocator(numticks=20))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _title(drawing: _Drawing, name: str, subject: str) -> str:
+    """Return the title of a figure: building, number of stories and plotted quantities."""
+    return f"{name}\n{pluralize(drawing.chart.stories, 'story')}: {subject}"
+
+
+def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
+    """Return the figure of the errors of the methods over their time steps.
+
+    `highlight` is the method with a thick line in front of the other lines; empty for no such
+    method.
+    """
+    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    axes = figure.subplots()
+    handles, labels = [], []
+    styles = _styles(list(drawing.lines), highlight)
+    for line, points in drawing.lines.items():
+        compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
+        if compared:
+            handles += axes.plot(
+                [point.dt for point in compared],
+                [drawing.error(point) for point in compared],
+                **styles[line],
+            )
+            labels.append(line)
+    axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
+    _chart_frame(axes)
+    axes.set_ylim(top=min(axes.get_ylim()[1], _MAX_ERROR))
+    axes.set_xlabel(f"time step (s)\n{drawing.footnote('vertical line')}")
+    axes.set_ylabel(QUANTITIES[drawing.target])
+    add_legend(figure, axes, handles, labels, NARROW)
+    return titled(figure, _title(drawing, name, "error over the time step"))

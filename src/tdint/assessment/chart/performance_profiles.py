@@ -1,0 +1,881 @@
+"""Cost of methods for many problems and tolerances, and their performance profiles.
+
+Reference: Dolan and More 2002, Benchmarking optimization software with performance profiles,
+Mathematical Programming 91:201-213.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tdint.arrays import cached_property
+from tdint.assessment.chart.problem import (
+    Errors,
+    Problem,
+    Reference,
+    RelativeErrors,
+    ending_together,
+    largest_relative,
+    pose,
+)
+from tdint.assessment.chart.work_precision import (
+    BY_TOLERANCE,
+    CHOOSING,
+    NOT_RUN,
+    Peer,
+    PerformanceProfile,
+    Point,
+    Progress,
+    Timing,
+    by_tolerance,
+    performance_ratios,
+    silent,
+    suited,
+    within,
+)
+from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import chosen, parse
+from tdint.methods.method import Integrator
+from tdint.model.config.model_file import model_from_mapping, record_from_value
+from tdint.model.definition import Excitation, Model, RecordSource
+from tdint.model.keys.document import SourceText, read_document
+from tdint.model.keys.fields import Section, Value
+from tdint.model.status import DONE
+from tdint.number_parsing import pluralize
+from tdint.response.arguments import AnyModel, AnyRecord, model_of, model_record, record_of
+from tdint.response.runs.error_estimate import attempt
+from tdint.response.runs.outcome import FailedRun, Response, StoryPeaks
+from tdint.tabular import Tabular
+
+METHODS = (
+    "impulse4",
+    "moment4",
+    "gauss4",
+    "newmark-average",
+    "newmark-linear",
+    "central-difference",
+    "noh-bathe",
+    "hht",
+    "generalized-alpha",
+    "wilson",
+    "bathe",
+    "impulse",
+    "exact",
+)
+"""Methods of the profiles by default: our methods, and methods that other programs provide."""
+
+TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0001)
+
+PARTS = (
+    16.0,
+    12.0,
+    8.0,
+    6.0,
+    4.0,
+    3.0,
+    2.0,
+    1.0,
+    1 / 2,
+    1 / 3,
+    1 / 4,
+    1 / 6,
+    1 / 8,
+    1 / 12,
+    1 / 16,
+)
+"""Time steps of the profiles, as multiples of the sampling interval of the record. Steps between
+the halved steps are included, because costs would otherwise differ by factors of two."""
+
+PEAKS = ("peak_drift", "peak_absolute_acceleration", "peak_total_shear")
+
+_FINE = 32  # number of time steps of the reference per sampling interval
+# Numbers of steps per interval of the second method that confirms the reference. The second number
+# is used if the difference between the two methods is too large with the first number.
+_FINER = (32, 128)
+# Maximum difference between the reference and the second method, as a fraction of a tolerance. With
+# a larger difference, the problem cannot show which methods meet the tolerance.
+_SURE = 0.2
+_NEAR = 1.5  # points with a cost up to this multiple of the minimum are timed again
+# Fraction of the smallest tolerance. After two time steps with errors below it, no smaller time
+# step is run
+_FAR_BELOW = 0.25
+# Fraction of the time limit of OpenSees for a problem; with the full time, OpenSees would take
+# longer than all methods of tdint in many problems
+_SHARE = 0.3
+# Number of times that a point is timed. The cost is the minimum time, because disturbances by other
+# processes only increase times
+_REPEATS = 3
+
+
+@dataclass(frozen=True)
+class PeakErrors(RelativeErrors):
+    """Maximum relative errors of the peaks of all stories: drift, absolute acceleration, shear.
+
+    Stories with a peak below a thousandth of the maximum are omitted.
+    """
+
+    peak_drift: float
+    peak_absolute_acceleration: float
+    peak_total_shear: float
+
+    def of(self, quantity: str) -> float:
+        """Return an error by the name of its quantity, such as `peak-drift` or `peak_drift`; nan
+        for a quantity without errors.
+        """
+        return float(getattr(self, quantity.replace("-", "_"), math.nan))
+
+    @classmethod
+    def between(cls, peaks: StoryPeaks, true_peaks: StoryPeaks) -> PeakErrors:
+        """Return the maximum over the stories of the error of each peak relative to its true
+        value.
+        """
+        return cls(
+            *(largest_relative(getattr(peaks, name), getattr(true_peaks, name)) for name in PEAKS)
+        )
+
+
+@dataclass(frozen=True)
+class FieldProblem:
+    """One of many problems: a building under a ground motion, with names and the reason to use it.
+
+    Attributes
+    ----------
+    name, motion : str
+        Names of the building and of the ground motion.
+    reason : str
+        Reason for including the problem.
+    posed : Problem
+        Building with its excitation.
+    """
+
+    name: str
+    motion: str
+    reason: str
+    posed: Problem
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Results of the methods for a single problem.
+
+    Attributes
+    ----------
+    name, motion, reason : str
+        As in `FieldProblem`.
+    stories, interval, duration, ductility, changes : int or float
+        Number of stories; sampling interval of the record and duration of the time integration, s;
+        maximum ductility (nan for laws without yield) and number of branch changes of the
+        reference.
+    gap : PeakErrors
+        Errors of the second solution relative to the reference. Only errors well above this gap
+        can be measured.
+    points : tuple of Point
+        Points, sorted by method and by decreasing time step; `Point.errors` are `PeakErrors`.
+    peer_gap, peer_note : float, str
+        Difference between OpenSees' average acceleration with small steps and the reference
+        (`peers.opensees_gap`); description of the steps, or the reason for missing points.
+    """
+
+    name: str
+    motion: str
+    reason: str
+    stories: int
+    interval: float
+    duration: float
+    ductility: float
+    changes: int
+    confirmed_by: str
+    gap: PeakErrors
+    points: tuple[Point, ...]
+    peer_gap: float = math.nan
+    peer_note: str = ""
+
+    def judges(self, quantity: str, tolerance: float) -> bool:
+        """Return True if the reference is accurate enough to show which methods meet a tolerance.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of the error, for example `peak_drift`.
+        """
+        return self.gap.of(quantity) <= _SURE * tolerance
+
+    def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
+        """Return the minimum computing time that each method needs to meet a tolerance.
+
+        A time step meets the tolerance only if all smaller time steps meet it also.
+
+        Returns
+        -------
+        dict of str to float
+            Time, s, by the name of the line of the method; nan if no step meets the tolerance.
+        """
+        lines = dict.fromkeys(point.line for point in self.points)
+        executed = [point for point in self.points if point.outcome != NOT_RUN]
+        return {
+            line: min(
+                (point.fastest for point in within(executed, line, quantity, tolerance)),
+                default=math.nan,
+            )
+            for line in lines
+        }
+
+    def is_unknown(self, line: str, quantity: str, tolerance: float) -> bool:
+        """Return True if it is unknown whether a method can meet a tolerance.
+
+        This is the case if no executed time step meets the tolerance, and smaller steps were not
+        run, because the time limit of the program was reached.
+        """
+        line_profiles = [point for point in self.points if point.line == line]
+        executed = [point for point in line_profiles if point.outcome != NOT_RUN]
+        return len(executed) < len(line_profiles) and not within(
+            executed, line, quantity, tolerance
+        )
+
+
+class Leaders(NamedTuple):
+    """Recommended methods, by the name of their lines (`FieldChart.leaders`).
+
+    Attributes
+    ----------
+    overall, coarse : str
+        Method with low costs for all tolerances, and for tolerances of 3 % and more.
+    safest : str
+        Method with the fewest failures.
+    """
+
+    overall: str
+    coarse: str
+    safest: str
+
+
+COARSE = 0.03  # relative error from which a tolerance is considered coarse
+PEER = "/"  # separator in the name of a line of another program, such as openseespy/hht
+
+
+APART = ("openseespy/generalized-alpha",)
+"""Lines that are excluded from the profiles. From its second iteration on, OpenSees' integrator
+solves other equations than the published method."""
+
+
+def has_specified_steps(line: str) -> bool:
+    """Return True if a line belongs to one of our methods with specified time steps."""
+    return PEER not in line and not line.endswith(BY_TOLERANCE)
+
+
+@dataclass(frozen=True, repr=False)
+class FieldChart(Tabular):
+    """Results for many problems, with the performance profiles of the methods.
+
+    Attributes
+    ----------
+    measured : tuple of Measured
+        Results, one entry per problem.
+    timing : Timing
+        Conditions of the timing.
+    peers : tuple of Peer
+        Other programs that have points for some of the problems.
+    """
+
+    measured: tuple[Measured, ...]
+    timing: Timing
+    peers: tuple[Peer, ...] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """Methods, followed by methods that choose their time steps, and by other programs."""
+        lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
+        lines = dict.fromkeys(line for line in lines if line not in APART)
+        return sorted(lines, key=lambda line: (PEER in line, not has_specified_steps(line)))
+
+    @cached_property
+    def profiles(self) -> tuple[PerformanceProfile, ...]:
+        """Profiles for each quantity, tolerance and method, in this order.
+
+        They include all problems whose reference is accurate enough for the tolerance. A problem
+        that a method does not accept counts as not solved. A problem is omitted from the profile
+        of a method if it is unknown whether the method can meet the tolerance. All costs are
+        relative to the minimum of tdint's methods with specified steps.
+        """
+        profiles = []
+        is_ours = [has_specified_steps(line) for line in self.lines]
+        for quantity, tolerance in product(PEAKS, TOLERANCES):
+            judged_problems = [
+                measured for measured in self.measured if measured.judges(quantity, tolerance)
+            ]
+            if not judged_problems:
+                continue
+            problem_costs = [measured.costs(quantity, tolerance) for measured in judged_problems]
+            # Rows: problems; columns: methods. A method without points did not accept the problem.
+            cost_table = np.array(
+                [[costs.get(line, math.nan) for line in self.lines] for costs in problem_costs]
+            )
+            for line, ratios in zip(
+                self.lines, performance_ratios(cost_table, is_ours).T, strict=True
+            ):
+                is_unknown = [
+                    problem.is_unknown(line, quantity, tolerance) for problem in judged_problems
+                ]
+                accepted = sum(line in costs for costs in problem_costs) - sum(is_unknown)
+                sorted_ratios = sorted(ratios[~np.array(is_unknown)].tolist())
+                profiles.append(
+                    PerformanceProfile(
+                        quantity, tolerance, line, tuple(sorted_ratios), accepted, sum(is_unknown)
+                    )
+                )
+        return tuple(profiles)
+
+    def named(self, line: str) -> str:
+        """Return the name of a method, with the number of problems if it does not accept them all.
+
+        Parameters
+        ----------
+        line : str
+            Method specification, as in the points of the charts.
+        """
+        accepted = sum(
+            any(point.line == line for point in measured.points) for measured in self.measured
+        )
+        return (
+            line
+            if accepted == len(self.measured)
+            else f"{line} ({accepted} of {len(self.measured)})"
+        )
+
+    def leaders(self) -> Leaders:
+        """Return the recommended methods.
+
+        The method `overall` solves most problems within twice the minimum cost, over all quantities
+        and tolerances; `coarse` does so for tolerances of 3 % and more. The method `safest` has the
+        fewest failures, and of these the smallest maximum ratio. A problem that a method does not
+        accept counts as a failure.
+
+        Raises
+        ------
+        AnalysisError
+            No reference is accurate enough for any tolerance.
+        """
+        profiles = [profile for profile in self.profiles if has_specified_steps(profile.method)]
+        lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
+        if not lines:
+            raise AnalysisError(
+                "no method can be recommended, because no reference solution is accurate enough "
+                "for any of the tolerances; add other problems"
+            )
+
+        def count_near_minimum(line: str, smallest_tolerance: float) -> int:
+            """Return the number of problems solved within twice the minimum cost, summed over all
+            quantities and over tolerances from `smallest_tolerance`.
+            """
+            return sum(
+                p.within(2.0)
+                for p in profiles
+                if p.method == line and p.tolerance >= smallest_tolerance
+            )
+
+        def failures(line: str) -> tuple[int, float]:
+            """Return the number of unsolved problems, and the maximum ratio of solved problems."""
+            line_profiles = [p for p in profiles if p.method == line]
+            return sum(p.problems - p.solved for p in line_profiles), max(
+                (p.worst for p in line_profiles if p.solved), default=math.inf
+            )
+
+        return Leaders(
+            max(lines, key=lambda line: count_near_minimum(line, 0.0)),
+            max(lines, key=lambda line: count_near_minimum(line, COARSE)),
+            min((line for line in lines if count_near_minimum(line, 0.0)), key=failures),
+        )
+
+    def _headline(self) -> str:
+        return (
+            f"of {pluralize(sum(map(has_specified_steps, self.lines)), 'method')}, "
+            f"{pluralize(len(self.measured), 'problem')}"
+        )
+
+
+# ---- One problem
+
+
+def measure_problem(
+    problem: FieldProblem,
+    integrators: Sequence[Integrator],
+    *,
+    repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
+    peers: bool = False,
+    progress: Progress = silent,
+) -> Measured:
+    """Measure one problem with all methods and time steps.
+
+    The errors are measured first. Then all points that can be the cheapest for a tolerance are
+    timed alternately.
+
+    Parameters
+    ----------
+    integrators : sequence of Integrator
+        Methods; methods that cannot integrate the building are omitted.
+    repeats : int
+        Number of times that these points are timed.
+    tolerances : sequence of float
+        Relative tolerances of peak drifts. For each tolerance, points of moment4 and impulse4 with
+        steps chosen for it are added, if these methods are selected.
+    peers : bool
+        True to include OpenSeesPy, if it is installed and supports the building.
+
+    Raises
+    ------
+    AnalysisError
+        The reference does not reach its end.
+    """
+    posed = problem.posed
+    dts = [posed.interval * multiple for multiple in PARTS]
+    posed = ending_together(posed, dts)
+    suitable = suited(posed, integrators)
+    progress("compiling", 0.0)
+    posed.prepared.compile([*suitable, parse("impulse4"), parse("moment4")])
+
+    progress("reference", 0.1)
+    reference, gap, confirmed_by = _reference(posed)
+
+    points: dict[tuple[Integrator, float], Point] = {}
+    for completed, integrator in enumerate(suitable):
+        progress("errors", 0.2 + 0.6 * completed / len(suitable))
+        points |= {
+            (integrator, point.dt): point
+            for point in _points_of_method(posed, integrator, dts, reference.stories)
+        }
+    _repeat_contenders(posed, points, repeats, progress)
+
+    # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
+    points_by_tolerance: list[Point] = []
+    for integrator in suitable:
+        if integrator.label in CHOOSING:
+            points_by_tolerance += by_tolerance(
+                posed, integrator, tolerances, partial(_peak_errors, reference.stories), repeats
+            )
+
+    # Add the results of OpenSeesPy, if requested.
+    opensees_points, opensees_gap, opensees_note = (
+        _opensees_results(posed, dts, reference.stories) if peers else ([], math.nan, "")
+    )
+    return Measured(
+        name=problem.name,
+        motion=problem.motion,
+        reason=problem.reason,
+        stories=posed.building.stories,
+        interval=posed.interval,
+        duration=posed.samples * posed.interval,
+        ductility=max(
+            filter(math.isfinite, reference.stories.ductility.tolist()), default=math.nan
+        ),
+        changes=int(reference.branch_changes),
+        confirmed_by=confirmed_by,
+        gap=gap,
+        points=(*points.values(), *points_by_tolerance, *opensees_points),
+        peer_gap=opensees_gap,
+        peer_note=opensees_note,
+    )
+
+
+def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
+    """Compute the reference of a problem by impulse4 with small time steps; return it with the
+    difference of the peaks of a second method, the minimum over its time steps, and the name of
+    this method with its last time step.
+
+    The time step of the second method is reduced until the difference is small enough to confirm
+    the reference at the smallest tolerance.
+    """
+    reference = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
+    gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
+    for steps_per_interval in _FINER:
+        second_response = posed.case(parse("moment4")).integrate(
+            posed.steps(posed.interval / steps_per_interval)
+        )
+        difference = _peak_errors(reference.stories, second_response)
+        gap = PeakErrors(*np.minimum(astuple(gap), astuple(difference)).tolist())
+        confirmed_by = f"moment4 with dt {posed.interval / steps_per_interval:.4g} s"
+        if gap.worst <= _SURE * min(TOLERANCES):
+            break
+    return reference, gap, confirmed_by
+
+
+def _repeat_contenders(
+    posed: Problem,
+    points: dict[tuple[Integrator, float], Point],
+    repeats: int,
+    progress: Progress,
+) -> None:
+    """Repeat the timing of all points that can be the cheapest for some tolerance, until they have
+    `repeats` times; they are replaced in `points`.
+
+    Each repetition times every such point, so that a slow phase of the machine affects all points.
+    """
+    contenders = _contenders(points.values())
+    for repetition in range(1, repeats):
+        progress("times", 0.8 + 0.2 * repetition / repeats)
+        for (integrator, dt), point in points.items():
+            if point in contenders:
+                response = posed.case(integrator).integrate(posed.steps(dt))
+                points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
+        # Each now has `repetition` + 1 times, all other points have 1.
+        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
+
+
+def _peak_errors(true_peaks: StoryPeaks, response: Response) -> PeakErrors:
+    """Return the errors of the peaks of a run relative to the true peaks."""
+    return PeakErrors.between(response.stories, true_peaks)
+
+
+def _points_of_method(
+    posed: Problem, integrator: Integrator, dts: Sequence[float], true_peaks: StoryPeaks
+) -> list[Point]:
+    """Measure one method with decreasing time steps, and return a point for each.
+
+    No smaller step is run after two successive errors far below all tolerances. Each point is timed
+    one time.
+
+    `dts` contains the time steps in descending order, s.
+    """
+    points: list[Point] = []
+    for dt in dts:
+        steps = posed.steps(dt)
+        point_without_result = Point(
+            integrator.label, steps.h, steps.count, DONE, line=integrator.label
+        )
+        response = attempt(posed.case(integrator), steps)
+        if isinstance(response, FailedRun):
+            points.append(replace(point_without_result, outcome=response.status))
+            continue
+        point = replace(
+            point_without_result,
+            outcome=response.status,
+            iterations=response.iterations,
+            times=(response.solver_time,),
+        )
+        if response.status == DONE:
+            point = replace(point, errors=_peak_errors(true_peaks, response))
+        points.append(point)
+        # Two successive small errors are required, because a single error may be small by chance.
+        last_errors = [point.errors for point in points[-2:] if point.errors]
+        if len(last_errors) == 2 and max(errors.worst for errors in last_errors) < _FAR_BELOW * min(
+            TOLERANCES
+        ):
+            break
+    return points
+
+
+def _contenders(points: Iterable[Point]) -> list[Point]:
+    """Return the points that are, or may become, the cheapest of their line for some tolerance.
+
+    These points meet the tolerance at a cost of at most `_NEAR` times the minimum of their line.
+    """
+    points = list(points)
+    # The keys are the identities of the points, so that each point is included one time.
+    contenders: dict[int, Point] = {}
+    for line, quantity, tolerance in product(
+        dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES
+    ):
+        meeting = within(points, line, quantity, tolerance)
+        minimum_cost = min((point.fastest for point in meeting), default=math.nan)
+        contenders |= {
+            id(point): point for point in meeting if point.fastest <= _NEAR * minimum_cost
+        }
+    return list(contenders.values())
+
+
+def _opensees_results(
+    posed: Problem, dts: Sequence[float], true_peaks: StoryPeaks
+) -> tuple[list[Point], float, str]:
+    """Measure OpenSeesPy with all time steps; return the points, the relative difference between
+    OpenSees with small steps and the reference (nan if unknown), and a note.
+
+    Points are returned only if OpenSees integrates the same building: with small steps, its
+    histories must equal the reference within a fifth of the smallest tolerance.
+    """
+    from tdint.assessment.chart.peers import ITERATED, opensees_gap, openseespy_points
+
+    h = posed.interval / _FINE
+    motion = posed.motion(parse("impulse4"), posed.steps(h))
+    assert motion is not None  # the reference has reached its end with the same step
+    # The functions below use only the motion of the reference, not its error.
+    reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
+    gap, note = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
+    if not gap <= _SURE * min(TOLERANCES):
+        return [], gap, f"omitted: {note}"
+    peak_errors = partial(PeakErrors.between, true_peaks=true_peaks)
+    points, notes = openseespy_points(
+        posed, dts, reference, repeats=1, share=_SHARE, judge=peak_errors
+    )
+    return points, gap, "; ".join([note, *(text for text in notes if text != ITERATED)])
+
+
+# ---- Many problems
+
+STANDARD = "standard"
+_SET = Path(__file__).with_name("standard_problems.yaml")
+_RECORDS = (Path(__file__).with_name("records"), Path(__file__).parents[4] / "records")
+"""Directories of the records of the standard set: in an installed package, and in a checkout."""
+
+
+def performance_profiles(
+    models: AnyModel | Sequence[AnyModel] | None = None,
+    records: AnyRecord | Sequence[AnyRecord] = (),
+    *,
+    problems: str | Path | None = None,
+    method: str | Iterable[str] = METHODS,
+    repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
+    peers: bool = False,
+    progress: Progress = silent,
+) -> FieldChart:
+    """Measure methods for many problems, and compute performance profiles of their costs.
+
+    Parameters
+    ----------
+    models, records : optional
+        One building or several buildings, each under each of the ground motions, as in `run`.
+        Without records, each building is used with the record of its model.
+    problems : str or Path, optional
+        Instead of models: `standard` (twelve buildings with three records each), or a YAML file of
+        problems.
+    method : str or iterable of str
+        Method specifications. Methods for linear buildings are used for linear buildings only.
+    repeats : int
+        Number of times that a point is timed if it can be the cheapest for a tolerance.
+    tolerances : sequence of float
+        As in `measure_problem`.
+    peers : bool
+        True to include OpenSeesPy for problems with supported laws.
+    progress : callable
+        Callback with the name of the current action and the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    FieldChart
+        Results and `profiles` of the methods.
+
+    Raises
+    ------
+    UsageError
+        Neither problems nor models are specified, or both; or a method is unknown.
+    ModelError, RecordError
+        A model, a record or the file of problems is invalid.
+    AnalysisError
+        A reference cannot be computed, because the building diverges.
+    """
+    if problems is not None and models is None:
+        selected = read_problems(problems)
+    elif models is not None and problems is None:
+        selected = crossed(models, records)
+    else:
+        raise UsageError(
+            "performance_profiles requires either models (with records) or problems: 'standard' or "
+            "a file"
+        )
+    return measure_all(
+        selected,
+        chosen(method),
+        repeats=repeats,
+        tolerances=tolerances,
+        peers=peers,
+        progress=progress,
+    )
+
+
+def measure_all(
+    problems: Sequence[FieldProblem],
+    integrators: Sequence[Integrator],
+    *,
+    repeats: int = _REPEATS,
+    tolerances: Sequence[float] = (),
+    peers: bool = False,
+    progress: Progress = silent,
+) -> FieldChart:
+    """Measure problems sequentially and return their chart; the other arguments are those of
+    `measure_problem`.
+
+    Raises
+    ------
+    AnalysisError
+        The reference of a problem does not reach its end.
+    """
+    measured: list[Measured] = []
+    for completed, problem in enumerate(problems):
+
+        def report(
+            action: str,
+            fraction: float,
+            completed: int = completed,
+            problem: FieldProblem = problem,
+        ) -> None:
+            """Report the progress in a problem as a fraction of all problems."""
+            # The default arguments keep the values of this iteration of the loop.
+            progress(
+                f"{problem.name}, {problem.motion}: {action}",
+                (completed + fraction) / len(problems),
+            )
+
+        measured.append(
+            measure_problem(
+                problem,
+                integrators,
+                repeats=repeats,
+                tolerances=tolerances,
+                peers=peers,
+                progress=report,
+            )
+        )
+    return field_chart(measured)
+
+
+def field_chart(measured: Sequence[Measured]) -> FieldChart:
+    """Return the chart of measured problems."""
+    from tdint.assessment.chart.peers import peers_of
+
+    points = [point for problem in measured for point in problem.points]
+    return FieldChart(tuple(measured), Timing.of(points), peers_of(points))
+
+
+def crossed(
+    models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence[AnyRecord]
+) -> list[FieldProblem]:
+    """Return one problem for each combination of a building and a ground motion.
+
+    Parameters
+    ----------
+    records : one or a sequence
+        Ground motions, as in `run`. If empty, each building is used with the record of its model.
+    """
+    buildings = models if isinstance(models, list | tuple) else [models]
+    motions = records if isinstance(records, list | tuple) else [records]
+    read_records = [record_of(record) for record in motions]
+    problems = []
+    for model in map(model_of, buildings):
+        model_records: Sequence[Record | None] = read_records or [model_record(model)]
+        for record in model_records:
+            motion = (
+                " ".join(filter(None, (Path(record.source).stem, record.component)))
+                if record
+                else "its forces"
+            )
+            problems.append(FieldProblem(model.name, motion, "", pose(model, record)))
+    return problems
+
+
+def read_problems(source: str | Path) -> list[FieldProblem]:
+    """Read the problems of a file, or the standard problems.
+
+    Parameters
+    ----------
+    source : str or Path
+        YAML file with the keys `records` and `problems`, or the text `standard`.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, is not YAML or contains errors. All errors are listed in file
+        order.
+    RecordError
+        A record cannot be read.
+    """
+    is_standard = source == STANDARD
+    origin, root = read_document(
+        _SET if is_standard else source, "file of problems", "`records` and `problems`"
+    )
+    if is_standard:
+        directory = next((directory for directory in _RECORDS if directory.is_dir()), None)
+        if directory is None:
+            raise RecordError(
+                "the records of the standard problems are not installed; specify a file of problems"
+            )
+        root.faults.folder = directory
+    # An entry contains the name, the reason, the model or its file, and the factors of the ground
+    # motions.
+    section = root.section(("records", "problems"))
+    sources: dict[str, RecordSource] = {}
+    entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
+    if section:
+        records_value = section.need("records", "list ground motions by name")
+        problems_value = section.need("problems", "list problems with name, model and scales")
+        motions = (
+            records_value.named("a mapping from names to ground motions") if records_value else None
+        )
+        for name, motion in (motions or {}).items():
+            if (source_of_motion := record_from_value(motion)) is not None:
+                sources[name] = source_of_motion
+        for item in (
+            problems_value.items("a list of problems", "is empty; add at least one problem")
+            if problems_value
+            else None
+        ) or ():
+            entry = item.section(("name", "reason", "model", "scales"))
+            if entry and (
+                problem := _read_problem(
+                    entry, origin, records_value.names if records_value else ()
+                )
+            ):
+                entries.append(problem)
+    root.faults.raise_if_any()
+    records: dict[str, Record | None] = {}
+    problems = []
+    for name, reason, building, scales in entries:
+        model = model_of(building)
+        for motion_name, factor in scales.items():
+            if motion_name not in records:
+                record_only = Excitation(sources[motion_name])
+                records[motion_name] = model_record(replace(model, excitation=record_only))
+            record = records[motion_name]
+            assert record is not None
+            scaled = record.scaled(factor) if factor != 1.0 else record
+            problems.append(FieldProblem(name, motion_name, reason, pose(model, scaled)))
+    return problems
+
+
+def _read_problem(
+    entry: Section, origin: SourceText, motions: Sequence[str]
+) -> tuple[str, str, Model | str, dict[str, float]] | None:
+    """Read one entry of the list of problems: name, reason, model or its file, and factors on the
+    ground motions by name; None if the entry is invalid (the errors are stored in the document).
+    """
+    name, model_value = (
+        entry.need("name", "specify a name of the problem"),
+        entry.need("model", "specify a model or its file"),
+    )
+    scales_value, reason_value = (
+        entry.need("scales", "specify a factor for each record: {NAME: 1}"),
+        entry.get("reason"),
+    )
+    label = name.text() if name else None
+    # The model is part of the file or a separate file. Its own record is ignored.
+    model: Model | str | None = None
+    if model_value is not None:
+        model_origin = replace(origin, name=label or origin.name)
+        model = (
+            model_from_mapping(model_value, model_origin)
+            if model_value.is_mapping
+            else model_value.file()
+        )
+    factor_section = (
+        scales_value.section(motions, "a mapping from records to factors") if scales_value else None
+    )
+    factors: dict[str, float] = {}
+    for motion in scales_value.names if scales_value and factor_section else ():
+        factor_value: Value | None = factor_section.get(motion) if factor_section else None
+        if factor_value is not None:
+            factors[motion] = factor_value.number()
+            if factors[motion] == 0.0:
+                factor_value.fault("must not be zero")
+    return (
+        (label, (reason_value.text() if reason_value else "") or "", model, factors)
+        if label and model
+        else None
+    )

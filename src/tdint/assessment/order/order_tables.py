@@ -1,0 +1,47 @@
+"""Table of observed orders of convergence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from tdint.output.tables.table import METHOD_SPEC, Column, Table
+
+if TYPE_CHECKING:
+    from tdint.assessment.order.order import ObservedOrder
+
+
+def _order(quantity: str) -> Column:
+    """Return the column of the observed order of accuracy of a quantity, such as `velocity`."""
+    return Column(
+        f"{quantity}_order",
+        "1",
+        lambda order: order.order(quantity),
+        f"observed order of accuracy of the {quantity}",
+    )
+
+
+ORDER = (
+    METHOD_SPEC,
+    Column("load", "text", "load", "load of the oscillator"),
+    Column("law", "text", "law", "hysteretic law of the oscillator"),
+    Column(
+        "frequency_ratio",
+        "1",
+        "frequency_ratio",
+        "frequency of the load divided by the frequency of the oscillator",
+    ),
+    *map(_order, ("displacement", "velocity", "acceleration", "algorithmic_acceleration")),
+    Column(
+        "displacement_error",
+        "1",
+        lambda result: float(result.displacement[-1]),
+        "maximum error with the smallest time step, divided by the maximum displacement",
+    ),
+)
+
+
+def order_table(measured: Iterable[ObservedOrder]) -> Table:
+    """Return the table of observed orders of accuracy, with one row per method and frequency ratio
+    (frequency of the load divided by the frequency of the oscillator)."""
+    return Table.of_results(ORDER, measured)

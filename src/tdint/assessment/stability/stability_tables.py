@@ -1,0 +1,125 @@
+"""Tables of the stability, accuracy and overshoot of methods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, Column, Table
+
+if TYPE_CHECKING:
+    from tdint.assessment.stability.stability import Overshoot, StabilityCurve
+from tdint.output.tables.methods import _finite_or_nan, _limit_or_none
+
+DECLARATION = (
+    Column("method", "text", "integrator.label", "method with its parameters"),
+    Column("order", "1", "integrator.order", "declared order of accuracy"),
+    Column(
+        "observed_order",
+        "1",
+        "order",
+        "minimum of the orders of displacement and velocity, in free vibration and under a "
+        "harmonic force",
+    ),
+    Column(
+        "stability_limit",
+        "1",
+        _limit_or_none("integrator.stability_limit"),
+        "declared largest stable omega dt without damping",
+    ),
+    Column("measured_limit", "1", _limit_or_none("limit"), "measured largest stable omega dt"),
+    Column(
+        "rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"
+    ),
+    Column("measured_rho_inf", "1", "rho_inf", "measured spectral radius for omega dt to infinity"),
+    Column("faults", "1", lambda result: len(result.faults), "number of incorrect declarations"),
+)
+
+_DT_OVER_T = Column(
+    "dt_over_t", "1", "dt_over_t", "time step divided by the undamped period of the oscillator"
+)
+
+STABILITY: tuple[Column, ...] = (
+    METHOD_SPEC,
+    DAMPING,
+    _DT_OVER_T,
+    Column(
+        "spectral_radius",
+        "1",
+        "spectral_radius",
+        "maximum modulus of the eigenvalues of the amplification matrix",
+    ),
+    Column(
+        "period_error",
+        "1",
+        "period_error",
+        "numerical damped period divided by exact damped period, minus 1",
+    ),
+    Column(
+        "numerical_damping",
+        "1",
+        "numerical_damping",
+        "damping ratio of the numerical oscillation minus the exact damping ratio",
+    ),
+    Column(
+        "amplitude_decay",
+        "1",
+        "amplitude_decay",
+        "fraction by which the method reduces the amplitude in one cycle",
+    ),
+    Column(
+        "spurious_radius",
+        "1",
+        "spurious_radius",
+        "maximum modulus of the eigenvalues other than the principal pair",
+    ),
+)
+
+OVERSHOOT: tuple[Column, ...] = (
+    METHOD_SPEC,
+    DAMPING,
+    _DT_OVER_T,
+    Column("start", "text", "start", "initial condition of the oscillator"),
+    Column(
+        "step",
+        "1",
+        lambda motion: np.arange(motion.displacement.size),
+        "number of the time step; 0 is the start",
+    ),
+    Column(
+        "displacement",
+        "1",
+        "displacement",
+        "displacement divided by the maximum of the exact displacement",
+    ),
+    Column("velocity", "1", "velocity", "velocity divided by the maximum of the exact velocity"),
+    Column(
+        "displacement_power",
+        "1",
+        lambda result: _finite_or_nan(result.displacement_power),
+        "exponent of omega dt in the displacement after the first step; empty if this displacement "
+        "is zero",
+    ),
+    Column(
+        "velocity_power",
+        "1",
+        lambda result: _finite_or_nan(result.velocity_power),
+        "exponent of omega dt in the velocity times dt after the first step; empty if this "
+        "velocity is zero",
+    ),
+    Column("law", "text", "law", "restoring force of the oscillator"),
+)
+
+
+def stability_table(curves: Iterable[StabilityCurve]) -> Table:
+    """Return the table of spectral radius and numerical errors, with one row per method, damping
+    ratio and ratio of time step to period."""
+    return Table.of_results(STABILITY, curves)
+
+
+def overshoot_table(motions: Iterable[Overshoot]) -> Table:
+    """Return the table of the first time steps with a large time step (overshoot), with one row per
+    method, initial condition and time step; step 0 is the initial condition."""
+    return Table.of_results(OVERSHOOT, motions)

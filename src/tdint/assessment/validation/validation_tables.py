@@ -1,0 +1,50 @@
+"""Table of the validation cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from tdint.output.tables.table import Column, Table
+
+if TYPE_CHECKING:
+    from tdint.assessment.validation.validation import ValidationResult
+from tdint.output.tables.methods import _without_commas
+
+VALIDATION = (
+    Column("case", "text", "case.name", "name of the case"),
+    Column("what", "text", _without_commas("case.title"), "subject of the case"),
+    Column("source", "text", _without_commas("case.source"), "source of the published numbers"),
+    Column(
+        "numbers",
+        "1",
+        lambda result: len(result.case.published),
+        "number of compared published numbers",
+    ),
+    Column("unit", "text", _without_commas("case.unit"), "unit of the numbers"),
+    Column(
+        "relative",
+        "text",
+        "case.relative",
+        "true if differences are relative to the published numbers",
+    ),
+    Column(
+        "largest_difference",
+        "1",
+        "largest",
+        "maximum difference between computed and published numbers",
+    ),
+    Column("tolerance", "1", "case.tolerance", "maximum allowed difference"),
+    Column(
+        "difference_is",
+        "text",
+        _without_commas("case.difference_is"),
+        "cause of the difference: rounding of the source, numerical error or model error",
+    ),
+    Column("within", "text", "within", "true if all differences are within the tolerance"),
+)
+
+
+def validation_table(results: Iterable[ValidationResult]) -> Table:
+    """Return the table of computed and published values, with one row per validation case."""
+    return Table.of_results(VALIDATION, results)

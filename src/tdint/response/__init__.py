@@ -1,0 +1,1 @@
+"""Response: time integration, spectra, and static analyses of a building."""

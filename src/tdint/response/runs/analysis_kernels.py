@@ -1,0 +1,150 @@
+"""Kernels that the analyses of a model need, for compilation ahead of time and in the background of
+a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from tdint.kernels.building.compilable import EVERYTHING, Variant
+from tdint.kernels.building.load_or_compile import (
+    compile_ahead,
+    interpret_while_compiling,
+)
+from tdint.kernels.compiling import Kernel
+from tdint.kernels.stories.law_state import follow
+from tdint.kernels.time_loop.loop import integrate
+from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
+from tdint.methods.method import Integrator
+from tdint.model.definition import Model
+from tdint.response.arguments import AnyModel, model_of
+from tdint.response.runs.compiled_steps import (
+    LINEAR_OSCILLATORS,
+    kernels,
+    unsupported_reason,
+)
+from tdint.response.runs.prepared import PreparedBuilding
+
+
+def kernels_of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
+    """Return the kernels of a run of a model with all tables of its results, and of a cyclic test
+    of its stories, each with the variant for the model.
+    """
+    prepared = PreparedBuilding.of(model)
+    return [*kernels(integrator, prepared.variant), *_other_kernels(prepared, integrator)]
+
+
+def _other_kernels(
+    prepared: PreparedBuilding, integrator: Integrator
+) -> list[tuple[Kernel, Variant]]:
+    """Return further kernels that the analysis of a run may call, with their variants.
+
+    The time loop does not call them. They are compiled in the background, together with the kernels
+    of the loop, so that later calls do not have to wait.
+    """
+    # `peaks` computes response spectra. Imported here, because few runs are compiled in advance.
+    from tdint.kernels.oscillators.elastic import peaks
+
+    # `follow` computes the forces of a story along a path of drifts, for pushover and cyclic tests.
+    other_kernels = [(follow, prepared.variant), (peaks, EVERYTHING)]
+    # The stability of a method that declares a finite limit is measured with linear oscillators.
+    if integrator.stability_limit != math.inf:
+        other_kernels.append((integrator.family.step, LINEAR_OSCILLATORS))
+    return other_kernels
+
+
+_MAX_INTERPRETED_SIZE = 180_000
+"""Maximum number of time steps times floors (including the ground) for which a run without
+compilation is faster. Compilation takes 7 to 24 s. This number takes 5 s with impulse4 (26 to 28 us
+per step and floor) and 10 s with the slowest method (rk5, 55 us).
+"""
+
+
+def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
+    """Return True if a run executes its time loops in plain Python because they are not compiled
+    yet.
+
+    Another process compiles the loops at the same time
+    (`tdint.kernels.building.load_or_compile.interpret_while_compiling`). The result is always False
+    with power-law dashpots, braces of dampers and tangent damping, because their iterations take
+    fifteen times as long.
+
+    Parameters
+    ----------
+    methods : sequence of Integrator
+        Method of the run and method of its error estimate.
+    """
+    building = prepared.building
+    if (
+        steps * (building.stories + 1) > _MAX_INTERPRETED_SIZE
+        or building.power_damped
+        or building.braced
+        or building.tangent_damped
+        or unsupported_reason(methods[0], building)
+    ):
+        return False
+    loop_kernels = dict.fromkeys(
+        item for method in methods for item in kernels(method, prepared.variant)
+    )
+    return interpret_while_compiling(
+        list(loop_kernels),
+        lambda: list(
+            dict.fromkeys(item for method in methods for item in _other_kernels(prepared, method))
+        ),
+    )
+
+
+def all_kernels() -> list[tuple[Kernel, Variant]]:
+    """Return all kernels, each in the variant for all buildings, and the loops for buildings
+    without forces on floors, dashpots, elements and tangent damping."""
+    # Imported here, because a run does not need these kernels.
+    from tdint.kernels.oscillators.bilinear import bilinear_response
+    from tdint.kernels.oscillators.elastic import peaks
+    from tdint.kernels.oscillators.extremes import extremes, radii
+    from tdint.kernels.oscillators.modal_sums import largest_drifts
+    from tdint.kernels.oscillators.rotated import rotated_peaks
+
+    steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
+    others = (
+        follow,
+        peaks,
+        extremes,
+        radii,
+        rotated_peaks,
+        largest_drifts,
+        bilinear_response,
+    )
+    plain = Variant(
+        forces=False, dashpots=False, elements=False, braces=False, tangent_damping=False
+    )
+    return [*steps, *((kernel, EVERYTHING) for kernel in others), (integrate, plain)]
+
+
+def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:
+    """Compile the time loops for runs of a model, which its first run would compile otherwise.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        Argument that `run` accepts.
+    method : str, optional
+        Method specification; by default that of the model.
+
+    Returns
+    -------
+    list of Path
+        Written files; empty if everything was compiled before.
+
+    Raises
+    ------
+    ModelError, UsageError
+        The model is invalid, or the method is unknown.
+    OutputError
+        The files cannot be written.
+    """
+    building = model_of(model)
+    integrator = parse(method or building.analysis.method or DEFAULT_METHOD)
+    return compile_ahead(
+        kernels_of_model(building, integrator), ("native",), None, lambda done: None
+    )

@@ -1,0 +1,409 @@
+"""Runs of one building with one time step in a batch.
+
+Only this module integrates and evaluates many runs. The result of a run that reaches its end
+without collapse is that of the compiled call. All other runs are evaluated by
+`tdint.response.runs.case.Case`, like a single run. Runs with error estimates are integrated
+individually.
+
+The caller decides which results are kept: `tdint.run_many` fills its arrays; a campaign writes rows
+and repeats failed runs with half the time step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array, cached_property
+from tdint.errors import UsageError
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import parse
+from tdint.methods.method import Integrator
+from tdint.model.building import Building
+from tdint.model.definition import Model
+from tdint.response.arguments import numbers_of
+from tdint.response.runs.case import (
+    Case,
+    extend_to_rest,
+    needs_review,
+    rest_criterion,
+    until_forces_end,
+)
+from tdint.response.runs.elements import element_peaks
+from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
+from tdint.response.runs.load_case import LoadCase
+from tdint.response.runs.loop_results import energy_errors, named_peaks
+from tdint.response.runs.outcome import (
+    STORY_QUANTITIES,
+    Collapse,
+    ElementPeaks,
+    FailedRun,
+    Response,
+    StoryPeaks,
+)
+from tdint.response.runs.prepared import (
+    AT_REST,
+    NO_FREE_VIBRATION,
+    STEPS_COMPLETED,
+    BatchResult,
+    Motions,
+    PreparedBuilding,
+)
+from tdint.response.time_steps import Steps
+
+if TYPE_CHECKING:
+    from tdint.model.building_samples import DrawnBuildings
+
+_parse_cached = lru_cache(maxsize=64)(parse)
+"""`parse` with a cache, because thousands of buildings may have the same method."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Building with the method that integrates it, and cached properties of both.
+
+    Attributes
+    ----------
+    model : Model
+        Building; its ground motion is not used.
+    """
+
+    model: Model
+    method: str
+
+    @cached_property
+    def prepared(self) -> PreparedBuilding:
+        """Building as arrays."""
+        return PreparedBuilding.of(self.model)
+
+    @cached_property
+    def integrator(self) -> Integrator:
+        """Method."""
+        return _parse_cached(self.method)
+
+    def case(self, record: Record | None, scale: float = 1.0) -> Case:
+        """Return the case of the building under a ground motion times `scale`, or with the ground
+        at rest if `record` is None. A load case replaces the tables of forces of the building.
+        """
+        if isinstance(record, LoadCase):
+            return self.loaded(record, scale).case(None)
+        scaled = record if record is None or scale == 1.0 else record.scaled(scale)
+        return Case(self.model, self.prepared, scaled, self.integrator)
+
+    def loaded(self, load_case: LoadCase, scale: float = 1.0) -> Subject:
+        """Return the building under a load case times `scale`."""
+        return Subject(load_case.scaled(scale).on(self.model), self.method)
+
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return self.prepared.period
+
+    def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
+        # Only the definition is pickled. The receiving process computes the arrays again.
+        return Subject, (self.model, self.method)
+
+
+RunOfMotion = tuple[int, float, Steps]
+"""Number of a ground motion, its scale factor, and the time steps."""
+
+RunResult = tuple[Response | Collapse, int | None]
+"""Result of an individual run, and 1 if free vibration decayed in the run, 0 if not, None if this
+was not requested.
+"""
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """Results of runs as arrays over the runs; nan, and 0 steps, for runs without a result.
+
+    Attributes
+    ----------
+    elements : ndarray, shape (runs, 2, elements)
+        Results of the elements, as in `BatchResult`, of runs that are not in `responses`.
+    energy_error, steps : ndarray, shape (runs,)
+        Energy imbalance divided by the maximum input energy; number of completed time steps.
+    at_rest : list of int | None
+        1 if the run came to rest, 0 if not; None if rest was not requested or the run did not reach
+        its end.
+    responses : mapping of int to Response
+        Individual runs by their index, with errors and history if requested.
+    collapses, failures : mapping of int to Collapse and to FailedRun
+        Runs by their index whose status is not `done`. A run that continued after its collapse is
+        also in `responses`.
+    """
+
+    stories: StoryPeaks
+    elements: Array
+    energy_error: Array
+    steps: NDArray[np.int64]
+    at_rest: list[int | None]
+    responses: dict[int, Response] = field(default_factory=dict)
+    collapses: dict[int, Collapse] = field(default_factory=dict)
+    failures: dict[int, FailedRun] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, building: Building, batch: BatchResult, to_rest: bool) -> Outcomes:
+        """Convert the arrays of a compiled call to results.
+
+        Parameters
+        ----------
+        building : Building
+            Building of the runs. If each run has its own building, the first axis of its arrays is
+            the run.
+        to_rest : bool
+            True if the runs continue until free vibration has decayed.
+        """
+        at_rest = (
+            batch.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(batch.ends)
+        )
+        return cls(
+            named_peaks(building, batch.peaks, batch.drifts),
+            batch.elements,
+            energy_errors(batch.totals),
+            batch.ends[:, STEPS_COMPLETED].astype(int),
+            at_rest,
+        )
+
+    @property
+    def status(self) -> dict[int, str]:
+        """Status of the runs that were evaluated individually, by their index. All other runs are
+        done."""
+        return {
+            i: ended.status
+            for i, ended in (self.collapses | self.responses | self.failures).items()
+        }
+
+    def stories_of(self, i: int) -> StoryPeaks:
+        """Return the peaks of run `i`."""
+        values = {
+            quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY_QUANTITIES
+        }
+        return StoryPeaks(height=self.stories.height, **values)
+
+    def elements_of(self, i: int, model: Model) -> ElementPeaks | None:
+        """Return the results of the elements of the building `model` in run `i`; None without
+        stories with several elements."""
+        if i in self.responses:
+            return self.responses[i].elements
+        return element_peaks(model, self.elements[i], self.stories_of(i))
+
+    def fail(self, i: int, failure: FailedRun) -> None:
+        """Replace the results of run `i` by its failure."""
+        self.failures[i], self.at_rest[i] = failure, None
+        self._put(i, None, np.nan, 0)
+
+    def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
+        """Replace the results of run `i` by the results of an individual run; `elements` remains
+        unchanged, because `elements_of` uses the elements of the response.
+
+        Parameters
+        ----------
+        attempt : callable
+            Function without arguments that integrates or evaluates the run. If it raises FailedRun,
+            the failure is recorded instead.
+        """
+        try:
+            result, at_rest = attempt()
+        except FailedRun as failure:
+            self.fail(i, failure)
+            return
+        collapse = result if isinstance(result, Collapse) else result.collapse
+        self.at_rest[i] = None if collapse else at_rest
+        if collapse:
+            self.collapses[i] = collapse
+        # A collapse that was evaluated from the batch does not change the values of the batch.
+        if isinstance(result, Collapse):
+            return
+        self.responses[i] = result
+        self._put(i, result.stories, result.energy.error, result.steps)
+
+    def _put(self, i: int, stories: StoryPeaks | None, energy_error: float, steps: int) -> None:
+        """Write the results of run `i`; nan if `stories` is None."""
+        for quantity in STORY_QUANTITIES:
+            getattr(self.stories, quantity.name)[i] = (
+                getattr(stories, quantity.name) if stories else np.nan
+            )
+        self.energy_error[i], self.steps[i] = energy_error, steps
+
+
+def run_batch(
+    subject: Subject,
+    motions: Motions,
+    runs: Sequence[RunOfMotion],
+    *,
+    check: bool = False,
+    to_rest: bool = False,
+    history: bool = False,
+    integrate: Callable[[], BatchResult] | None = None,
+    status_only: bool = False,
+) -> Outcomes:
+    """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
+    bit.
+
+    Parameters
+    ----------
+    runs : sequence of (int, float, Steps)
+        Number of the ground motion, scale factor and time steps of each run.
+    to_rest : bool, default False
+        Continue with the ground at rest until free vibration has decayed.
+    history : bool, default False
+        Keep the histories of runs that are integrated individually.
+    integrate : callable, optional
+        Function without arguments that integrates the runs and returns a `BatchResult`; by default
+        one compiled call without histories.
+    status_only : bool, default False
+        Failures contain only the status, so that a failed run is not integrated again for the
+        details of its message.
+
+    Raises
+    ------
+    AnalysisError
+        The method does not support this building.
+    """
+    prepared = subject.prepared
+    _, _, first_steps = runs[0]
+    h = first_steps.h
+
+    def case(i: int) -> Case:
+        """Return the case of run `i`."""
+        number, scale, _ = runs[i]
+        return subject.case(motions.records[number], scale)
+
+    if to_rest and subject.model.excitation.tables:
+        runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
+    # Error estimates require a second run of each run, and an unstable time step an error message
+    # of each run.
+    if check or prepared.instability(subject.integrator, h):
+        outcomes = Outcomes.of(
+            prepared.building, BatchResult.empty(len(runs), prepared.building), to_rest
+        )
+        for i, (_, _, steps) in enumerate(runs):
+            outcomes.replace(
+                i,
+                partial(
+                    _integrate_individually,
+                    case(i),
+                    steps,
+                    check=check,
+                    to_rest=to_rest,
+                    history=history,
+                ),
+            )
+        return outcomes
+    if integrate:
+        batch = integrate()
+    else:
+        specs = [motions.run_spec(*run) for run in runs]
+        criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
+        batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
+    outcomes = Outcomes.of(prepared.building, batch, to_rest)
+    # A failed run is integrated again only if more than its status is required.
+    for i in np.flatnonzero(needs_review(batch)).tolist():
+        run_case, steps = case(i), runs[i][2]
+        failure = run_case.failure_in_batch(steps, batch, i) if status_only else None
+        if failure:
+            outcomes.fail(i, failure)
+        else:
+            outcomes.replace(
+                i, partial(_evaluate, run_case, steps, batch, i, to_rest=to_rest, history=history)
+            )
+    return outcomes
+
+
+def run_sampled(
+    subject: Subject,
+    motions: Motions,
+    runs: Sequence[tuple[int, RunOfMotion]],
+    drawn: DrawnBuildings,
+    subjects: Sequence[Callable[[], Subject]],
+) -> Outcomes:
+    """Integrate runs of buildings that differ in parameter values, with one time step.
+
+    Parameters
+    ----------
+    runs : sequence of (int, (int, float, Steps))
+        Index of the sampled building, and the number of the ground motion, scale factor and time
+        steps, of each run.
+    subjects : sequence of callable
+        One function without arguments for each sample, which assembles its building. It is called
+        for runs that collapse or fail.
+
+    Raises
+    ------
+    AnalysisError
+        The method does not support these buildings.
+    """
+    _, (_, _, first_steps) = runs[0]
+    h = first_steps.h  # all runs have the same time step
+    samples = [sample for sample, _ in runs]
+    specs = [(sample, motions.run_spec(*run)) for sample, run in runs]
+    batch = subject.prepared.integrate_sampled(subject.integrator, h, motions.samples, specs, drawn)
+    outcomes = Outcomes.of(drawn.combine_runs(samples), batch, False)
+    for i in np.flatnonzero(needs_review(batch)).tolist():
+        sample, (number, scale, steps) = runs[i]
+        case = subjects[sample]().case(motions.records[number], scale)
+        outcomes.replace(i, partial(_evaluate, case, steps, batch, i, to_rest=False, history=False))
+    return outcomes
+
+
+def _evaluate(
+    case: Case, steps: Steps, batch: BatchResult, i: int, *, to_rest: bool, history: bool
+) -> RunResult:
+    """Return the result of run `i` of a batch as evaluated by `Case.review_batch_run`."""
+    at_rest = int(batch.ends[i, AT_REST]) if to_rest else None
+    return case.review_batch_run(steps, batch, i, history), at_rest
+
+
+def _integrate_individually(
+    case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool
+) -> RunResult:
+    """Integrate a run individually, with the options of `run_batch`."""
+    at_rest = None
+    if to_rest:
+        steps, reached_rest = extend_to_rest(case, steps)
+        at_rest = int(reached_rest)
+        # The run ends at the requested time, so that no drift change after this time is estimated.
+        steps = case.steps(steps.h, steps.count * steps.h)
+    response = (run_with_error_estimate if check else Case.integrate)(case, steps, history)
+    return (ended_at_rest(case, response) if to_rest else response), at_rest
+
+
+def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
+    """Expand the values of varied parameters to a single value per sample for each name.
+
+    Parameters
+    ----------
+    vary : mapping of str to array
+        Values by name: one value, or one value per sample.
+    product : bool
+        True for all combinations of the values; the last name varies fastest.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (samples,)
+        Values by name; all arrays have the same length.
+
+    Raises
+    ------
+    UsageError
+        A value is not a number, or the numbers of values are different.
+    """
+    arrays = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
+    if product:
+        grids = np.meshgrid(*arrays.values(), indexing="ij")
+        arrays = {name: grid.ravel() for name, grid in zip(arrays, grids, strict=True)}
+    sizes = {len(values) for values in arrays.values()}
+    count = max(sizes, default=1)
+    if not count or sizes - {1, count}:
+        counts = ", ".join(f"{len(values)} of {name}" for name, values in arrays.items())
+        raise UsageError(
+            "vary: each parameter must have a single value or as many values as there are samples; "
+            f"the numbers of values are: {counts}"
+        )
+    return {name: np.broadcast_to(values, count).copy() for name, values in arrays.items()}

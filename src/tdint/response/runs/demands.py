@@ -1,0 +1,374 @@
+"""Engineering demand parameters of runs (demands), and the columns of many runs.
+
+A demand is the maximum over the stories or floors, with the story or floor of the maximum.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array
+from tdint.response.runs.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks, StoryValues
+from tdint.units import Quantity, quantities
+
+
+class Largest(NamedTuple):
+    """Maximum (`value`) and its story or floor, from 1 (`location`); nan and None if no story has a
+    value.
+    """
+
+    value: float
+    location: int | None
+
+
+class LargestOfRuns(NamedTuple):
+    """Maxima of many runs (`value`) and their stories or floors, from 1 (`location`).
+
+    The shape of both is (runs,). They are nan and 0 if no story of a run has a value.
+    """
+
+    value: Array
+    location: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Demand(Quantity):
+    """Definition of a demand: how it is computed from the peaks of the stories.
+
+    If the attribute `value` of the base class is a function, it computes the values of the stories
+    from their peaks and heights.
+
+    Attributes
+    ----------
+    story : int | None
+        Index of the story of the demand, from 0, or -1 for the roof; None for the maximum of all
+        stories.
+    location : str
+        Type of location: "story" or "floor".
+    story_attribute : str
+        Attribute of `StoryPeaks` that is used if there is no `value`; by default the name of the
+        demand.
+    """
+
+    story: int | None = None
+    location: str = "story"
+    story_attribute: str = ""
+
+    @property
+    def location_column(self) -> str:
+        """Name of the column of the location, without unit."""
+        return f"{self.called or self.name}_{self.location}"
+
+    def of(self, stories: StoryPeaks) -> LargestOfRuns:
+        """Compute the demand of each run and its location.
+
+        Returns
+        -------
+        LargestOfRuns
+            Demand in SI units, and story or floor from 1, shape (runs,).
+        """
+        values = np.atleast_2d(self._story_values(stories, stories.height))
+        if self.story is not None:
+            value = values[:, self.story]
+            # The remainder converts the index -1 of the roof to n - 1.
+            return LargestOfRuns(
+                value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1)
+            )
+        # All values are positive or 0, so that -1 instead of nan is never the maximum.
+        index = np.where(np.isnan(values), -1.0, values).argmax(axis=1)
+        value = values[np.arange(len(values)), index]
+        return LargestOfRuns(value, np.where(np.isnan(value), 0, index + 1))
+
+    def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
+        """Return the estimated error of the demand of one run, in the unit of the demand.
+
+        If errors are taken into account, the maximum may be in any story whose value plus its error
+        is at least the maximum. The result is the largest error of these stories; nan if no error
+        is known.
+        """
+        values, errors_of_stories = (
+            self._story_values(source, stories.height) for source in (stories, errors)
+        )
+        if self.story is not None:
+            return float(errors_of_stories[self.story])
+        finite = np.isfinite(values) & np.isfinite(errors_of_stories)
+        if not finite.any():
+            return math.nan
+        values, errors_of_stories = values[finite], errors_of_stories[finite]
+        can_be_maximum = values + errors_of_stories >= np.max(values)
+        return float(np.max(errors_of_stories[can_be_maximum]))
+
+    def _story_values(self, source: StoryValues, height: Array) -> Array:
+        """Return the values of the stories from peaks or their errors, shape (..., n)."""
+        return np.asarray(
+            self.value(source, height)
+            if self.value
+            else getattr(source, self.story_attribute or self.name)
+        )
+
+
+MaximumT = TypeVar("MaximumT")
+
+
+@dataclass(frozen=True)
+class Demands(Generic[MaximumT]):
+    """Demands of a run (`Largest`) or of many runs (`LargestOfRuns`), SI units."""
+
+    roof_displacement: Annotated[
+        MaximumT,
+        Demand(
+            "m",
+            "maximum absolute displacement of the roof, relative to the ground",
+            story_attribute="peak_displacement",
+            story=-1,
+        ),
+    ]
+    base_shear: Annotated[
+        MaximumT,
+        Demand(
+            "N",
+            "maximum absolute restoring force of the first story, without viscous forces",
+            story_attribute="peak_shear",
+            story=0,
+        ),
+    ]
+    total_base_shear: Annotated[
+        MaximumT,
+        Demand(
+            "N",
+            "maximum absolute force between building and ground: restoring, P-delta and all "
+            "viscous forces",
+            story_attribute="peak_total_shear",
+            story=0,
+        ),
+    ]
+    drift: Annotated[
+        MaximumT,
+        Demand(
+            "m",
+            "largest drift of a story, relative to the floor below",
+            story_attribute="peak_drift",
+        ),
+    ]
+    drift_ratio: Annotated[
+        MaximumT, Demand("1", "largest drift over story height", story_attribute="peak_drift_ratio")
+    ]
+    residual_drift: Annotated[
+        MaximumT,
+        Demand(
+            "m",
+            "largest absolute drift at the end of the run",
+            lambda stories, height: np.abs(stories.residual_drift),
+        ),
+    ]
+    residual_drift_ratio: Annotated[
+        MaximumT,
+        Demand(
+            "1",
+            "largest absolute drift at the end over story height",
+            lambda stories, height: np.abs(stories.residual_drift) / height,
+        ),
+    ]
+    ductility: Annotated[
+        MaximumT,
+        Demand("1", "largest drift over drift at first yield", story_attribute="ductility"),
+    ]
+    acceleration: Annotated[
+        MaximumT,
+        Demand(
+            "m/s^2",
+            "largest absolute acceleration of a floor",
+            story_attribute="peak_absolute_acceleration",
+            called="floor_absolute_acceleration",
+            location="floor",
+        ),
+    ]
+
+
+DECLARED: tuple[Demand, ...] = tuple(
+    demand for demand in quantities(Demands) if isinstance(demand, Demand)
+)
+"""Demands that are fields of `Demands`."""
+
+_COVERED = frozenset(
+    (
+        "peak_drift",
+        "peak_drift_ratio",
+        "residual_drift",
+        "peak_shear",
+        "peak_total_shear",
+        "ductility",
+        "peak_displacement",
+        "peak_velocity",
+        "peak_absolute_acceleration",
+    )
+)
+"""Story quantities that are included in the demands above."""
+
+DEMANDS: tuple[Demand, ...] = (
+    *DECLARED,
+    *(
+        Demand(quantity.unit, f"{quantity.meaning}; of all stories", name=quantity.name)
+        for quantity in STORY_QUANTITIES
+        if quantity.name not in _COVERED
+    ),
+)
+"""Demands of a summary in its order: the demands above, and the maxima of the other story
+quantities.
+"""
+
+
+def demands(stories: StoryPeaks) -> Demands[Largest]:
+    """Return the demands of a single run from its peaks, shape (n,)."""
+    return Demands(**{demand.name: only(demand.of(stories)) for demand in DECLARED})
+
+
+def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
+    """Return the demands of many runs of a building from peaks of shape (runs, n)."""
+    return Demands(**{demand.name: demand.of(stories) for demand in DECLARED})
+
+
+def only(demand: Any) -> Largest:
+    """Return the only item of a `LargestOfRuns` as `Largest`; its location is None if it is 0."""
+    return Largest(float(demand.value[0]), int(demand.location[0]) or None)
+
+
+# ---- Values of runs for `Runs.to_dict`, runs.csv and the store of a campaign
+
+HIDDEN: tuple[str, ...] = ()
+"""Value of `shown` for a quantity that only the store contains."""
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class RunValues:
+    """Columns of many runs, arrays of shape (runs,), SI units.
+
+    The results of many runs, the rows of a store and its tables use these columns. A field defines
+    a column completely. Its `value` is computed from the `Demands` of the runs.
+    """
+
+    dt: Annotated[Array, Quantity("s", "time step, after repetitions with finer ones")]
+    status: Annotated[NDArray[np.str_], Quantity("text", "how the run ended", value_type=str)]
+    collapse_time: Annotated[Array, Quantity("s", "time of the collapse")]
+    collapse_story: Annotated[Counts, Quantity("1", "story that collapsed first", value_type=int)]
+    peak_drift_ratio: Annotated[
+        Array,
+        Quantity("1", "largest peak drift over story height", attrgetter("drift_ratio.value")),
+    ]
+    peak_drift_story: Annotated[
+        Counts,
+        Quantity(
+            "1",
+            "story that has it; without heights that of the largest drift",
+            lambda largest: np.where(
+                largest.drift_ratio.location > 0,
+                largest.drift_ratio.location,
+                largest.drift.location,
+            ),
+            value_type=int,
+        ),
+    ]
+    peak_drift: Annotated[
+        Array, Quantity("m", "largest peak drift, of any story", attrgetter("drift.value"))
+    ]
+    residual_drift_ratio: Annotated[
+        Array,
+        Quantity(
+            "1",
+            "largest drift over story height at the end of the run",
+            attrgetter("residual_drift_ratio.value"),
+        ),
+    ]
+    peak_absolute_acceleration: Annotated[
+        Array,
+        Quantity(
+            "m/s^2",
+            "largest absolute acceleration of a floor",
+            attrgetter("acceleration.value"),
+        ),
+    ]
+    peak_acceleration_floor: Annotated[
+        Counts,
+        Quantity("1", "floor that has it", attrgetter("acceleration.location"), value_type=int),
+    ]
+    peak_roof_displacement: Annotated[
+        Array,
+        Quantity("m", "largest displacement of the roof", attrgetter("roof_displacement.value")),
+    ]
+    peak_base_shear: Annotated[
+        Array,
+        Quantity("N", "largest restoring force of the first story", attrgetter("base_shear.value")),
+    ]
+    energy_error: Annotated[Array, Quantity("1", "imbalance over the largest input energy")]
+    steps: Annotated[Counts, Quantity("1", "time steps", value_type=int)]
+    pga: Annotated[Array, Quantity("m/s^2", "peak ground acceleration, scaled")]
+    sa_t1: Annotated[
+        Array,
+        Quantity(
+            "m/s^2", "pseudo-acceleration at the building's first period, 5 % damping, scaled"
+        ),
+    ]
+    at_rest: Annotated[
+        Counts,
+        Quantity(
+            "1", "1 if the run came to rest, if this was requested", shown=HIDDEN, value_type=int
+        ),
+    ]
+    repeats: Annotated[
+        Counts,
+        Quantity(
+            "1", "number of repetitions with half the time step", shown=HIDDEN, value_type=int
+        ),
+    ]
+
+
+RUN = quantities(RunValues)
+"""Quantities of a run, in the order of their columns."""
+
+DEMANDED = tuple(quantity for quantity in RUN if quantity.value)
+"""Quantities that are computed from the demands."""
+
+RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.value_type is float)
+"""Quantities with error estimates."""
+
+
+def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
+    """Return the columns of `RunValues` that are computed from the demands."""
+    largest = demands_of_runs(stories)
+    return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
+
+
+def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]:
+    """Return the estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`.
+
+    Parameters
+    ----------
+    stories, errors : StoryPeaks, StoryErrors
+        Peaks of the run, shape (n,), and their estimated errors.
+    """
+    # The columns of `RunValues` read their values from demands. Here the demands are their errors.
+    largest = Demands(
+        **{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED}
+    )
+    return tuple(float(quantity.value(largest)) for quantity in RUN_WITH_ERROR if quantity.value)
+
+
+def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
+    """Return the demands of several runs: one dictionary per run, from the name of a demand, such
+    as `peak_drift_ratio`, to its value.
+
+    `stories` contains the peak responses of all stories, in arrays of shape (runs, stories).
+    """
+    columns = {name: column.tolist() for name, column in demand_columns(stories).items()}
+    return [
+        dict(zip(columns, run_values, strict=True))
+        for run_values in zip(*columns.values(), strict=True)
+    ]

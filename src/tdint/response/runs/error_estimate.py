@@ -1,0 +1,540 @@
+"""Error estimates of the peaks of a run.
+
+By default, the errors of a run are estimated by an additional run (`reference`) with shorter time
+steps (`reference_steps`). With the peaks P of the run and the peaks P1 of the additional run, the
+estimated error of each P is the maximum of
+
+    f |P - P1|
+    the smaller of  COMMON P rms(f |P - P1| / P)  and  _MOST |P - P1|
+    FLOOR P
+    P2 - P                                  if the building moves at the start
+    the smaller of  B  and  P1 + B1 - P
+
+The factor f depends on the order of the method (`factors`). rms is the root mean square over the
+stories. `start_peaks` computes P2. B and B1 are the possible excesses of the peaks between
+time steps which do not resolve the motion (`Response.interstep_bound`), of the run and of the
+additional run. P1 + B1 is the largest peak that the additional run does not exclude.
+
+The errors of residual drifts have additional terms (`story_errors`, `ended_at_rest`).
+
+The estimate is not a bound: the section "Reliability of error estimates" of tests/MEASUREMENTS.md
+reports how often it is too small.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from functools import partial
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.method import Integrator
+from tdint.response.runs.case import Case
+from tdint.response.runs.loop_results import story_peaks
+from tdint.response.runs.outcome import (
+    ElementValues,
+    ErrorEstimate,
+    ErrorHistory,
+    EventResponse,
+    FailedRun,
+    History,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+)
+from tdint.response.time_steps import Steps, finer
+
+REFERENCE = parse(DEFAULT_METHOD)
+"""Method of the additional run that estimates the errors of most methods."""
+
+_EXACT = "exact"
+"""Method without a separate reference."""
+
+_MIN_ORDER = 4
+"""Minimum order of a method that estimates its errors itself. The rates were measured only for
+`moment4` without numerical dissipation, which has order 4.
+"""
+
+DIFFERENCE_FACTOR = 4.0 / 3.0
+"""Dimensionless. Factor f at second order: error of a run divided by its difference from a run with
+half the time step, by Richardson extrapolation 1 / (1 - 2^-2). The additional run is far more
+accurate than such a run.
+"""
+
+COMMON = 0.2
+"""Dimensionless. Minimum relative error of a story divided by the root mean square of the relative
+errors of all stories. The minimum covers a story where both runs agree by accident. With a value
+of 0.5, 7 % of the estimates of accelerations and total shears by methods of order 3 and more are
+more than ten times too large (325 random buildings).
+"""
+
+_MOST = 8.0
+"""Dimensionless. Maximum of the error by `COMMON` divided by the difference of the peaks. The
+difference of a story that yields or is protected by other stories is small without an accident, and
+its error is small as well. Without this limit, 3 to 6 % of the estimates per column are more than
+ten times the true error (104 random buildings).
+"""
+
+
+@dataclass(frozen=True)
+class EstimateFactors:
+    """Factors of the error estimate, dimensionless.
+
+    Attributes
+    ----------
+    difference : float
+        Factor f of the module docstring.
+    most : float
+        Maximum as `_MOST`; by default no maximum.
+    derivative_common : float
+        Factor that replaces `COMMON` in the error estimate of derivatives, which does not use
+        `most`.
+    """
+
+    difference: float
+    most: float = math.inf
+    derivative_common: float = COMMON
+
+
+_LOW_ORDER = EstimateFactors(DIFFERENCE_FACTOR, _MOST)
+"""Factors for methods of order 1 and 2."""
+
+_HIGH_ORDER = EstimateFactors(3.0, _MOST, derivative_common=0.5)
+"""Factors for methods of order 3 and more. The error of both runs depends on the branch changes,
+reversals and contacts in their steps. At these, `impulse4` may gain no more than a factor of two by
+half the step, so that the difference can be a third of the error. With `_LOW_ORDER`, 0.6 % of the
+true errors of `impulse4` and `moment4` exceed twice the estimate, with these factors 0.3 % (104
+random buildings).
+"""
+
+_MIN_HIGH_ORDER = 3
+"""Order of the method from which `_HIGH_ORDER` applies."""
+
+FLOOR = 1e-5
+"""Dimensionless. Minimum error estimate divided by the peak. Smaller errors include the tolerances
+of iterations and the errors between time steps that both runs have in common.
+"""
+
+_LONG_STEP = 5
+"""Number of sampling intervals in a time step, from which the additional run uses the sampling
+interval as its time step instead of half the step. With half of such a step, both runs can miss the
+same contact, reversal or branch change; the difference of their peaks is then small although both
+are wrong. The additional run has half as many steps as the additional run of a run with the
+sampling interval as its time step.
+"""
+
+_LONG_OF_PERIOD, _SHORT_OF_PERIOD, _MOST_PARTS = 20, 50, 50
+"""Time steps of the additional run without a record. If the first period contains fewer than
+`_LONG_OF_PERIOD` steps of the run, the additional run has about `_SHORT_OF_PERIOD` steps in the
+first period, but at most `_MOST_PARTS` in a step of the run. With half of the step instead, 5 % of
+the true errors of `impulse4` in free vibration exceed twice the estimate if the step is a fifth or
+a tenth of the period (59 random buildings).
+"""
+
+_LONGER = 1.5
+"""Duration of the run that measures the motion after a run until rest, divided by its duration."""
+
+_SAME = 1e-9
+"""Dimensionless. Relative difference up to which time steps are considered equal."""
+
+_START, _START_HALVINGS = 2, 4
+"""Number of time steps at the start of a building in motion that are repeated with shorter steps,
+and number of times that the step of the additional run is halved for this. Two steps find as many
+errors as sixteen steps (325 random buildings).
+"""
+
+_LATER_FACTOR = 2.0
+"""Dimensionless. Error of the run with the shorter steps in `_later_peaks`, divided by the
+difference of its two runs. The error of the run with the longer steps is f times the difference
+(`_HIGH_ORDER`). The error with the shorter steps is smaller by one difference: f - 1.
+"""
+
+_NEAR_START = 0.7
+"""Dimensionless. If all later peaks are at most this part of the peaks at the start, `_later_peaks`
+omits its second run, because the peaks at the start remain the maxima.
+"""
+
+_SLOW_RUN = 2.0
+"""Processor time of the time loops, s, above which a note states how to omit the second run."""
+
+
+def run_with_error_estimate(
+    case: Case, steps: Steps, history: bool = False, *, history_errors: bool = False
+) -> Response:
+    """Integrate a case over `steps` and estimate the errors of its peaks."""
+    # Compile the kernels of both methods here, in parallel if both are missing in the cache.
+    case.prepared.compile([case.method, reference(case).method])
+    return with_error_estimate(
+        case, steps, case.integrate(steps, history), history_errors=history_errors
+    )
+
+
+def reference(case: Case) -> Case:
+    """Return the case whose run estimates the errors of `case`.
+
+    For `moment4` in a building with power-law dashpots or curved laws, the method is `moment4` with
+    a larger tolerance of the residuals. In these buildings `moment4` is about as accurate as
+    `impulse4` with half the time step, so that a difference between these two methods is the error
+    of either method. With `impulse4`, 5.9 % of the estimates of `moment4` are more than ten times
+    too large, and 0.5 % of the true errors exceed twice the estimate; with `moment4`, 1.8 and 0.1 %
+    (40 random buildings, true values of a separate solver). Curved hysteretic laws are an
+    exception: the peak shears of `moment4` at reversals are too small by the same amount with both
+    time steps. In all other cases, `default_reference` selects the method.
+    """
+    method, building = case.method.method, case.building
+    is_curved = building.power_damped or building.braced or not building.piecewise_linear
+    if (
+        method.estimating_coefficients is not None
+        and case.method.order >= _MIN_ORDER
+        and is_curved
+        and not building.curved_hysteresis
+    ):
+        estimating = replace(method, coefficients=method.estimating_coefficients)
+        return replace(case, method=replace(case.method, method=estimating), remarks=())
+    return default_reference(case)
+
+
+def default_reference(case: Case) -> Case:
+    """Return the same case with the method that estimates the errors of most methods.
+
+    This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
+    forces on floors. The errors of `exact` are then those of the peaks between time steps.
+    """
+    is_own_reference = case.method.label == _EXACT and not case.model.excitation.forces
+    method = parse(_EXACT) if is_own_reference else REFERENCE
+    return replace(case, method=method, remarks=())
+
+
+def reference_steps(case: Case, steps: Steps) -> Steps:
+    """Return the time steps of the run that estimates the errors of a run over `steps`.
+
+    With a record, `shorter_steps` computes them. Without a record they are half as long, or shorter
+    if the step is long in relation to the first period (`_LONG_OF_PERIOD`).
+    """
+    if case.record is not None:
+        return shorter_steps(steps)
+    periods = steps.h * case.building.vibration.frequency(1) / (2.0 * math.pi)  # h / T1
+    if periods <= (1.0 + _SAME) / _LONG_OF_PERIOD:
+        return finer(steps)
+    parts = min(math.ceil(_SHORT_OF_PERIOD * periods), _MOST_PARTS)
+    return replace(
+        steps, h=steps.h / parts, count=steps.count * parts, per_sample=steps.per_sample * parts
+    )
+
+
+def shorter_steps(steps: Steps) -> Steps:
+    """Return the time steps of the run that estimates the errors of a run under a record.
+
+    They are half as long as `steps`, or one sampling interval long if a step covers at least
+    `_LONG_STEP` sampling intervals.
+    """
+    if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
+        return replace(steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1)
+    return finer(steps)
+
+
+def with_error_estimate(
+    case: Case, steps: Steps, response: Response, *, history_errors: bool = False
+) -> Response:
+    """Return a response to `steps` with error estimates from one additional run.
+
+    If the additional run fails or ends earlier by a collapse, the errors are nan and a note states
+    the reason. If the run ended by a collapse, both runs are compared up to this end.
+
+    Returns
+    -------
+    Response
+        Response with the error estimate in `check`, and further notes.
+    """
+    steps = replace(steps, count=response.steps)
+    other = attempt(reference(case), reference_steps(case, steps))
+    if isinstance(other, FailedRun):
+        return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
+    # The additional run covers the time up to the end of the run. It ends at the same time, except
+    # for rounding, unless it collapses at least one of its steps earlier.
+    if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
+        return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
+    errors = story_errors(response, other, factors(case.method), start=start_peaks(case, steps))
+    check = ErrorEstimate.of(
+        response.stories,
+        errors,
+        elements=element_errors(response, other, factors(case.method), errors),
+        time_steps=(other.dt,),
+        method=other.method,
+        corrected=other.stories,
+    )
+    # At a collapse the peaks grow rapidly within one step, so that the peaks of the additional run
+    # are not more accurate values of the same peaks.
+    if response.collapse is not None and response.collapse.ended:
+        note = (
+            f"the run ends at {response.collapse.time:.6g} s with the step in which it collapses: "
+            "error estimates exclude the growth of the peaks in this step"
+        )
+        response, check = (
+            replace(response, notes=(*response.notes, note)),
+            replace(check, corrected=None),
+        )
+    if response.solver_time + other.solver_time > _SLOW_RUN:
+        note = "a second run estimates the errors, with most of the time; --no-check omits it"
+        response = replace(response, notes=(*response.notes, note))
+    if history_errors and response.history_chunks is not None and other.history_chunks is not None:
+        ratio = round(response.dt / other.dt)
+        with_error = response.history and _with_error(
+            response.history, History.joined(other.history_chunks(ratio))
+        )
+        chunks = partial(_chunks_with_error, response.history_chunks, other.history_chunks, ratio)
+        response = replace(response, history=with_error, history_chunks=chunks)
+    return replace(response, check=check)
+
+
+def factors(method: Integrator) -> EstimateFactors:
+    """Return the factors of the error estimate for a method."""
+    return _HIGH_ORDER if method.order >= _MIN_HIGH_ORDER else _LOW_ORDER
+
+
+def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks | None:
+    """Return the peaks P2 of a building that moves at the start, which two runs can both miss.
+
+    P2 is the larger of two values: the peak in the first `_START` steps, by a short run with much
+    shorter steps, and the estimate of the later peak by `_later_peaks`. The short run is necessary
+    because an initial motion starts with all modes at once, also with those that the step does not
+    resolve. An acceleration can have its maximum between the start and the end of the first step.
+    Both runs then report the value at the start, and their difference is zero.
+
+    Parameters
+    ----------
+    last : int, optional
+        Number of steps of the first event of a sequence; the default is the complete run.
+
+    Returns
+    -------
+    StoryPeaks | None
+        None if the building is at rest at the start, or if this short run fails.
+    """
+    initial = case.model.initial
+    if not any((*initial.displacement, *initial.velocity)):
+        return None
+    short = reference_steps(case, replace(steps, count=min(_START, steps.count)))
+    for _ in range(_START_HALVINGS):
+        short = finer(short)
+    start = attempt(reference(case), short)
+    if isinstance(start, FailedRun):
+        return None
+    later = _later_peaks(case, replace(steps, count=last or steps.count), start.stories)
+    if later is None:
+        return start.stories
+    names = [field.name for field in fields(StoryErrors)]
+    return replace(
+        start.stories,
+        **{name: np.maximum(getattr(start.stories, name), getattr(later, name)) for name in names},
+    )
+
+
+def _later_peaks(case: Case, steps: Steps, start: StoryPeaks) -> StoryErrors | None:
+    """Return upper estimates of the peaks after the first step; None if all are far below the peaks
+    `start` (`_NEAR_START`), or a run fails or has only the first step.
+
+    A maximum at the start is exact in all runs and hides a later maximum that both runs find too
+    small. Two runs by the method of the additional run, with the time steps of the run and of the
+    additional run, therefore omit the first step. The estimate is the peak of the second run plus
+    its error (`_LATER_FACTOR`).
+    """
+    names = [field.name for field in fields(StoryErrors) if field.name != "residual_drift"]
+    other, shorter = reference(case), reference_steps(case, steps)
+    coarse = _peaks_after(other, steps, 1)
+    if coarse is None or not any(
+        np.any(getattr(coarse, name) > _NEAR_START * getattr(start, name)) for name in names
+    ):
+        return None
+    fine = _peaks_after(other, shorter, round(steps.h / shorter.h))
+    if fine is None:
+        return None
+    by = EstimateFactors(_LATER_FACTOR, _MOST)
+    peaks = {name: (getattr(fine, name), getattr(coarse, name)) for name in names}
+    later = {name: f + _extrapolated(f, c, f, by) for name, (f, c) in peaks.items()}
+    return StoryErrors(**later, residual_drift=np.zeros_like(start.residual_drift))
+
+
+def _peaks_after(case: Case, steps: Steps, first: int) -> StoryPeaks | None:
+    """Return the peaks after step number `first`; None if the run ends before."""
+    parts = case.prepared.integrate_in_parts(case.method, steps, case.ground, [0, first])
+    peaks = [story_peaks(case.building, space) for space in parts]
+    return peaks[1] if len(peaks) == 2 else None
+
+
+def story_errors(
+    response: Response | EventResponse,
+    other: Response | EventResponse,
+    by: EstimateFactors = _LOW_ORDER,
+    *,
+    start: StoryPeaks | None = None,
+    other_is_finer: bool = True,
+) -> StoryErrors:
+    """Estimate the errors of the peaks of a run, or of an event of a sequence, from another run.
+
+    Parameters
+    ----------
+    other : Response or EventResponse
+        Result of the additional run for the same time.
+    start : StoryPeaks, optional
+        Peaks in the first steps of a building that moves at the start (`start_peaks`); None if the
+        building is at rest at the start.
+    other_is_finer : bool, default True
+        True if the additional run has shorter time steps, so that it limits the possible excess of
+        the peaks between time steps.
+
+    Returns
+    -------
+    StoryErrors
+        Estimated absolute errors of all peaks, shape (n,), in the units of the peaks.
+    """
+
+    def errors(name: str) -> Array:
+        """Return the errors of a quantity in each story by the formula of the module docstring."""
+        # Errors of residual drifts are related to peak drifts, because residual drifts can be 0.
+        size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
+        error = _extrapolated(
+            getattr(response.stories, name), getattr(other.stories, name), size, by
+        )
+        # For residual drifts, the bound is the change of the drift after the requested time
+        # (usually the end of the record), because a run with long time steps ends later.
+        bound: Array = getattr(response.interstep_bound, name)
+        if name == "residual_drift":
+            return error + bound
+        if other_is_finer:
+            possible = getattr(other.stories, name) + getattr(other.interstep_bound, name)
+            bound = np.minimum(bound, possible - size)
+        if start is not None:
+            error = np.maximum(error, getattr(start, name) - size)
+        return np.maximum(error, bound)
+
+    return StoryErrors(**{field.name: errors(field.name) for field in fields(StoryErrors)})
+
+
+def element_errors(
+    response: Response, other: Response, by: EstimateFactors, errors: StoryErrors
+) -> ElementValues | None:
+    """Return the estimated errors of the elements, by the rules of `story_errors`.
+
+    The error of a ductility is the error of the peak drift of the story divided by the yield drift.
+    """
+    elements, others = response.elements, other.elements
+    if elements is None or others is None:
+        return None
+    return ElementValues(
+        peak_force=_extrapolated(elements.peak_force, others.peak_force, elements.peak_force, by),
+        dissipated_energy=_extrapolated(
+            elements.dissipated_energy,
+            others.dissipated_energy,
+            np.abs(elements.dissipated_energy),
+            by,
+        ),
+        ductility=errors.peak_drift[elements.story - 1] / elements.yield_drift,
+    )
+
+
+def _extrapolated(values: Array, others: Array, size: Array, by: EstimateFactors) -> Array:
+    """Return errors from the difference to a more accurate run, with minima relative to `size`."""
+    difference = np.abs(values - others)
+    extrapolated = by.difference * difference
+    minimum = COMMON * common(extrapolated, size)
+    if by.most < math.inf:
+        minimum = np.minimum(minimum, by.most * difference)
+    return np.asarray(np.maximum(extrapolated, np.maximum(minimum, FLOOR * size)))
+
+
+def common(errors: Array, size: Array) -> Array:
+    """Return `size` times the root mean square over the stories of `errors` / `size`.
+
+    This is the error of each story if all stories have the same relative error.
+    """
+    # A story that did not move (size 0) does not contribute.
+    has_moved = size > 0.0
+    relative = np.divide(errors, size, out=np.zeros_like(errors), where=has_moved)
+    return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(has_moved), 1)) * size)
+
+
+def ended_at_rest(case: Case, response: Response) -> Response:
+    """Add the amplitude of the remaining motion to the estimated errors of the residual drifts.
+
+    A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
+    rest, differ from these by up to the amplitude of the remaining motion. The amplitude of a story
+    is approximate and can be too small by accident. It is therefore increased to at least `COMMON`
+    times the amplitude that the story would have if the ratio of amplitude to peak drift were the
+    same in all stories (`common`).
+    """
+    if response.check is None:
+        return response
+    amplitude = _remaining_motion(case, response)
+    remaining_motion = np.maximum(
+        amplitude, COMMON * common(amplitude, response.stories.peak_drift)
+    )
+    errors = response.check.errors
+    errors = replace(errors, residual_drift=errors.residual_drift + remaining_motion)
+    return replace(response, check=replace(response.check, errors=errors))
+
+
+def _remaining_motion(case: Case, response: Response) -> Array:
+    """Return the amplitudes of the drifts that remain at the end of a run until rest, m.
+
+    The stiffness at the end, from which `residual_oscillation` follows, is too large if a story
+    goes on to a softer branch after its force has changed its sign, or if a damper holds a force.
+    The drifts of a building that is not linear are therefore compared with those of a run that is
+    longer by half.
+    """
+    amplitude = response.residual_oscillation
+    # The drifts of a collapsed building grow without bound, so that a longer run measures no motion
+    # about a position of rest.
+    if case.building.linear or case.model.excitation.forces or response.collapse:
+        return amplitude
+    longer = attempt(case, case.steps(response.dt, _LONGER * response.steps * response.dt))
+    if isinstance(longer, FailedRun):
+        return amplitude
+    change = np.abs(longer.stories.residual_drift - response.stories.residual_drift)
+    return np.maximum(amplitude, change + longer.residual_oscillation)
+
+
+def attempt(case: Case, steps: Steps, history: bool = False) -> Response | FailedRun:
+    """Integrate a case over `steps`, and return the response or, if the run fails, its failure.
+
+    With `history`, the response history is kept.
+    """
+    try:
+        return case.integrate(steps, history)
+    except FailedRun as failure:
+        return failure
+
+
+def _unknown(response: Response, reason: str) -> Response:
+    """Return a response with errors of nan, and a note on the reason why they are unknown."""
+    unknown = np.full_like(response.stories.peak_drift, np.nan)
+    errors = StoryErrors(*(unknown for _ in fields(StoryErrors)))
+    notes = (*response.notes, f"no error estimate: {reason}")
+    return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
+
+
+def _chunks_with_error(
+    chunks: Callable[[int], Iterator[History]],
+    other_chunks: Callable[[int], Iterator[History]],
+    ratio: int,
+    every: int = 1,
+) -> Iterator[History]:
+    """Yield the chunks of a history with the estimated errors at each row; `ratio` is the number of
+    time steps of the additional run in one time step of the run.
+    """
+    return map(_with_error, chunks(every), other_chunks(ratio * every))
+
+
+def _with_error(history: History, other: History) -> History:
+    """Return a history with its estimated errors: the values of `other`, the history of the
+    additional run at the same times, minus its own values.
+    """
+    errors = {
+        field.name: getattr(other, field.name) - getattr(history, field.name)
+        for field in fields(ErrorHistory)
+    }
+    return replace(history, error=ErrorHistory(**errors))

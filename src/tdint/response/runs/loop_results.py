@@ -1,0 +1,274 @@
+"""Results of a time integration, computed from the arrays of the time loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from operator import add, sub
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.kernels import layout as rows
+from tdint.methods.workspace import Workspace
+from tdint.model.building import Building
+from tdint.model.force_arrays import add_force_history
+from tdint.response.runs.outcome import (
+    ENERGY_TERMS,
+    STORY_QUANTITIES,
+    Energy,
+    EnergyHistory,
+    History,
+    StoryErrors,
+    StoryPeaks,
+    story_values,
+)
+
+Loads = tuple[Array, Array]
+"""Forces on floors and points of their tables (`load_arrays`)."""
+
+FieldFunction = Callable[[Building, Loads, Array, Array], Array]
+"""Function that computes one quantity of the response history for all floors or stories.
+
+Its arguments are the building, the forces on its floors, the times of the rows of the history table
+(s), and the history table. It returns an array, shape (rows, n).
+"""
+
+
+def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
+    """Return the peaks of all stories at the end of a time integration; the present drifts are the
+    residual drifts. The arrays are copies."""
+    return named_peaks(
+        building, space.peaks.copy(), space.law_state[rows.DRIFT, : building.stories].copy()
+    )
+
+
+def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
+    """Convert the peaks and final drifts of a time integration to a `StoryPeaks` object.
+
+    Parameters
+    ----------
+    peaks : ndarray, shape (2 PEAK_ROWS, n) or (runs, 2 PEAK_ROWS, n)
+        Peaks in the rows of `Workspace.peaks`.
+
+    Returns
+    -------
+    StoryPeaks
+        Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units.
+    """
+    values = story_values(building, building.limited(peaks), residual_drift)
+    return StoryPeaks(height=building.heights, **values)
+
+
+def residual_oscillation(building: Building, space: Workspace) -> Array:
+    """Return approximate amplitudes of the drifts about their positions of rest at the end of a
+    run, m.
+
+    As in a free vibration, the amplitude is sqrt(d^2 + (v / omega)^2), with the distance d from the
+    position of rest and the drift rate v. At rest, no story has a force, so d is the force of the
+    story divided by its present stiffness. 1 / omega is approximated by the maximum displacement
+    divided by the maximum velocity of the run, times the square root of the ratio of initial to
+    present stiffness.
+    """
+    drift, force, slope = (
+        space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
+    )
+    initial_stiffness = building.initial_stiffness
+    # A slope that is not positive or exceeds the initial stiffness does not lead to the position of
+    # rest: use the initial stiffness instead.
+    is_usable = (slope > 0.0) & (slope < initial_stiffness)
+    present_stiffness = np.where(is_usable, slope, initial_stiffness)
+    # Force of the law plus P-delta
+    distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
+    rate = _drift_rates(building, space.state[rows.VELOCITY])
+    displacement, velocity = (
+        float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
+    )
+    initial_inverse_omega = displacement / velocity if velocity > 0.0 else 0.0  # s
+    softening = np.sqrt(initial_stiffness / present_stiffness)
+    return np.asarray(np.hypot(distance, rate * initial_inverse_omega * softening))
+
+
+def _drift_rates(building: Building, floors: Array) -> Array:
+    """Subtract from the velocity or acceleration of each floor that of the floor below.
+
+    The last entry of `floors` is the ground; the result has one entry less.
+    """
+    rates: Array = floors[:-1].copy()
+    rates[1:] -= building.linear_terms[rows.LINK, 1:-1] * floors[:-2]
+    return rates
+
+
+def interstep_peak_errors(
+    building: Building, space: Workspace, late: float, stories: StoryPeaks
+) -> StoryErrors:
+    """Return bounds of the errors that arise because peaks are read at time steps only: the
+    possible excess of each peak, and the approximate change of each residual drift.
+
+    If the time step does not resolve the highest modes, peaks between time steps may exceed the
+    peaks at time steps. Residual drifts are read at the end of the last time step, `late` s after
+    the requested end; their error is the change of the drifts in this interval.
+    """
+    drift_change = np.zeros(building.stories)
+    if late > 0.0:
+        velocity, acceleration = (
+            np.abs(_drift_rates(building, row))
+            for row in (
+                space.state[rows.VELOCITY],
+                space.observer_state[rows.OBSERVED_ACCELERATION],
+            )
+        )
+        # Taylor series of second order, with absolute values of its terms.
+        drift_change = late * velocity + 0.5 * late**2 * acceleration
+    reported = vars(stories)
+    peaks_between_steps = space.peaks[rows.PEAK_ROWS :]
+    # If the time steps resolve the motion, all peaks between them are stored as 0. The bounds are
+    # then the reported peaks, and the possible excess is 0.
+    bounds = reported
+    if peaks_between_steps.any():
+        peaks_at_steps = building.limited(space.peaks)[: rows.PEAK_ROWS]
+        largest_peaks = np.maximum(peaks_between_steps, peaks_at_steps)
+        bounds = story_values(building, largest_peaks, drift_change)
+    # The difference is nan for quantities that do not exist, such as ratios without a height.
+    differences = {
+        quantity.name: bounds[quantity.name] - reported[quantity.name]
+        for quantity in STORY_QUANTITIES
+    }
+    return StoryErrors(**{**differences, "residual_drift": drift_change})
+
+
+def energy_errors(totals: Array) -> Array:
+    """Return the energy imbalance of each run relative to its reference energy (`Energy.error`),
+    shape (runs,).
+
+    The imbalance is initial and input energy minus all other terms; it is positive if the method
+    dissipates energy. The result is 0 without a reference energy. `totals` has shape (runs,
+    TOTALS_SIZE).
+    """
+    terms = dict(zip(ENERGY_TERMS, totals.T[: rows.ENERGY_TERMS], strict=True))
+    stored_or_dissipated = reduce(add, [term for name, term in terms.items() if name != "input"])
+    reference = totals[:, rows.ENERGY_REFERENCE]
+    imbalance = totals[:, rows.ENERGY_INITIAL] + terms["input"] - stored_or_dissipated
+    return np.asarray(
+        np.divide(imbalance, reference, out=np.zeros_like(reference), where=reference > 0.0)
+    )
+
+
+def named_energies(totals: Array) -> Energy:
+    """Convert the energies at the end of one run, the first entries of `Workspace.totals`, to an
+    `Energy` object."""
+    terms = dict(zip(ENERGY_TERMS, totals[: rows.ENERGY_TERMS].tolist(), strict=True))
+    initial, reference = totals[rows.ENERGY_INITIAL], totals[rows.ENERGY_REFERENCE]
+    return Energy(**terms, initial=float(initial), reference=float(reference))
+
+
+def named_history(
+    building: Building,
+    loads: Loads,
+    space: Workspace,
+    h: float,
+    max_input_energy: float | None = None,
+) -> History:
+    """Return the response history that a time integration stored in its workspace: the complete
+    run, or a chunk of the run.
+
+    Parameters
+    ----------
+    max_input_energy : float, optional
+        Reference energy of the complete run, J, for the imbalance at each time. The default is the
+        reference energy that the workspace contains. If the workspace contains a chunk, this is the
+        maximum up to the end of the chunk, so the argument must be specified.
+    """
+    n = building.stories
+    table = space.history
+    # The table of a chunk of the run continues after `rows_before` rows of earlier chunks.
+    time = h * (
+        space.steps_per_row
+        * np.arange(space.rows_before, space.rows_before + len(table), dtype=np.float64)
+    )
+    # The first energy is the input energy; the imbalance is the part of the input and the initial
+    # energy that no other term contains.
+    first_energy = 1 + (rows.HISTORY_FIELDS + building.braced) * n
+    terms = list(table[:, first_energy : first_energy + rows.ENERGY_TERMS].T)
+    initial = space.totals[rows.ENERGY_INITIAL]
+    if max_input_energy is None:
+        max_input_energy = space.totals[rows.ENERGY_REFERENCE]
+    imbalance = reduce(sub, terms[1:], initial + terms[0])
+    # The reference energy is 0 only for a building that remains at rest.
+    has_energy = max_input_energy > 0.0
+    relative = imbalance / max_input_energy if has_energy else np.zeros_like(imbalance)
+    has_elements = building.elements > 0
+    first_element = first_energy + rows.ENERGY_TERMS
+    return History(
+        time=time,
+        ground_acceleration=table[:, 0],
+        energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
+        element_force=table[:, first_element:] if has_elements else None,
+        element_labels=building.element_labels,
+        **{name: compute(building, loads, time, table) for name, compute in HISTORIES.items()},  # type: ignore[arg-type]
+    )
+
+
+# Positions of the fields in a row of the history table, in units of n columns, after the first
+# column with the ground acceleration.
+_DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD, _BRACE_FIELD = range(5)
+
+
+def _stored_field(field: int) -> FieldFunction:
+    """Return a `FieldFunction` that reads one field from the history table."""
+    return lambda building, loads, time, table: table[
+        :, 1 + field * building.stories : 1 + (field + 1) * building.stories
+    ]
+
+
+def _floor_difference(field: int) -> FieldFunction:
+    """Return a `FieldFunction` that computes the difference of a field between the floors above and
+    below each story, such as the drift from the displacements."""
+
+    def subtract_floor_below(building: Building, loads: Loads, time: Array, table: Array) -> Array:
+        """Return the differences, shape (rows, n)."""
+        floors = _stored_field(field)(building, loads, time, table)
+        differences = floors.copy()
+        # The values are relative to the ground, which is below the first story: it keeps its value.
+        differences[:, 1:] -= floors[:, :-1]
+        return differences
+
+    return subtract_floor_below
+
+
+def _total_shear(building: Building, loads: Loads, time: Array, table: Array) -> Array:
+    """Return the shear in each story that balances the forces on all floors above the story, N.
+
+    This shear contains the forces of springs, dampers and P-delta. It is the sum of applied force
+    minus mass times absolute acceleration over these floors.
+    """
+    floor_forces = -building.linear_terms[rows.MASS, :-1] * _absolute_acceleration(
+        building, loads, time, table
+    )
+    add_force_history(*loads, time, floor_forces)
+    # Sum from the roof down.
+    return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
+
+
+_absolute_acceleration = _stored_field(_ACCELERATION_FIELD)
+_DRIFT_RATE = _floor_difference(_VELOCITY_FIELD)
+
+
+def _damper_force(building: Building, loads: Loads, time: Array, table: Array) -> Array:
+    """Return the forces along the dampers, N; the arguments are those of `FieldFunction`."""
+    force = building.device_force(_DRIFT_RATE(building, loads, time, table))
+    if building.braced:
+        force = force + _stored_field(_BRACE_FIELD)(building, loads, time, table)
+    return building.damper_force(force)
+
+
+HISTORIES: dict[str, FieldFunction] = {
+    "displacement": _stored_field(_DISPLACEMENT_FIELD),
+    "velocity": _stored_field(_VELOCITY_FIELD),
+    "acceleration": _absolute_acceleration,
+    "drift": _floor_difference(_DISPLACEMENT_FIELD),
+    "shear": _stored_field(_SHEAR_FIELD),
+    "damper_force": _damper_force,
+    "total_shear": _total_shear,
+}
+"""Functions that compute the fields of `History` for stories and floors, shape (rows, n)."""

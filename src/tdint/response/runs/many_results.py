@@ -1,0 +1,366 @@
+"""Results of many runs: peaks and histories as arrays over the runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array
+from tdint.errors import AnalysisError, UsageError, did_you_mean
+from tdint.ground_motion.record import Record
+from tdint.model.definition import Model
+from tdint.number_parsing import first_warning, pluralize
+from tdint.response.runs import loop_results
+from tdint.response.runs.outcome import (
+    STORY_QUANTITIES,
+    Gradient,
+    History,
+    StoryErrors,
+    StoryPeaks,
+    StoryValues,
+)
+from tdint.response.time_steps import Steps
+from tdint.system import available_memory
+from tdint.tabular import Tabular
+from tdint.units import quantities
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+    from tdint.model.limits import LimitCheck
+
+HISTORY_FIELDS = {
+    quantity.called or quantity.name: quantity.name
+    for quantity in quantities(History)
+    if quantity.name in loop_results.HISTORIES
+}
+"""Quantities of a history that can be kept: field of `History` by the name of its column without
+the unit.
+"""
+
+
+@dataclass(frozen=True, repr=False)
+class Runs(Tabular):
+    """Results of many runs. The first axis of the arrays is the run.
+
+    If a building has fewer stories than the tallest building, the values above its roof are nan.
+
+    Attributes
+    ----------
+    models, records : tuple
+        Buildings and ground motions, each one time.
+    methods : tuple of str
+        Method specification of each building, as given.
+    model, record : ndarray of int, shape (runs,)
+        Index of the building and of the ground motion of each run.
+    scale, dt : ndarray, shape (runs,)
+        Factor on the ground motion; time step, s.
+    steps : ndarray of int, shape (runs,)
+        Number of completed time steps.
+    status : ndarray of str, shape (runs,)
+        As in `Response`, or as in `FailedRun` if there is no result; the values of the run are then
+        nan.
+    energy_error : ndarray, shape (runs,)
+        Energy imbalance divided by the maximum input energy.
+    stories : StoryPeaks
+        Peaks of shape (runs, stories), SI units.
+    history : mapping of str to ndarray, shape (runs, rows, stories)
+        Kept quantities of the histories, SI units; nan after the end of a run.
+    every : int
+        Number of time steps between two rows.
+    failures : mapping of int to str
+        Messages of the runs without a result, by their index.
+    errors, corrected : StoryErrors and StoryPeaks, or None
+        Estimated errors of the peaks, and the peaks of the additional runs from which they are
+        estimated, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan
+        without an estimate.
+    varied : mapping of str to ndarray, shape (runs,)
+        Values of the varied parameters by name; `models` contains the buildings as given.
+    gradient : Gradient | None
+        Derivatives of the peaks, if requested.
+    warnings : tuple of str
+        Unusual values of the buildings, each with its model file, as shown by `check`.
+    """
+
+    models: tuple[Model, ...]
+    records: tuple[Record, ...]
+    methods: tuple[str, ...]
+    model: NDArray[np.int64]
+    record: NDArray[np.int64]
+    scale: Array
+    dt: Array
+    steps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    energy_error: Array
+    stories: StoryPeaks
+    history: dict[str, NDArray[np.floating[Any]]]
+    every: int
+    failures: dict[int, str]
+    errors: StoryErrors | None = None
+    corrected: StoryPeaks | None = None
+    varied: dict[str, Array] = field(default_factory=dict)
+    gradient: Gradient | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def time(self) -> Array:
+        """Times of the rows, s, shape (1, rows) if all runs have one time step, otherwise (runs,
+        rows).
+        """
+        rows = max((kept.shape[1] for kept in self.history.values()), default=0)
+        steps = self.dt[:1] if np.all(self.dt == self.dt[:1]) else self.dt
+        return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
+
+    def to_xarray(self) -> Dataset:
+        """Return peaks, errors and histories with units, and the properties of the runs as
+        coordinates.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions run, story and, with histories, time.
+
+        Raises
+        ------
+        UsageError
+            xarray is not installed.
+        """
+        dataset: Dataset = type(self).tables().to_xarray(self)
+        return dataset
+
+    def select_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
+        """Return the indices of the runs of one building, and the peaks of these runs.
+
+        Parameters
+        ----------
+        number : int
+            Index of the building in `models`.
+
+        Returns
+        -------
+        runs : ndarray of int
+            Indices of the runs.
+        peaks : StoryPeaks
+            Peaks, shape (runs of the building, stories of the building), SI units.
+        """
+        runs = np.flatnonzero(self.model == number)
+        n = len(self.models[number].stories)
+        values = {
+            quantity.name: getattr(self.stories, quantity.name)[runs, :n]
+            for quantity in STORY_QUANTITIES
+        }
+        return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
+
+    def limit_checks(
+        self, limit: float | str | None = None
+    ) -> dict[tuple[str, str], tuple[LimitCheck, ...]]:
+        """Compare the mean demands over the records with limits, as `tdint run` and campaigns do.
+
+        The records of a building with equal varied parameters are a suite. If a record has several
+        factors, its smallest factor belongs to the first suite, and so on. The mean is computed in
+        each story, over the records without collapse; a building that collapsed or failed under a
+        record does not meet any limit. Each record is one ground motion, also if it is a component
+        of a pair.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Drift limit that is used instead of the limits of the models, or the name of a
+            performance level of the models. By default, all limits of the models.
+
+        Returns
+        -------
+        dict of (str, str) to tuple of LimitCheck
+            Comparisons by the name of the building and the text of the level (`scale 0.5`, followed
+            by the varied parameters); empty tuples without a completed run.
+
+        Raises
+        ------
+        UsageError
+            A building has no story with a height, or no such performance level.
+        """
+        from tdint.model.limits import check_demands
+
+        checks = {}
+        for (model, level), runs in self._suites().items():
+            building = self.models[model]
+            n = len(building.stories)
+            standing = runs[self.status[runs] == "done"]
+            peaks = {
+                peak.name: getattr(self.stories, peak.name)[standing, :n]
+                for peak in STORY_QUANTITIES
+            }
+            checks[building.name, level] = check_demands(
+                building.limits,
+                limit,
+                peaks,
+                np.array([story.height or math.nan for story in building.stories]),
+                [self.records[record].name for record in self.record[standing]],
+                name=building.name,
+                has_failure=standing.size < runs.size,
+            )
+        return checks
+
+    def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
+        """Return the indices of the runs of each suite, over which `limit_checks` averages the
+        demands, by the index of the building and the text of the level.
+
+        A suite contains one run under each record, of one building with equal parameters. If a
+        record has several factors, each factor belongs to another suite.
+        """
+        varied = {name: values for name, values in self.varied.items() if name != "scale"}
+        # First group the runs by building, varied parameters and record, with increasing factors.
+        # The run with the factor of rank r in each group belongs to suite r.
+        runs_of: dict[tuple[Any, ...], list[int]] = {}
+        for run in sorted(range(len(self.model)), key=lambda run: abs(self.scale[run])):
+            values = tuple(float(values[run]) for values in varied.values())
+            runs_of.setdefault((int(self.model[run]), values, int(self.record[run])), []).append(
+                run
+            )
+        suites: dict[tuple[int, tuple[float, ...], int], list[int]] = {}
+        for (model, values, _), runs in runs_of.items():
+            for rank, run in enumerate(runs, start=1):
+                suites.setdefault((model, values, rank), []).append(run)
+        # A suite is named by its factor if all its records have the same factor, otherwise by its
+        # rank.
+        named = {}
+        for (model, values, rank), runs in sorted(suites.items()):
+            scales = set(self.scale[runs].tolist())
+            level = f"scale {scales.pop():g}" if len(scales) == 1 else f"level {rank}"
+            parts = [f"{name} {value:g}" for name, value in zip(varied, values, strict=True)]
+            named[model, ", ".join([level, *parts])] = np.array(sorted(runs))
+        return named
+
+    def _headline(self) -> str:
+        buildings, records = (
+            pluralize(len(self.models), "building"),
+            pluralize(len(self.records), "record"),
+        )
+        kept = f", histories of {', '.join(self.history)}" if self.history else ""
+        lost = f", {len(self.failures)} without a result" if self.failures else ""
+        first = first_warning(self.warnings)
+        return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
+
+
+def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the requested history quantities without duplicates; all for True.
+
+    Raises
+    ------
+    UsageError
+        A quantity is unknown.
+    """
+    if isinstance(history, bool | np.bool_):
+        return tuple(HISTORY_FIELDS) if history else ()
+    names = (history,) if isinstance(history, str) else tuple(history)
+    for name in names:
+        if name not in HISTORY_FIELDS:
+            raise UsageError(
+                f"unknown quantity {name!r}{did_you_mean(str(name), HISTORY_FIELDS)} (known: "
+                f"{', '.join(HISTORY_FIELDS)})"
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def history_arrays(
+    shape: tuple[int, int, int], kept: tuple[str, ...], out: Any
+) -> dict[str, NDArray[np.floating[Any]]]:
+    """Return the arrays for the histories: the arrays of the caller (`out`), or new arrays of nan.
+
+    `shape` is the number of runs, number of rows of the longest run, and number of stories of the
+    tallest building.
+
+    Raises
+    ------
+    UsageError
+        Arrays of the caller have other names, shapes or types than required.
+    AnalysisError
+        There is not enough memory for new arrays.
+    """
+    if out is None:
+        needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
+        if needed > free:
+            raise AnalysisError(
+                f"the histories of {shape[0]} runs need {needed / 1000000000.0:.3g} GB of "
+                f"memory, {free / 1000000000.0:.3g} GB are free; keep fewer time steps with "
+                "every=, or pass arrays with out= (float32 or memory-mapped files)"
+            )
+        return {name: np.full(shape, math.nan) for name in kept}
+    if not kept:
+        raise UsageError(
+            "out cannot be used, because no history is requested; omit out, or request a history"
+        )
+    arrays = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
+    if sorted(arrays) != sorted(kept):
+        raise UsageError(
+            f"out must contain one array for each of: {', '.join(kept)}; got "
+            f"{', '.join(map(str, arrays)) or 'no array'}"
+        )
+    for name, array in arrays.items():
+        if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+            received = (
+                f"{array.dtype} {array.shape}"
+                if isinstance(array, np.ndarray)
+                else type(array).__name__
+            )
+            raise UsageError(
+                f"out[{name!r}] must be an array of floating-point numbers, shape {shape}, got "
+                f"{received}"
+            )
+    return arrays
+
+
+def store_values(
+    arrays: StoryValues | None, numbers: int | Sequence[int], values: StoryValues | None
+) -> None:
+    """Write the values of runs to their rows; values above the roof are not changed.
+
+    Parameters
+    ----------
+    arrays : StoryValues | None
+        Arrays of all runs, shape (all runs, stories of the tallest building), which are changed.
+        No effect if None.
+    values : StoryValues | None
+        Values of the runs, shape (n,) or (runs, n). No effect if None.
+    """
+    if arrays and values:
+        for quantity in fields(arrays):
+            run_values = getattr(values, quantity.name)
+            getattr(arrays, quantity.name)[numbers, : run_values.shape[-1]] = run_values
+
+
+def store_history(result: Runs, number: int, history: History | None) -> None:
+    """Write the history of an individual run to the row `number` of each history array.
+
+    The rest of the row, after the end of the run and above the roof, is nan; the complete row if
+    `history` is None.
+    """
+    for name, array in result.history.items():
+        array[number] = math.nan
+        if history:
+            rows = getattr(history, HISTORY_FIELDS[name])[:: result.every]
+            array[number, : len(rows), : rows.shape[1]] = rows
+
+
+class RunSpec(NamedTuple):
+    """One of many runs.
+
+    Attributes
+    ----------
+    number : int
+        Number of the run, which is its row in the results.
+    model, draw, record : int
+        Indices of its building, of the sample of its varied parameters, and of its record.
+    """
+
+    number: int
+    model: int
+    draw: int
+    record: int
+    scale: float
+    steps: Steps

@@ -1,0 +1,851 @@
+"""Results of a run: peaks, energies, history, error estimates, or the failure that ended it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import reduce
+from operator import add
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array
+from tdint.errors import AnalysisError
+from tdint.kernels import layout as rows
+from tdint.number_parsing import first_warning, pluralize
+from tdint.tabular import Tabular
+from tdint.units import Quantity, quantities
+
+if TYPE_CHECKING:
+    from tdint.ground_motion.record import Record
+    from tdint.model.building import Building
+    from tdint.model.definition import Model
+    from tdint.model.limits import LimitCheck
+
+
+def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
+    """Return the function of a `Quantity` that reads one row of the peaks of all stories."""
+    return lambda building, peaks, end: peaks[..., row, :]
+
+
+@dataclass(frozen=True)
+class StoryValues:
+    """One value of each quantity for each story, or for the floor above it.
+
+    The arrays have the shape (n,), or (runs, n) for several runs. A field defines a quantity
+    completely: its column in tables, stores and units, its error and its description. Its value is
+    computed from the building, the rows of peaks, shape (..., PEAK_ROWS, n), and the drifts at the
+    end, (..., n).
+    """
+
+    peak_drift: Annotated[
+        Array,
+        Quantity(
+            "m",
+            "maximum absolute story drift: displacement relative to the floor below",
+            _peak(rows.PEAK_DRIFT),
+        ),
+    ]
+    peak_drift_ratio: Annotated[
+        Array,
+        Quantity(
+            "1",
+            "peak drift divided by story height; empty without height (isolators): awk reads 0",
+            lambda building, peaks, end: peaks[..., rows.PEAK_DRIFT, :] / building.heights,
+        ),
+    ]
+    residual_drift: Annotated[
+        Array, Quantity("m", "drift at the end of the run", lambda building, peaks, end: end)
+    ]
+    peak_shear: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "maximum absolute restoring force of the story, without viscous forces",
+            _peak(rows.PEAK_SHEAR),
+        ),
+    ]
+    peak_damper_force: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "maximum absolute force of the dashpots of the story, along an inclined dashpot; 0 "
+            "without dashpots",
+            lambda building, peaks, end: building.peak_damper_force(peaks),
+        ),
+    ]
+    peak_total_shear: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "maximum absolute force on all floors above: restoring, P-delta and all viscous forces",
+            _peak(rows.PEAK_TOTAL_SHEAR),
+        ),
+    ]
+    ductility: Annotated[
+        Array,
+        Quantity(
+            "1",
+            "peak drift divided by drift at first yield",
+            lambda building, peaks, end: peaks[..., rows.PEAK_DRIFT, :] / building.yield_drift,
+        ),
+    ]
+    peak_displacement: Annotated[
+        Array,
+        Quantity(
+            "m",
+            "maximum absolute displacement of the floor, relative to the ground",
+            _peak(rows.PEAK_DISPLACEMENT),
+        ),
+    ]
+    peak_velocity: Annotated[
+        Array,
+        Quantity(
+            "m/s",
+            "maximum absolute velocity of the floor, relative to the ground",
+            _peak(rows.PEAK_VELOCITY),
+        ),
+    ]
+    peak_absolute_acceleration: Annotated[
+        Array,
+        Quantity(
+            "m/s^2",
+            "maximum absolute acceleration of the floor",
+            _peak(rows.PEAK_ACCELERATION),
+        ),
+    ]
+
+
+STORY_QUANTITIES = quantities(StoryValues)
+"""Quantities of a story, in the order of their columns."""
+
+
+def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
+    """Compute the quantities of all stories.
+
+    Parameters
+    ----------
+    peaks : ndarray, shape (..., PEAK_ROWS, n)
+        Peaks in the rows of `Workspace.peaks`; rows that the run has not observed become nan.
+    end : ndarray, shape (..., n)
+        Drifts at the end of the run, m.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (..., n)
+        Values by the name of the quantity (`StoryValues`), SI units.
+    """
+    observed = building.observed(peaks)
+    return {
+        quantity.name: quantity.value(building, observed, end)
+        for quantity in STORY_QUANTITIES
+        if quantity.value
+    }
+
+
+@dataclass(frozen=True, repr=False)
+class StoryPeaks(Tabular, StoryValues):
+    """Peaks of a run.
+
+    Peaks between time steps are included. Displacements, drifts and velocities are searched on the
+    quintic through displacement, velocity and acceleration at both endpoints of a time step, or of
+    each substep between two located branch changes (`tdint.kernels.peaks_between_steps`). A shear
+    is the force of the law at the extreme drift, or at the end of the step. Accelerations and total
+    shears use the deviation of the quintic from the straight line between their endpoint values
+    with a weight that falls to zero where it is unreliable. They do not exceed the forces of the
+    laws and of linear dampers (`Building.limited`). Some methods compute peaks from their own paths
+    (`tdint.kernels.equations.corners`). Two extrema of a quantity in one step, and motion that the
+    step does not resolve, are not included.
+
+    Attributes
+    ----------
+    peak_drift : ndarray
+        Maximum absolute story drifts (displacements relative to the floor below), m.
+    peak_drift_ratio : ndarray
+        Peak drifts divided by the story heights; nan without a height.
+    residual_drift : ndarray
+        Drifts at the end of the run, m.
+    peak_shear : ndarray
+        Maximum absolute restoring forces of the stories, without viscous forces, N.
+    peak_damper_force : ndarray
+        Maximum absolute forces of the dashpots of the stories, N.
+    peak_total_shear : ndarray
+        Maximum absolute forces on all floors above (restoring, P-delta and all viscous forces), N.
+    ductility : ndarray
+        Peak drifts divided by the drifts at first yield.
+    peak_displacement, peak_velocity : ndarray
+        Maximum absolute motions of the floors relative to the ground, m and m/s.
+    peak_absolute_acceleration : ndarray
+        Maximum absolute accelerations of the floors, m/s^2.
+    height : ndarray, shape (n,)
+        Story height, m; nan if the model does not specify it.
+    """
+
+    height: Array
+
+    def _headline(self) -> str:
+        largest = np.nanmax(self.peak_drift, initial=0.0)
+        return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
+
+
+@dataclass(frozen=True)
+class ElementValues:
+    """Quantities of the elements of stories with several elements, or their errors; arrays with a
+    single value per element.
+    """
+
+    peak_force: Annotated[Array, Quantity("N", "maximum absolute force of the element")]
+    dissipated_energy: Annotated[Array, Quantity("J", "dissipated by the element since the start")]
+    ductility: Annotated[
+        Array, Quantity("1", "peak drift of the story divided by the yield drift of the element")
+    ]
+
+
+ELEMENT_QUANTITIES = quantities(ElementValues)
+"""Quantities of an element that have an error estimate."""
+
+
+@dataclass(frozen=True, repr=False)
+class ElementPeaks(Tabular, ElementValues):
+    """Results of the elements of stories with several elements, one value per element.
+
+    Attributes
+    ----------
+    peak_force : ndarray
+        Maximum absolute forces, N.
+    dissipated_energy : ndarray
+        Energies dissipated since the start, J.
+    ductility : ndarray
+        Peak drift of the story divided by the yield drift of the element; nan for an element that
+        does not yield.
+    story : ndarray of int
+        Numbers of the stories, from 1.
+    element, law : ndarray of str
+        Names of the elements and of their laws.
+    yield_drift : ndarray
+        Drifts at first yield, m; nan for an element that does not yield.
+    """
+
+    story: NDArray[np.int64]
+    element: NDArray[np.str_]
+    law: NDArray[np.str_]
+    yield_drift: Array
+
+    def _headline(self) -> str:
+        return f"of {pluralize(len(self.element), 'element')}"
+
+
+@dataclass(frozen=True)
+class StoryErrors(StoryValues):
+    """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
+    units; nan if unknown.
+    """
+
+
+@dataclass(frozen=True, repr=False)
+class Gradient(Tabular, StoryValues):
+    """Derivatives of the peaks of a run.
+
+    The derivatives have the names of the attributes of `StoryPeaks`, and the units of the peaks
+    divided by those of the parameters.
+
+    The first axis of the arrays is the parameter: shape (parameters, n), or (runs, parameters, n)
+    for many runs. Values are nan if a neighboring run has no result.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of the parameters as requested.
+    values : ndarray, shape (parameters,) or (runs, parameters)
+        Parameter values at which the derivatives are computed, SI units; 1 for factors.
+    kink : StoryErrors
+        Half the difference of the one-sided derivatives: rounding and curvature if the peak is
+        smooth, the jump at a kink. An indication, not a bound.
+    history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
+        Derivatives of the histories that were kept.
+    by : str
+        Method of differentiation.
+    errors : StoryErrors | None
+        Estimated discretization errors of the derivatives of the same names, from one additional
+        set of runs with half the time step. None if error estimates were omitted (`check=False`);
+        nan without an estimate.
+    """
+
+    parameters: tuple[str, ...]
+    values: Array
+    kink: StoryErrors
+    history: dict[str, NDArray[np.floating[Any]]]
+    by: str = "central differences"
+    errors: StoryErrors | None = None
+
+    def _headline(self) -> str:
+        parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"
+        if self.errors is None:
+            return f"{parameters}, errors not estimated"
+        size = np.nanmax(np.abs(self.peak_drift), axis=-1)
+        errors = np.nanmax(self.errors.peak_drift, axis=-1)
+        worst = np.nanmax(np.divide(errors, size, out=np.zeros_like(size), where=size > 0.0))
+        return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
+
+    def select_run(self, number: int) -> Gradient:
+        """Return the derivatives of one of many runs.
+
+        Parameters
+        ----------
+        number : int
+            Index of the run, from 0.
+        """
+        history = {name: array[number] for name, array in self.history.items()}
+        # Derivatives, kinks and errors have the same names. Without errors, the third result is
+        # None.
+        peaks, kink, errors = (
+            {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
+            if source
+            else None
+            for source in (self, self.kink, self.errors)
+        )
+        values: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
+        values["errors"] = StoryErrors(**errors) if errors else None
+        return replace(self, **values, values=self.values[number], history=history)
+
+
+@dataclass(frozen=True)
+class StepChoice:
+    """Choice of a time step for a tolerance.
+
+    Attributes
+    ----------
+    tolerance : float
+        Maximum allowed ratio of the estimated error of a peak drift to that drift.
+    runs : int
+        Number of runs for the choice, including this run.
+    samples : float | None
+        Time step in sampling intervals of the record; None without a record.
+    solves_at_record : int | None
+        Number of solves of a run with the sampling interval as time step, if such a run was made.
+    """
+
+    tolerance: float
+    runs: int
+    samples: float | None
+    solves_at_record: int | None
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Error estimate of a run from one additional run (`tdint.response.runs.error_estimate`).
+
+    Attributes
+    ----------
+    errors : StoryErrors
+        Estimated errors of the peaks of the run.
+    time_steps : tuple of float
+        Time step of the additional run, s; empty if it failed. For a run chosen for a tolerance,
+        the time steps of the pair.
+    drift_error : float | None
+        Maximum ratio of the estimated error of a peak drift to that drift; None without an
+        estimate; inf if a story has a drift in the additional run only.
+    drift_story : int | None
+        Story with this maximum, from 1.
+    method : str
+        Method of the additional run.
+    step_choice : StepChoice | None
+        Choice of the time step, if it was chosen for a tolerance.
+    corrected : StoryPeaks | None
+        Peaks of the additional run, which are more accurate; None if a collapse ended the run.
+    elements : ElementValues | None
+        Estimated errors of the elements of stories with several elements.
+    """
+
+    errors: StoryErrors
+    time_steps: tuple[float, ...]
+    drift_error: float | None
+    drift_story: int | None
+    method: str = ""
+    step_choice: StepChoice | None = None
+    corrected: StoryPeaks | None = None
+    elements: ElementValues | None = None
+
+    @classmethod
+    def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
+        """Return an error estimate after computing its maximum relative drift error and the story.
+
+        Parameters
+        ----------
+        stories : StoryPeaks
+            Peaks of the run.
+        errors : StoryErrors
+            Estimated errors of the peaks.
+        more
+            Other attributes by name.
+        """
+        drift = stories.peak_drift
+        # A story without drift has the relative error 0 if it does not move in the additional run
+        # either, otherwise inf.
+        without_drift = np.where(errors.peak_drift > 0.0, np.inf, 0.0)
+        relative = np.divide(errors.peak_drift, drift, out=without_drift, where=drift > 0.0)
+        worst = int(np.argmax(relative))
+        return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
+
+
+Amount = TypeVar("Amount")
+
+
+@dataclass(frozen=True)
+class EnergyTerms(Generic[Amount]):
+    """Energy terms, J: one field per row of `tdint.kernels.time_loop.observer`, in its order."""
+
+    input: Annotated[Amount, "work of the load on the motion relative to the ground"]
+    kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
+    viscous: Annotated[Amount, "work of viscous damping (Rayleigh, modal), without dashpots"]
+    dampers: Annotated[Amount, "work of the dashpots"]
+    strain: Annotated[Amount, "stored in the stories, P-delta included"]
+    hysteretic: Annotated[Amount, "dissipated by the drift laws"]
+    braces: Annotated[Amount, "stored in the braces of dampers"]
+
+
+ENERGY_TERMS: dict[str, str] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(EnergyTerms, include_extras=True).items()
+}
+"""Description of each term by its name, which is also the name of columns and keys."""
+
+
+@dataclass(frozen=True)
+class Energy(EnergyTerms[float]):
+    """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990,
+    relative energy).
+
+    initial + input = the other terms + imbalance.
+
+    Attributes
+    ----------
+    input : float
+        Work of the load on the motion relative to the ground.
+    kinetic : float
+        Kinetic energy of the motion relative to the ground.
+    viscous, dampers : float
+        Work of viscous damping (Rayleigh, modal), and of the dashpots.
+    strain : float
+        Energy stored in the stories, including P-delta.
+    hysteretic : float
+        Energy dissipated by the hysteresis models.
+    braces : float
+        Energy stored in the braces of dampers.
+    initial : float
+        Kinetic and stored energy at the start.
+    reference : float
+        Maximum of initial + input during the run.
+    """
+
+    initial: float
+    reference: float
+
+    @property
+    def error(self) -> float:
+        """Energy imbalance divided by the reference energy; 0 for a run without energy.
+
+        The imbalance is initial + input minus all other terms; it is negative if the method
+        produces energy.
+        """
+        spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
+        return (
+            float((self.initial + self.input - spent) / self.reference)
+            if self.reference > 0.0
+            else 0.0
+        )
+
+
+@dataclass(frozen=True)
+class EnergyHistory(EnergyTerms[Array]):
+    """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
+
+    The arrays have the shape (steps + 1,).
+    """
+
+    error: Array
+
+
+@dataclass(frozen=True)
+class ErrorHistory:
+    """Estimated error at all time steps, true minus computed value, shape (steps + 1, n).
+
+    The true value is estimated by the additional run for the error estimate.
+    """
+
+    displacement: Annotated[
+        Array, Quantity("m", "estimated error, true less computed", shown=("floor",))
+    ]
+    velocity: Annotated[
+        Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))
+    ]
+    drift: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("story",))]
+    shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
+
+
+@dataclass(frozen=True, repr=False)
+class History(Tabular):
+    """Response history at all time steps.
+
+    `time` and `ground_acceleration` have the shape (steps + 1,), the other fields (steps + 1, n).
+    `error` contains the estimated errors of all quantities except accelerations if they were
+    requested, otherwise None.
+
+    Attributes
+    ----------
+    time : ndarray, shape (steps + 1,)
+        Time from the first sample, s.
+    ground_acceleration : ndarray, shape (steps + 1,)
+        Acceleration of the ground, m/s^2.
+    displacement, velocity : ndarray, shape (steps + 1, n)
+        Motion of the floors relative to the ground, m and m/s.
+    acceleration : ndarray, shape (steps + 1, n)
+        Absolute accelerations of the floors from equilibrium, m/s^2.
+    drift : ndarray, shape (steps + 1, n)
+        Displacements relative to the floor below, m.
+    shear : ndarray, shape (steps + 1, n)
+        Restoring forces of the stories without viscous forces, N.
+    damper_force : ndarray, shape (steps + 1, n)
+        Forces of the dashpots of the stories, N.
+    total_shear : ndarray, shape (steps + 1, n)
+        Restoring, P-delta and all viscous forces that act on the floors above, N.
+    energy : EnergyHistory
+        Energy terms, J.
+    error : ErrorHistory | None
+        Estimated errors of all quantities except accelerations, if they were requested.
+    element_force : ndarray, shape (steps + 1, elements), or None
+        Forces of the elements of stories with several elements, N; None without such stories.
+    element_labels : tuple of str
+        Story and name of each of these elements, such as `story_1_moat_wall`.
+    """
+
+    time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
+    ground_acceleration: Annotated[
+        Array, Quantity("m/s^2", "acceleration of the ground", shown=("ground",))
+    ]
+    displacement: Annotated[Array, Quantity("m", "relative to the ground", shown=("floor",))]
+    velocity: Annotated[Array, Quantity("m/s", "relative to the ground", shown=("floor",))]
+    acceleration: Annotated[
+        Array,
+        Quantity(
+            "m/s^2", "absolute, from equilibrium", shown=("floor",), called="absolute_acceleration"
+        ),
+    ]
+    drift: Annotated[Array, Quantity("m", "relative to the floor below", shown=("story",))]
+    shear: Annotated[
+        Array, Quantity("N", "restoring force, without viscous forces", shown=("story",))
+    ]
+    damper_force: Annotated[Array, Quantity("N", "force of the story's dashpots", shown=("story",))]
+    total_shear: Annotated[
+        Array,
+        Quantity(
+            "N",
+            "moves all floors above: restoring, P-delta and all viscous forces",
+            shown=("story",),
+        ),
+    ]
+    energy: EnergyHistory
+    error: ErrorHistory | None = None
+    element_force: Array | None = None
+    element_labels: tuple[str, ...] = ()
+
+    def _headline(self) -> str:
+        stories = pluralize(self.displacement.shape[1], "story")
+        steps = pluralize(len(self.time) - 1, "step")
+        return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
+
+    @staticmethod
+    def joined(chunks: Iterable[History]) -> History:
+        """Return the chunks of a history as a single history.
+
+        Parameters
+        ----------
+        chunks : iterable of History
+            Chunks in the order of time.
+        """
+        parts = list(chunks)
+        return parts[0] if len(parts) == 1 else _joined(parts)
+
+    def every(self, steps: int) -> History:
+        """Return every N-th step, from the first, as views of the arrays.
+
+        Parameters
+        ----------
+        steps : int
+            Interval of the rows in time steps, N.
+        """
+        # `_joined` applies a function to each array of the history, here a slice.
+        thinned: History = _joined([self], lambda arrays: arrays[0][::steps])
+        return thinned
+
+
+def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
+    """Combine each array of nested dataclasses of one type with the same array of the other
+    dataclasses (`join`).
+    """
+    if parts[0] is None:
+        return None
+    if isinstance(parts[0], np.ndarray):
+        return join(parts)
+    if isinstance(parts[0], tuple):  # labels, which all parts have in common
+        return parts[0]
+    names = [member.name for member in fields(parts[0])]
+    return type(parts[0])(
+        **{name: _joined([getattr(part, name) for part in parts], join) for name in names}
+    )
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """First time when a drift ratio exceeded the collapse drift or a story failed.
+
+    Attributes
+    ----------
+    time : float
+        End of the time step where the collapse occurred, s.
+    story : int
+        Story, from 1.
+    ended : bool
+        True if the run ends at this time because the motion then grew without bound.
+    failed : bool
+        True if the story lost its resistance according to its law; False if its drift ratio
+        exceeded the limit.
+    """
+
+    time: float
+    story: int
+    ended: bool
+    failed: bool = False
+
+    @property
+    def status(self) -> str:
+        """Status as in `Response`."""
+        return "failed-story" if self.failed else "collapsed"
+
+
+@dataclass(frozen=True)
+class EventResponse:
+    """Response to a single event of a sequence, until the ground motion of the next event or to the
+    end.
+
+    Attributes
+    ----------
+    record : Record
+        Scaled ground motion.
+    start : float
+        Time of its first sample in the sequence, s.
+    stories : StoryPeaks
+        Peaks in this time. Displacements are relative to the initial position, so they include
+        residual displacements of earlier events.
+    interstep_bound : StoryErrors
+        As in `Response`.
+    errors : StoryErrors | None
+        Estimated errors of the peaks, if requested.
+    """
+
+    record: Record
+    start: float
+    stories: StoryPeaks
+    interstep_bound: StoryErrors
+    errors: StoryErrors | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Response(Tabular):
+    """Result of a run.
+
+    Attributes
+    ----------
+    status : str
+        `done`; `collapsed` if a drift ratio exceeded the model's collapse drift; `failed-story` if
+        a story lost its resistance before.
+    model, record : Model, Record or None
+        Building and its scaled ground motion.
+    method : str
+        Method specification as given: name and specified parameters.
+    dt, steps : float, int
+        Time step (s) and number of steps.
+    iterations, substeps, branch_changes : int
+        Number of solves, of steps that were halved to converge, and of located branch changes.
+    solver_time : float
+        Time of the compiled time loop, s, by `tdint.system.clock`: processor time if available.
+    stories : StoryPeaks
+        Peak responses of each story and floor, SI units, arrays of shape (n,).
+    energy : Energy
+        Energy balance at the end of the run, J.
+    history : History | None
+        Response history, if it was requested.
+    collapse : Collapse | None
+        Time and story, if the status is `collapsed` or `failed-story`.
+    interstep_bound : StoryErrors
+        Possible excess of the peaks between time steps that do not resolve the motion, in their
+        units; 0 if the time step resolves it. For residual drifts: their change between the
+        requested time and the end of the last step.
+    residual_oscillation : ndarray, shape (n,)
+        Approximate amplitudes of the drifts about their positions of rest at the end, m, without
+        forces on floors.
+    check : ErrorEstimate | None
+        Estimated errors, unless they were omitted.
+    history_chunks : callable | None
+        Returns the history in chunks when called with a number N: every N-th step. The time
+        integration is repeated, so that the complete history does not need to be in memory.
+    time_at_rest : float | None
+        Time when the building was at rest, s, if the run was continued until rest and reached
+        it.
+    notes : tuple of str
+        Information on the run for the user.
+    warnings : tuple of str
+        Warnings that affect the meaning of the results.
+    events : tuple of EventResponse
+        For a sequence: the response to each event up to the event in which the run ended. `record`
+        and `stories` are those of the complete sequence.
+    gradient : Gradient | None
+        Derivatives of the peaks, if requested (`tdint.response.runs.gradient`).
+    elements : ElementPeaks | None
+        Results of the elements of stories with several elements; None without such stories.
+    """
+
+    model: Model
+    record: Record | None
+    status: str
+    method: str
+    dt: float
+    steps: int
+    iterations: int
+    substeps: int
+    branch_changes: int
+    solver_time: float
+    stories: StoryPeaks
+    energy: Energy
+    history: History | None
+    notes: tuple[str, ...]
+    interstep_bound: StoryErrors
+    residual_oscillation: Array
+    collapse: Collapse | None = None
+    check: ErrorEstimate | None = None
+    time_at_rest: float | None = None
+    history_chunks: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
+    warnings: tuple[str, ...] = ()
+    events: tuple[EventResponse, ...] = ()
+    gradient: Gradient | None = None
+    elements: ElementPeaks | None = None
+
+    def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
+        """Compare the demands with limits.
+
+        A building that collapsed does not meet any limit, regardless of the demands.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Drift limit that is used instead of the limits of the model, or the name of a
+            performance level of the model. By default, all limits of the model.
+
+        Returns
+        -------
+        tuple of LimitCheck
+            One comparison for each limit.
+
+        Raises
+        ------
+        UsageError
+            No story has a height, or the model does not have the performance level.
+        """
+        if limit is None and not self.model.limits:
+            return ()
+        # Imported here, because most models have no limits.
+        from tdint.model.limits import check_demands
+
+        stories = self.stories
+        peaks = {
+            quantity.name: getattr(stories, quantity.name)[np.newaxis]
+            for quantity in STORY_QUANTITIES
+        }
+        return check_demands(
+            self.model.limits,
+            limit,
+            peaks,
+            stories.height,
+            [self.record.name if self.record else ""],
+            name=self.model.name,
+            has_failure=self.collapse is not None,
+        )
+
+    @property
+    def isolator_check(self) -> LimitCheck | None:
+        """Peak displacement of the isolators, as a comparison with an infinite limit; None without
+        isolators.
+        """
+        from tdint.model.limits import check_limits, isolator_limits
+
+        isolators = [i for i, story in enumerate(self.model.stories, start=1) if story.isolator]
+        peaks = {"peak_drift": self.stories.peak_drift[np.newaxis]}
+        # One limit applies to all isolators, so there is at most one comparison. It states the
+        # isolator with the largest displacement. The last argument [""] is the list of the names of
+        # the motions.
+        limits = isolator_limits(isolators, len(self.model.stories))
+        return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
+
+    def _headline(self) -> str:
+        story = int(np.argmax(self.stories.peak_drift))
+        return (
+            f"of {self.model.name!r}: {self.status}, {self.method}, "
+            f"{pluralize(self.steps, 'step')} "
+            f"of {self.dt:.6g} s, largest drift {self.stories.peak_drift[story]:.4g} m in story "
+            f"{story + 1}{first_warning(self.warnings)}"
+        )
+
+
+DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
+UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
+FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
+"""Status values of runs without a result."""
+
+
+@dataclass(eq=False, repr=False)
+class FailedRun(AnalysisError):
+    """Exception for a run without a result: it ended early or was rejected.
+
+    Attributes
+    ----------
+    message : str
+        Description for the user.
+    status : str
+        `diverged`, `not-converged`, `unstable-step` or `not-within-tolerance`.
+    method, dt : str, float
+        Method specification as given, and time step, s.
+    time : float
+        Last time reached, s.
+    story : int | None
+        Story, from 1, that did not converge, had unbounded drift, or was least accurate for a
+        tolerance.
+    residual : float | None
+        If a step did not converge: residual divided by the force of the story.
+    energy : float | None
+        If the motion grew without bound: kinetic energy at the last time, J, if it is finite.
+    largest_stable_dt : float | None
+        If the time step was rejected: largest stable time step, s; 0 if there is none.
+    notes : tuple of str
+        Information on the run for the user.
+    """
+
+    message: str
+    status: str
+    method: str
+    dt: float
+    time: float = field(default=0.0, kw_only=True)
+    story: int | None = field(default=None, kw_only=True)
+    residual: float | None = field(default=None, kw_only=True)
+    energy: float | None = field(default=None, kw_only=True)
+    largest_stable_dt: float | None = field(default=None, kw_only=True)
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.message)
+
+    @property
+    def finer_may_help(self) -> bool:
+        """True if the same run may reach its end with a smaller time step."""
+        return self.status in (DIVERGED, NOT_CONVERGED)

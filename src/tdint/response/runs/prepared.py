@@ -1,0 +1,752 @@
+"""Prepared building: assembled one time and integrated any number of times.
+
+This is the only module that calls the compiled time loop.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tdint import system
+from tdint.arrays import Array, cached_property
+from tdint.errors import AnalysisError
+from tdint.ground_motion.record import Record
+from tdint.kernels import layout as rows
+from tdint.kernels.building.compilable import Variant, bind
+from tdint.kernels.building.load_or_compile import (
+    load_or_compile,
+)
+from tdint.kernels.laws import OURS
+from tdint.kernels.stepping import Scene
+from tdint.kernels.time_loop.loop import integrate
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
+from tdint.methods.method import Integrator
+from tdint.methods.workspace import (
+    HALVINGS,
+    Workspace,
+    collapse_limits,
+    history_width,
+    state_jumps,
+    workspace,
+)
+from tdint.model.building import Building, assemble, variant
+from tdint.model.definition import Model
+from tdint.model.force_arrays import load_arrays
+from tdint.response.runs.compiled_steps import (
+    Instability,
+    find_instability,
+    kernels,
+    unsupported_reason,
+    validate_plugin_step,
+)
+from tdint.response.time_steps import Steps
+
+if TYPE_CHECKING:
+    from tdint.model.building_samples import DrawnBuildings
+
+# Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
+# considered to resolve all modes.
+MAX_RESOLVED_OMEGA_DT = 2.5
+_CALL_SECONDS = 0.1  # s; approximate duration of a single call of the time loop
+# Work of the first call of the time loop: number of steps times number of stories times (1 + number
+# of modally damped modes). The following calls are adapted to `_CALL_SECONDS`
+_FIRST_CALL_SIZE = 100_000
+_CHUNK_BYTES = 2**23  # maximum size of a chunk of a response history in memory, bytes
+# Number of sets of coefficients in memory: two for a run and its error estimate, and two for the
+# next time step of a search.
+_MAX_COEFFICIENT_SETS = 4
+
+
+def _verify_laws(law_parameters: Array) -> None:
+    """Verify the laws of plug-ins in a table of law parameters (`law_checks.verify_laws`)."""
+    if np.any(law_parameters[..., rows.CODE, :] >= OURS):
+        # Imported here, because only buildings with laws of plug-ins need the checks.
+        from tdint.model.law_checks import verify_laws
+
+        verify_laws(law_parameters)
+
+
+Loop = Callable[[Steps, int, int], int]
+"""Function that receives all time steps and the first and last step to integrate, and returns 0 or
+the code of the failed step.
+"""
+
+
+@dataclass(frozen=True)
+class IntegrationResult:
+    """Result of a time integration.
+
+    Attributes
+    ----------
+    space : Workspace
+        Arrays at the end of the time integration or after the failed step.
+    code : int
+        0, or the negative code of the step that failed.
+    seconds, wall : float
+        Duration of the time loop, s, by `tdint.system.clock` and by the wall clock.
+    """
+
+    space: Workspace
+    code: int
+    seconds: float
+    wall: float
+
+
+class RunSpec(NamedTuple):
+    """One run of a batch.
+
+    Attributes
+    ----------
+    start, size : int
+        First sample and number of samples of the ground motion in the concatenated samples.
+    """
+
+    start: int
+    size: int
+    scale: float
+    steps: Steps
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Ground motions whose samples are concatenated to a single array for compiled runs.
+
+    Attributes
+    ----------
+    records : mapping of int to Record
+        Ground motions; the keys are arbitrary numbers of the caller.
+    """
+
+    records: Mapping[int, Record]
+
+    @cached_property
+    def samples(self) -> Array:
+        """Accelerations of all ground motions, m/s^2."""
+        return np.concatenate([record.acceleration for record in self.records.values()])
+
+    @cached_property
+    def starts(self) -> Mapping[int, int]:
+        """First sample of each ground motion in `samples`."""
+        sizes = [record.acceleration.size for record in self.records.values()]
+        # `accumulate` also returns the total size, which is not the start of a ground motion.
+        return dict(zip(self.records, accumulate(sizes, initial=0), strict=False))
+
+    def run_spec(self, number: int, scale: float, steps: Steps) -> RunSpec:
+        """Return the specification of a run under a ground motion times a factor."""
+        return RunSpec(self.starts[number], self.records[number].acceleration.size, scale, steps)
+
+
+# Columns of `BatchResult.ends`
+CODE, STEPS_COMPLETED, AT_REST = range(3)
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """Results of many runs. The first axis of each array is the run.
+
+    Attributes
+    ----------
+    peaks : ndarray, shape (runs, 2 PEAK_ROWS, n)
+        Peaks of the stories in the rows of `Workspace.peaks`.
+    drifts : ndarray, shape (runs, n)
+        Drifts at the end, m.
+    totals : ndarray, shape (runs, TOTALS_SIZE)
+        Energies and counts in the order of `Workspace.totals`.
+    ends : ndarray, shape (runs, 3)
+        Columns CODE: 0 or the negative code of the failed step; STEPS_COMPLETED: number of steps
+        until the end of the ground motion or of the last complete window of free vibration, 0 for
+        a failure during the ground motion; AT_REST: 1 if the building is at rest, or if this is not
+        requested.
+    elements : ndarray, shape (runs, 2, elements)
+        Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
+        elements.
+    """
+
+    peaks: Array
+    drifts: Array
+    totals: Array
+    ends: Array
+    elements: Array
+
+    @classmethod
+    def empty(cls, runs: int, building: Building) -> BatchResult:
+        """Return results of zeros for a number of runs of a building."""
+        n = building.stories
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,)
+        return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, (2, building.elements))))
+
+
+def element_results(law_state: Array, stories: int) -> Array:
+    """Return the maximum absolute force (N) and the dissipated energy (J) of the elements of
+    stories with several elements at the end of a run, shape (2, elements).
+
+    `law_state` contains the law states of a building with `stories` stories.
+    """
+    return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
+
+
+@dataclass(frozen=True)
+class RestCriterion:
+    """Criterion for continuing runs with the ground at rest; by default, runs are not continued.
+
+    Attributes
+    ----------
+    window, windows : int
+        Number of steps of a window, and maximum number of windows.
+    quiet : float
+        Maximum velocity of a floor in a window divided by the maximum displacement of the run, at
+        which the run ends, 1/s.
+    """
+
+    window: int = 1
+    windows: int = 0
+    quiet: float = 0.0
+
+
+NO_FREE_VIBRATION = RestCriterion()
+
+_Repeatable = Callable[..., None]
+"""Function that integrates a run, see `PreparedBuilding._repeatable`."""
+
+
+def _integrate_to_rest(
+    loop: Loop, steps: Steps, criterion: RestCriterion, integrator: Integrator, space: Workspace
+) -> tuple[int, int, bool]:
+    """Continue a run of `steps` in windows of free vibration until the building is at rest.
+
+    Returns
+    -------
+    code : int
+        0 or the negative code of the failed step.
+    completed : int
+        Number of steps of the run and of all complete windows.
+    at_rest : bool
+        True if the building is at rest at the end of a window.
+    """
+    completed = steps.count
+    velocity = space.peaks[rows.PEAK_VELOCITY]
+    for _ in range(criterion.windows):
+        peaks_of_run = velocity.copy()
+        _reset_peaks(integrator, space, rows.PEAK_VELOCITY)
+        last = completed + criterion.window
+        code = loop(replace(steps, count=last), completed, last)
+        max_velocity = velocity.max()
+        np.maximum(peaks_of_run, velocity, out=velocity)
+        if code < 0:
+            return code, completed, False
+        completed = last
+        if max_velocity <= criterion.quiet * space.peaks[rows.PEAK_DISPLACEMENT].max():
+            return code, completed, True
+    return 0, completed, False
+
+
+def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> None:
+    """Set a row of the peaks of a run to zero, or all rows, also in the copy that the step of the
+    method keeps in its scratch rows."""
+    space.peaks[row] = 0.0
+    if first := integrator.family.step_peaks:
+        space.scratch[first : first + 2 * rows.PEAK_ROWS][row] = 0.0
+
+
+@dataclass(frozen=True)
+class PreparedBuilding:
+    """A building as arrays, the forces on its floors and its state at t = 0.
+
+    Properties that depend only on these data are computed one time and cached: the modes, the
+    coefficients of a method for a time step, and the stability of a time step. One instance serves
+    any number of ground motions, scale factors and threads. Integrations raise AnalysisError if the
+    method does not support the building, or if the memory is too small for the history.
+
+    Attributes
+    ----------
+    forces : ndarray, shape (forces, FORCE_COLUMNS)
+        Forces on floors from `force_table`; no forces by default.
+    displacement, velocity : ndarray, shape (n,)
+        Initial values relative to the ground, m and m/s; 0 by default.
+    collapse_drift : float
+        Drift ratio above which a story has collapsed. Time integrations record the first such
+        story.
+    points : ndarray
+        Points of the tables in `forces`, which all runs share; empty by default.
+    """
+
+    building: Building
+    forces: Array = field(default_factory=lambda: np.zeros((0, rows.FORCE_COLUMNS)))
+    displacement: Array | float = 0.0
+    velocity: Array | float = 0.0
+    collapse_drift: float = math.inf
+    points: Array = field(default_factory=lambda: np.zeros(0))
+    _coefficients: dict[tuple[str, bool, float], Array] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    _instability: dict[tuple[str, float], Instability | None] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    @classmethod
+    def of(cls, model: Model) -> PreparedBuilding:
+        """Return the building of a model with its forces and initial state.
+
+        Raises
+        ------
+        ModelError
+            P-delta exceeds the stiffness of a story.
+        """
+        forces, points = load_arrays(model.excitation)
+        return cls(
+            assemble(model),
+            forces,
+            np.array(model.initial.displacement),
+            np.array(model.initial.velocity),
+            model.collapse_drift,
+            points,
+        )
+
+    @cached_property
+    def variant(self) -> Variant:
+        """Variant of the compiled kernels that contains the laws, damping and loads of the
+        building.
+        """
+        return variant(self.building, self.forces)
+
+    @property
+    def loads(self) -> tuple[Array, Array]:
+        """Forces on floors and points of their tables (`load_arrays`)."""
+        return self.forces, self.points
+
+    @cached_property
+    def period(self) -> float:
+        """First period of the initial stiffness, s."""
+        return 2.0 * math.pi / self.building.vibration.frequency(1)
+
+    def compile(
+        self,
+        integrators: Iterable[Integrator],
+        progress: Callable[[float], None] = lambda part: None,
+        own_loops: bool = False,
+    ) -> None:
+        """Load or compile the kernels for some methods before a timer starts.
+
+        Parameters
+        ----------
+        progress : callable
+            Function that receives the completed fraction, from 0 to 1; by default no function.
+        own_loops : bool, default False
+            True compiles loops for the laws of the building even if slower loops for all laws are
+            available, as needed when the times of methods are compared.
+
+        Raises
+        ------
+        AnalysisError
+            A law of a plug-in contradicts its declaration.
+        """
+        _verify_laws(self.building.law_parameters)
+        load_or_compile(
+            [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
+            progress,
+            own_loops,
+        )
+
+    def coefficients(self, integrator: Integrator, h: float) -> Array:
+        """Return the coefficients of the method for this building and the time step h (s).
+
+        The coefficients of the last `_MAX_COEFFICIENT_SETS` methods and time steps are cached.
+        """
+        # A run that estimates errors can have the same label and other coefficients.
+        method = integrator.method
+        is_estimating = method.coefficients is method.estimating_coefficients
+        key = (integrator.label, is_estimating, h)
+        coefficients = self._coefficients.get(key)
+        if coefficients is None:
+            coefficients = integrator.coefficients(self.building, self.forces, h)
+            # Remove the oldest coefficients first, because a search for a time step rarely needs
+            # them again.
+            while len(self._coefficients) >= _MAX_COEFFICIENT_SETS:
+                self._coefficients.pop(next(iter(self._coefficients)), None)
+            self._coefficients[key] = coefficients
+        return coefficients
+
+    def instability(self, integrator: Integrator, h: float) -> Instability | None:
+        """Return the stiffest mode for which the time step h (s) is above the stability limit of
+        the method; None if there is no such mode. The modes include the braces of dampers and stops
+        in contact (`Building.stiffest_modes`).
+
+        Only methods that declare a finite stability limit are measured (`find_instability`); the
+        measurement is cached. For all other methods the result is None. Tests confirm the
+        unconditional stability of built-in methods, and `tdint check --plugin` that of plug-ins.
+        """
+        if integrator.stability_limit == math.inf:
+            return None
+        key = (integrator.label, h)
+        if key not in self._instability:
+            modes = self.building.stiffest_modes
+            damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (
+                2.0 * modes.omega
+            )
+            self._instability[key] = find_instability(integrator, modes.omega, damping, h)
+        return self._instability[key]
+
+    def integrate(
+        self,
+        integrator: Integrator,
+        steps: Steps,
+        ground: Array | None = None,
+        *,
+        history_rows: int = 0,
+    ) -> IntegrationResult:
+        """Integrate from the initial state over the time steps.
+
+        Parameters
+        ----------
+        ground : ndarray, shape (samples,), optional
+            Ground acceleration at the samples, m/s^2; linear between samples and zero after the
+            last sample. None means that the ground is at rest.
+        history_rows : int, default 0
+            Number of rows of the history after the row of t = 0. It must divide the number of
+            steps: with all steps every step is stored, with 0 no history.
+
+        Raises
+        ------
+        ValueError
+            The number of steps is not a multiple of `history_rows`.
+        """
+        if history_rows and steps.count % history_rows:
+            raise ValueError(
+                f"the number of time steps, {steps.count}, must be a multiple of the number of "
+                f"history rows, {history_rows}"
+            )
+        space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
+        space.steps_per_row = steps.count // history_rows if history_rows else 1
+        loop = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
+        began, wall = system.seconds(), time.perf_counter()
+        code = self._integrate_interruptibly(loop, steps)
+        return IntegrationResult(space, code, system.seconds() - began, time.perf_counter() - wall)
+
+    def integrate_in_chunks(
+        self, integrator: Integrator, steps: Steps, ground: Array, *, every: int
+    ) -> Iterator[Workspace]:
+        """Integrate like `integrate` and yield the history in chunks.
+
+        Parameters
+        ----------
+        every : int
+            Number of steps between two rows of the history.
+
+        Yields
+        ------
+        Workspace
+            The same workspace for each chunk, with a new history array. Its `rows_before` is the
+            number of rows of the previous chunks. The chunk of a failure is not yielded.
+        """
+        width = history_width(self.building)
+        row_count = max(2, _CHUNK_BYTES // (8 * width))  # 8 bytes for each value
+        space = self._loaded_arrays(integrator, steps.h)
+        # The first row of the history is the initial state, before the first step.
+        done, total_rows = 0, steps.count // every + 1
+        while done < steps.count:
+            # `first_row` is the number of rows in the previous chunks. The chunk ends with the last
+            # step before the first row of the next chunk.
+            first_row = done // every + 1 if done else 0
+            last = min((first_row + row_count) * every - 1, steps.count)
+            space.steps_per_row, space.rows_before = every, first_row
+            space.history = np.zeros((min(row_count, total_rows - first_row), width))
+            loop = self.loop(integrator, steps.h, ground, space)
+            if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
+                return
+            if len(space.history):
+                yield space
+            done = last
+
+    def integrate_in_parts(
+        self, integrator: Integrator, steps: Steps, ground: Array, firsts: Sequence[int]
+    ) -> Iterator[Workspace]:
+        """Integrate like `integrate` and yield parts of the run, each with separate peaks.
+
+        Parameters
+        ----------
+        firsts : sequence of int
+            Number of steps before each part, increasing from 0. Parts that would start at or after
+            the end of the run (`steps.count`) are omitted.
+
+        Yields
+        ------
+        Workspace
+            Arrays at the end of each part, to be read before the next part is requested. A part
+            that fails is not yielded.
+        """
+        space = self._loaded_arrays(integrator, steps.h)
+        loop = self.loop(integrator, steps.h, ground, space)
+        for done, last in pairwise(
+            (*(first for first in firsts if first < steps.count), steps.count)
+        ):
+            if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
+                return
+            yield space
+            _reset_peaks(integrator, space, slice(None))
+
+    def integrate_batch(
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Sequence[RunSpec],
+        criterion: RestCriterion = NO_FREE_VIBRATION,
+    ) -> BatchResult:
+        """Integrate many runs with one time step. Each run equals that of `integrate`.
+
+        Parameters
+        ----------
+        samples : ndarray
+            Concatenated ground accelerations of all runs, m/s^2.
+        """
+        space = self._loaded_arrays(integrator, h)
+        result = BatchResult.empty(len(runs), self.building)
+        integrate_run = self._repeatable(integrator, h, max(run.size for run in runs), space)
+        for i, run in enumerate(runs):
+            integrate_run(samples[run.start : run.start + run.size], run, result, i, criterion)
+        return result
+
+    def integrate_sampled(
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Sequence[tuple[int, RunSpec]],
+        drawn: DrawnBuildings,
+    ) -> BatchResult:
+        """Integrate runs of buildings that differ from this building in parameter values.
+
+        Each run equals that of `integrate` for its building. All runs share one set of arrays, in
+        which the values are changed from run to run.
+
+        Parameters
+        ----------
+        runs : sequence of (int, RunSpec)
+            Index of the building in `drawn`, and ground motion, scale factor and time steps, of
+            each run.
+        drawn : DrawnBuildings
+            Sampled buildings. The coefficients of the method must not depend on their values.
+        """
+        result = BatchResult.empty(len(runs), self.building)
+        size = max(spec.size for _, spec in runs)
+        varied_arrays = ("linear_terms", "law_parameters", "modal")
+        _verify_laws(drawn.law_parameters)
+        is_unresolved = drawn.fastest * h > MAX_RESOLVED_OMEGA_DT
+        has_dashpots = drawn.with_devices.tolist()
+        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
+        for i, (sample, spec) in enumerate(runs):
+            # Buildings share arrays and a compiled function if both have dashpots or neither,
+            # because this determines the kernels, and if they have the same number of rows of modal
+            # damping, which determines the shapes of the arrays.
+            key = has_dashpots[sample], len(drawn.modal[sample])
+            if key not in shared:
+                building = replace(
+                    self.building,
+                    **{name: getattr(drawn, name)[sample].copy() for name in varied_arrays},
+                )
+                prepared = replace(self, building=building)
+                space = prepared._loaded_arrays(integrator, h)
+                function = prepared._repeatable(integrator, h, size, space)
+                shared[key] = prepared, space, function
+            prepared, space, integrate_run = shared[key]
+            # The compiled function reads these arrays, so that it integrates the sampled building.
+            for name in varied_arrays:
+                getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
+            space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
+            sampled = replace(prepared.building, heights=drawn.heights[sample])
+            space.limits[...] = collapse_limits(sampled, self.collapse_drift)
+            integrate_run(samples[spec.start : spec.start + spec.size], spec, result, i)
+        return result
+
+    def _repeatable(
+        self, integrator: Integrator, h: float, size: int, space: Workspace
+    ) -> _Repeatable:
+        """Return a function that integrates a run from the present state of `space`, any number of
+        times.
+
+        `size` is the maximum number of samples of a ground motion. All runs share the arrays of
+        `space` and one list of arguments. The function (ground acceleration, `RunSpec`,
+        `BatchResult`, index, `RestCriterion`) stores the results of the run in the row `index` of
+        the `BatchResult`. Without a criterion, the run ends with its last step.
+        """
+        # Copies of all arrays that a run changes
+        initial = [
+            (array, array.copy())
+            for array in (*space.memory, space.observer_state, space.peaks, space.totals)
+        ]
+        ground = np.zeros(size)
+        loop = self.loop(integrator, h, ground, space)
+        n = self.building.stories
+
+        def integrate_run(
+            acceleration: Array,
+            run: RunSpec,
+            result: BatchResult,
+            i: int,
+            criterion: RestCriterion = NO_FREE_VIBRATION,
+        ) -> None:
+            """Integrate a run and store its results."""
+            for array, initial_values in initial:
+                array[...] = initial_values
+            np.multiply(acceleration, run.scale, out=ground[: len(acceleration)])
+            ground[len(acceleration) :] = 0.0
+            # The run is integrated in a single call, because it is short.
+            code = loop(run.steps, 0, run.steps.count)
+            completed, at_rest = 0 if code < 0 else run.steps.count, not criterion.windows
+            if code == 0 and criterion.windows:
+                code, completed, at_rest = _integrate_to_rest(
+                    loop, run.steps, criterion, integrator, space
+                )
+            result.peaks[i], result.totals[i] = space.peaks, space.totals
+            result.drifts[i] = space.law_state[rows.DRIFT, :n]
+            result.ends[i] = code, completed, at_rest
+            if self.building.elements:
+                result.elements[i] = element_results(space.law_state, n)
+
+        return integrate_run
+
+    def integrate_with_histories(
+        self,
+        integrator: Integrator,
+        h: float,
+        motions: Sequence[tuple[Array, float, Steps]],
+        *,
+        every: int,
+        on_history: Callable[[int, Array], None],
+    ) -> BatchResult:
+        """Integrate many runs with one time step and pass their histories to a function.
+
+        Each run equals that of `integrate`.
+
+        Parameters
+        ----------
+        motions : sequence of (ndarray, float, Steps)
+            Ground acceleration (m/s^2), scale factor and time steps of each run.
+        every : int
+            Number of steps between two rows of a history.
+        on_history : callable
+            Function that receives the index of a run and the completed rows of its history (view,
+            shape (rows, width)). The next run overwrites these rows.
+
+        Returns
+        -------
+        BatchResult
+            Results in the order of `motions`; the column of rest is 1.
+        """
+        row_count = max(steps.count for _, _, steps in motions) // every + 1
+        space = self._loaded_arrays(integrator, h, row_count)
+        space.steps_per_row = every
+        size = max(len(acceleration) for acceleration, _, _ in motions)
+        integrate_run = self._repeatable(integrator, h, size, space)
+        result = BatchResult.empty(len(motions), self.building)
+        for i, (acceleration, scale, steps) in enumerate(motions):
+            integrate_run(acceleration, RunSpec(0, len(acceleration), scale, steps), result, i)
+            reached = int(space.totals[rows.STEPS_REACHED])
+            result.ends[i, STEPS_COMPLETED] = reached
+            on_history(i, space.history[: reached // every + 1])
+        return result
+
+    def _loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
+        """Check that the method supports the building, load the kernels, and return `arrays`."""
+        if reason := unsupported_reason(integrator, self.building):
+            raise AnalysisError(reason)
+        self.compile([integrator])
+        return self.arrays(integrator, h, row_count)
+
+    def arrays(self, integrator: Integrator, h: float, row_count: int) -> Workspace:
+        """Return the arrays of a time integration in the initial state.
+
+        Parameters
+        ----------
+        row_count : int
+            Number of rows of the history; 0 for no history.
+
+        Raises
+        ------
+        AnalysisError
+            A law or the method of a plug-in is invalid.
+        """
+        _verify_laws(self.building.law_parameters)
+        validate_plugin_step(integrator, self.variant)
+        moments = integrator.family.moments
+        columns = moments(self.building, h) if moments and self.points.size else 0
+        # The kernels continue from these arrays, so that each run has its own copy of the forces.
+        forces = np.pad(self.forces, ((0, 0), (0, columns))) if columns else self.forces
+        space = workspace(self.building, integrator, row_count, self.collapse_drift, forces)
+        space.state[rows.DISPLACEMENT, :-1] = self.displacement
+        space.state[rows.VELOCITY, :-1] = self.velocity
+        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(MAX_RESOLVED_OMEGA_DT, h)
+        return space
+
+    def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
+        """Return a function (steps, first, last) that integrates the steps from `first` to `last` -
+        1 by the compiled time loop, and returns 0 or the negative code of a step that fails.
+
+        All arguments of the compiled loop except the steps are fixed. The function continues from
+        the state of the arrays in `space` at the time of its call, and changes them.
+        """
+        building = self.building
+        called = [
+            kernel.variant(self.variant)
+            for kernel in (
+                integrator.family.step,
+                initialize_laws,
+                sum_law_energies,
+                update_shear_peaks,
+            )
+        ]
+        call = bind(
+            integrate.variant(self.variant),
+            *called,
+            space.steps_per_row,
+            space.rows_before,
+            HALVINGS if integrator.family.halvable else 0,
+            h,
+            ground,
+            self.points,
+            self.coefficients(integrator, h),
+            state_jumps(integrator, h),
+            *Scene(
+                building.linear_terms,
+                building.modal,
+                building.law_parameters,
+                space.forces,
+                space.flags,
+            ),
+            *space.memory,
+            np.zeros(rows.LOAD_SIZE),
+            *space.seen,
+        )
+
+        def integrate_steps(steps: Steps, first: int, last: int) -> int:
+            """Integrate the steps from `first` to `last` - 1 of `steps`."""
+            code: int = call(steps.count, first, last, steps.per_sample, steps.stride)
+            return code
+
+        return integrate_steps
+
+    def _integrate_interruptibly(self, loop: Loop, steps: Steps) -> int:
+        """Integrate the steps after `steps.done` in calls of about `_CALL_SECONDS` seconds.
+
+        Python handles an interrupt (Ctrl-C) only between two calls. The result is 0 or the negative
+        code of the failed step.
+        """
+        done = steps.done
+        size = max(_FIRST_CALL_SIZE // (self.building.stories * (1 + len(self.building.modal))), 1)
+        # The number of steps of the first call is a guess. The number of steps of each following
+        # call is adapted to the measured speed, and is at most doubled.
+        while True:
+            last = min(done + size, steps.count)
+            began = time.perf_counter()
+            code = loop(steps, done, last)
+            if code < 0 or last == steps.count:
+                return code
+            seconds = time.perf_counter() - began
+            done, size = last, max(1, min(2 * size, int(size * _CALL_SECONDS / max(seconds, 1e-6))))

@@ -1,0 +1,311 @@
+"""Response history analysis of a building: `tdint.run`, `tdint.prepare` and `tdint.run_case`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypedDict, Unpack, cast, overload
+
+import numpy as np
+
+from tdint.arrays import Numbers
+from tdint.errors import UsageError
+from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.response.arguments import (
+    AnyModel,
+    AnyRecord,
+    is_list,
+    model_of,
+    model_record,
+    numbers_of,
+    ratio_of,
+    record_of,
+)
+from tdint.response.defaults import NO_METHOD
+from tdint.response.runs.case import Case, extend_to_rest, validated_case
+from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
+from tdint.response.runs.outcome import FailedRun as FailedRun
+from tdint.response.runs.outcome import Response
+from tdint.response.runs.prepared import PreparedBuilding
+from tdint.response.runs.settings import RunSettings
+from tdint.tabular import ResultList
+
+
+class _Options(TypedDict, total=False):
+    """Arguments of `run` with the same types in all overloads."""
+
+    duration: float | None
+    history: bool
+    allow_unstable: bool
+    check: bool | None
+    tolerance: float | str | None
+    until_rest: bool
+    gradient: str | Sequence[str]
+
+
+@overload
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | None = None,
+    dt: float | None = None,
+    **options: Unpack[_Options],
+) -> Response: ...
+
+
+@overload
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: list[str] | tuple[str, ...],
+    dt: float | Numbers | None = None,
+    **options: Unpack[_Options],
+) -> ResultList[Response]: ...  # Several methods: one response for each method and time step.
+
+
+@overload
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | None = None,
+    dt: Numbers,
+    **options: Unpack[_Options],
+) -> ResultList[Response]: ...  # A list or an array of time steps: one response per step.
+
+
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | Sequence[str] | None = None,
+    dt: float | Numbers | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    allow_unstable: bool = False,
+    check: bool | None = None,
+    tolerance: float | str | None = None,
+    until_rest: bool = False,
+    gradient: str | Sequence[str] = (),
+) -> Response | ResultList[Response]:
+    """Integrate a model in time.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        Result of `load_model`, or an argument that `load_model` accepts.
+    record : Record, str, Path or ObsPy trace, optional
+        Ground motion; by default the record specified in the model. A file must specify its units
+        and contain one component.
+    method, dt, duration : optional
+        Method specification such as `hht:alpha=-0.1`, time step (s) and duration (s). By default
+        those of the model's analysis section; otherwise the method is
+        `tdint.methods.catalogue.DEFAULT_METHOD` (reported in a note), and time step and duration
+        are those of the record. A list of methods or time steps returns a `ResultList` with the
+        responses of each method with each time step.
+    history : bool, default False
+        Keep the response history in addition to the peaks.
+    allow_unstable : bool, default False
+        Run a conditionally stable method above its stability limit, and accept a response whose
+        energy was produced by the method.
+    check : bool or None, default None
+        Estimate the errors of the peaks (`Response.check`) by an additional run of impulse4 with
+        half the time step. If this run fails, the errors are unknown. True estimates the errors of
+        the history also. False omits the estimates; the run then takes about one third of the time.
+    tolerance : float or str, optional
+        Choose a time step for which the estimated error of every peak drift, divided by that drift,
+        does not exceed this value. The search starts with four sampling intervals of the record
+        (two for tolerances below 0.3 %), or with `dt` if it is specified, and halves the time step
+        down to 1/256 of the sampling interval or of `dt`. It predicts the number of halvings, and
+        may therefore skip a larger time step that would suffice
+        (`tdint.response.runs.step_choice`).
+    until_rest : bool, default False
+        Continue with the ground at rest until free vibration has decayed
+        (`tdint.response.runs.case`), so that residual drifts are those at rest.
+    gradient : str or sequence of str
+        Names of parameters as in `vary` of `run_many`: `stories[1].stiffness`, `damping`,
+        `record.scale`. `Response.gradient` contains the derivatives of the peaks, and of the
+        history if it is kept, with respect to these parameters; factors have the value 1. Each
+        derivative is the difference between two neighboring runs. All neighboring runs are
+        integrated in a single batch. An additional set of runs with half the time step estimates
+        the errors of the derivatives (`Gradient.errors`), unless `check` is False.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    UsageError
+        The method is unknown, the time step or the tolerance is invalid, or a parameter of
+        `gradient` does not exist.
+    ModelError
+        The model is invalid.
+    RecordError
+        The record is invalid or cannot be read.
+    AnalysisError
+        The time step is above the stability limit of the method, the run diverged or did not
+        converge, or no time step meets the tolerance (`FailedRun`).
+    """
+    if is_list(method) or is_list(dt):
+        options = locals()
+        method, dt = options.pop("method"), options.pop("dt")
+        methods = method if isinstance(method, list | tuple) else (method,)
+        steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
+        return ResultList(
+            cast("Response", run(**options, method=name, dt=h)) for name in methods for h in steps
+        )
+    if not isinstance(history, bool | np.bool_):
+        raise UsageError(
+            f"history must be True or False, got {history!r:.60}: run keeps all quantities, and "
+            "run_many selected quantities"
+        )
+    case = prepare(model, record, method=cast("str | None", method), allow_unstable=allow_unstable)
+    names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
+    response = run_case(
+        case,
+        dt=cast("float | None", dt),
+        duration=duration,
+        history=history,
+        check=check,
+        tolerance=tolerance,
+        until_rest=until_rest,
+    )
+    if not names:
+        return response
+    from tdint.response.runs.run_many import gradient_of
+
+    return replace(response, gradient=gradient_of(case, response, names))
+
+
+def prepare(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | None = None,
+    allow_unstable: bool = False,
+) -> Case:
+    """Assemble a model for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
+
+    The building and the coefficients of the method are computed one time and shared by all cases
+    that `Case.scaled` and `Case.under` derive from the result.
+
+    Parameters
+    ----------
+    model, record, method, allow_unstable
+        As for `run`.
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    UsageError
+        The method is unknown.
+    ModelError, RecordError
+        The model or the record is invalid.
+    """
+    model = model_of(model)
+    if not isinstance(method, str | None):
+        raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
+    specification = method or model.analysis.method
+    remarks = () if specification else (f"{NO_METHOD}; using {DEFAULT_METHOD}",)
+    integrator = parse(specification or DEFAULT_METHOD)
+    ground = model_record(model) if record is None else record_of(record)
+    return Case(model, PreparedBuilding.of(model), ground, integrator, allow_unstable, remarks)
+
+
+def run_case(
+    case: Case,
+    *,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    check: bool | None = None,
+    tolerance: float | str | None = None,
+    until_rest: bool = False,
+) -> Response:
+    """Integrate a case in time.
+
+    Parameters
+    ----------
+    case : Case
+        Result of `prepare`.
+    dt, duration, history, check, tolerance, until_rest
+        As for `run`.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    UsageError
+        `case` is not a Case, or the time step or the tolerance is invalid.
+    AnalysisError
+        As by `run` (`FailedRun`).
+    """
+    case = validated_case(case)
+    settings = RunSettings(
+        dt=dt, duration=duration, until_rest=until_rest, check=check is not False
+    )
+    return integrate_case(
+        case,
+        settings,
+        history=history,
+        history_errors=bool(check),
+        tolerance=ratio_of(tolerance, "tolerance"),
+    )
+
+
+def integrate_case(
+    case: Case,
+    settings: RunSettings,
+    *,
+    history: bool = False,
+    history_errors: bool = False,
+    tolerance: float | None = None,
+) -> Response:
+    """Integrate a case in time, as `run_case` with checked arguments.
+
+    Parameters
+    ----------
+    history_errors : bool, default False
+        With error estimates of the peaks, also estimate the errors of the history.
+
+    Raises
+    ------
+    UsageError
+        The time step or the tolerance is invalid.
+    FailedRun
+        As by `run`.
+    """
+    # First determine the time when free vibration has decayed, by a run without history. Then
+    # run again up to this time, so that a time step for a tolerance is chosen over the complete
+    # duration.
+    if settings.until_rest:
+        steps, at_rest = extend_to_rest(case, case.steps(settings.dt, settings.duration))
+        response = integrate_case(
+            case,
+            replace(settings, duration=steps.count * steps.h, until_rest=False),
+            history=history,
+            history_errors=history_errors,
+            tolerance=tolerance,
+        )
+        response = ended_at_rest(case, response)
+        return replace(response, time_at_rest=response.steps * response.dt) if at_rest else response
+    if tolerance is not None:
+        from tdint.response.runs.step_choice import choose_step
+
+        return choose_step(
+            case, tolerance, dt=settings.dt, duration=settings.duration, history=history
+        )
+    steps = case.steps(settings.dt, settings.duration)
+    return (
+        run_with_error_estimate(case, steps, history, history_errors=history_errors)
+        if settings.check
+        else case.integrate(steps, history)
+    )

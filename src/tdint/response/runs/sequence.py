@@ -1,0 +1,248 @@
+"""Sequences of earthquakes on one building that keeps its damage, for `tdint run --sequence`.
+
+The events of a sequence (main shock and aftershocks) are joined to a single record and integrated
+as one run, with its peaks, energies, history and errors. The peaks of each event are computed by
+repeating the same time steps in parts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from tdint.errors import UsageError
+from tdint.ground_motion.record import Record, at_one_interval, join_records, rest_intervals
+from tdint.response.arguments import number_of, ratio_of
+from tdint.response.runs import loop_results
+from tdint.response.runs.case import REST_PERIODS, Case, extend_to_rest, validated_case
+from tdint.response.runs.error_estimate import (
+    factors,
+    reference,
+    reference_steps,
+    start_peaks,
+    story_errors,
+)
+from tdint.response.runs.outcome import EventResponse, Response
+from tdint.response.runs.run import integrate_case
+from tdint.response.runs.settings import RunSettings
+from tdint.response.time_steps import Steps, choose_steps
+
+
+@dataclass(frozen=True)
+class EventSequence:
+    """Ground motions of a sequence with their start times.
+
+    Attributes
+    ----------
+    records : tuple of Record
+        Ground motions of the events, all with the same sampling interval.
+    starts : tuple of int
+        Sample of the joined record where each event starts.
+    restless : tuple of int
+        Numbers, from 1, of the events after which the building did not come to rest.
+    """
+
+    records: tuple[Record, ...]
+    starts: tuple[int, ...]
+    restless: tuple[int, ...] = ()
+
+    @property
+    def joined(self) -> Record:
+        """All events as one record."""
+        return join_records(self.records, self.starts)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the events after which the building did not come to rest."""
+        return tuple(
+            f"the building still vibrated {REST_PERIODS:g} first periods after the end of event "
+            f"{number}: the next event starts at this time"
+            for number in self.restless
+        )
+
+
+def sequence_of(
+    case: Case, records: Sequence[Record], *, rest: float | None = None, dt: float | None = None
+) -> EventSequence:
+    """Join ground motions to a sequence with times of rest in between.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Scaled ground motions of the events.
+    rest : float, optional
+        Time from the last sample of an event to the first sample of the next event, s, rounded up
+        to whole samples and time steps. By default, until the building is at rest
+        (`tdint.response.runs.case`).
+    dt : float, optional
+        Time step of the runs that determine the time of rest, s; by default that of the model,
+        otherwise the sampling interval.
+
+    Raises
+    ------
+    UsageError
+        There is no record, the sampling intervals are not compatible, or `rest` or `dt` is invalid.
+    """
+    if not records:
+        raise UsageError("a sequence must contain at least one record")
+    events, starts, restless = at_one_interval(records), [0], []
+    steps = _steps(case, events[0], dt)  # only the number of samples in a step is used
+    for number, event in enumerate(events[:-1], start=1):
+        last = starts[-1] + event.acceleration.size - 1
+        if rest is not None:
+            begin = last + rest_intervals(rest, event.dt)
+        else:
+            preceding = join_records(events[:number], starts)
+            steps_to_rest, at_rest = extend_to_rest(
+                case.under(preceding), _steps(case, preceding, dt)
+            )
+            # Convert time steps to samples. If a step is shorter than the sampling interval, there
+            # are `per_sample` steps in an interval and `stride` is 1; if it is longer, a step
+            # covers `stride` samples and `per_sample` is 1.
+            samples = math.ceil(
+                steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample
+            )
+            # Start one sample later, because the ground acceleration already changes in the
+            # interval before the first sample.
+            begin = max(samples, last) + 1
+            restless += [] if at_rest else [number]
+        # Each event starts at the start of a time step.
+        starts.append(math.ceil(begin / steps.stride) * steps.stride)
+    return EventSequence(tuple(events), tuple(starts), tuple(restless))
+
+
+def run_sequence(
+    case: Case,
+    records: Sequence[Record],
+    *,
+    rest: float | None = None,
+    dt: float | None = None,
+    history: bool = False,
+    check: bool | None = None,
+    tolerance: float | str | None = None,
+    until_rest: bool = False,
+) -> Response:
+    """Integrate a building under a sequence of earthquakes.
+
+    Parameters
+    ----------
+    case : Case
+        From `tdint.prepare`; its ground motion is not used.
+    records : sequence of Record
+        Scaled ground motions of the events.
+    rest : float, optional
+        Time from the last sample of an event to the first sample of the next event, s. By default,
+        until the building is at rest.
+    dt, history, check, tolerance, until_rest : optional
+        As for `tdint.run`, for the complete sequence.
+
+    Returns
+    -------
+    Response
+        Response to all events as one record; `Response.events` contains the response to each event.
+
+    Raises
+    ------
+    UsageError
+        As by `sequence_of`.
+    FailedRun
+        As by `tdint.run`.
+    """
+    case, rest = validated_case(case), number_of(rest, "rest")
+    settings = RunSettings(dt=dt, until_rest=until_rest, check=check is not False)
+    return integrate_sequence(
+        case,
+        records,
+        settings,
+        rest=rest,
+        history=history,
+        history_errors=bool(check),
+        tolerance=ratio_of(tolerance, "tolerance"),
+    )
+
+
+def integrate_sequence(
+    case: Case,
+    records: Sequence[Record],
+    settings: RunSettings,
+    *,
+    rest: float | None = None,
+    history: bool = False,
+    history_errors: bool = False,
+    tolerance: float | None = None,
+) -> Response:
+    """Integrate a building under a sequence, as `run_sequence` with checked arguments. The duration
+    of the settings is not used."""
+    sequence = sequence_of(case, records, rest=rest, dt=settings.dt)
+    joined_record = sequence.joined
+    duration = joined_record.duration
+    joined = replace(case.under(joined_record), remarks=(*case.remarks, *sequence.notes))
+    response = integrate_case(
+        joined,
+        replace(settings, duration=duration),
+        history=history,
+        history_errors=history_errors,
+        tolerance=tolerance,
+    )
+    steps = replace(joined.steps(response.dt, duration), count=response.steps)
+    return replace(
+        response, events=event_responses(joined, sequence, steps, check=response.check is not None)
+    )
+
+
+def event_responses(
+    joined: Case, sequence: EventSequence, steps: Steps, *, check: bool = False
+) -> tuple[EventResponse, ...]:
+    """Integrate a sequence again, and return the peaks of each event that starts before its end."""
+    events = _parts(joined, sequence, steps)
+    if not check:
+        return events
+    others = _parts(reference(joined), sequence, reference_steps(joined, steps))
+    # A motion of the building at the start affects the error estimate of the first event only.
+    end_of_first = (*_first_steps(sequence, steps), steps.count)[1]
+    start = start_peaks(joined, steps, min(end_of_first, steps.count))
+    starts = (start, *(None for _ in events[1:]))
+    # The additional run may end earlier and contain fewer events (`strict=False`).
+    return tuple(
+        replace(event, errors=story_errors(event, other, factors(joined.method), start=start))
+        for event, other, start in zip(events, others, starts, strict=False)
+    )
+
+
+def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventResponse, ...]:
+    """Integrate a sequence in parts, one for each event, and return the peaks of each part.
+
+    `steps` contains the time steps of the complete run. Events that start after its end are
+    omitted.
+    """
+    firsts = _first_steps(sequence, steps)
+    building, dt = joined.building, sequence.records[0].dt
+    parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
+    events = []
+    for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
+        stories = loop_results.story_peaks(building, space)
+        # Residual drifts are read at the end of the part, so that the last step is 0 s late.
+        bound = loop_results.interstep_peak_errors(building, space, 0.0, stories)
+        events.append(EventResponse(record, start * dt, stories, bound))
+    return tuple(events)
+
+
+def _first_steps(sequence: EventSequence, steps: Steps) -> list[int]:
+    """Return the number of steps before each event.
+
+    The ground acceleration of an event starts to change at the sample before its first sample.
+    """
+    return [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
+
+
+def _steps(case: Case, record: Record, dt: float | None) -> Steps:
+    """Return the time steps over a complete record. If dt (s) is None, the model or the record
+    determines the time step.
+
+    The duration in the model's analysis section is not used, because it does not apply to a
+    sequence.
+    """
+    return choose_steps(
+        case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration
+    )

@@ -1,0 +1,643 @@
+"""Elastic response spectra for `tdint spectrum`, and Sa(T1) of the first mode of a building."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array, Numbers
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
+from tdint.ground_motion.record import Record
+from tdint.kernels.oscillators import elastic as spectra
+from tdint.kernels.oscillators.between_steps import (
+    A11,
+    A12,
+    A21,
+    A22,
+    B10,
+    B11,
+    B20,
+    B21,
+    RECURSION_ROWS,
+)
+from tdint.methods.exact import oscillator
+from tdint.number_parsing import pluralize
+from tdint.response.arguments import AnyRecord, damping_of, numbers_of, record_of
+from tdint.response.defaults import STEPS_PER_PERIOD
+from tdint.tabular import ResultList, Tabular, map_over_first
+from tdint.units import Quantity
+
+if TYPE_CHECKING:
+    from tdint.methods.method import Integrator
+    from tdint.model.building import Building
+
+
+# ---- Maximum response of many oscillators to one ground motion, by the exact recursion with a time
+# step that depends on the oscillator
+
+Parts = NDArray[np.int64]
+
+# Value of `Quantity.shown` for columns that a table contains only if the user specified the option.
+_IF_REQUESTED = ("asked",)
+DampingRatio = Annotated[float, Quantity("1", "viscous damping ratio")]
+Periods = Annotated[Array, Quantity("s", "natural period", called="period")]
+MaximaName = Annotated[
+    str, Quantity("text", "times at which maxima were evaluated", shown=_IF_REQUESTED)
+]
+InterpolationName = Annotated[
+    str, Quantity("text", "the ground motion between its samples", shown=_IF_REQUESTED)
+]
+"""Declarations that all spectra have in common. The last two are columns only if requested."""
+
+# Maximum number of oscillators integrated together; their data fit into the L1 cache
+_MAX_LANES = 56
+_REGISTER = 8  # number of values in a vector register of the processor
+# Relative reduction of a quotient before it is rounded up, so that a rounding error does not
+# increase an integer quotient by 1
+_ROUNDING = 1e-9
+
+
+def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -> Array:
+    """Return the coefficients of the exact solution over one time step (s) for linear oscillators
+    in the rows of `tdint.kernels.oscillators.between_steps`, and `more` rows without values.
+
+    The solution is exact for a ground acceleration that is linear within the step (Nigam and
+    Jennings 1969). The damping ratio is one value, or one for each oscillator.
+    """
+    # The coefficients are first computed for displacements u, h v (velocity v) and h^2 p (load p),
+    # and then converted to u, v and p.
+    steps = oscillator(omega * h, np.full_like(omega, damping))
+    table = np.empty((RECURSION_ROWS + more, omega.size))
+    for row, first in ((0, A11), (1, A21)):
+        table[first : first + 4] = steps[:, row].T
+    table[A12] *= h
+    table[A21] /= h
+    table[[B10, B11]] *= h * h
+    table[[B20, B21]] *= h
+    return table
+
+
+def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "") -> None:
+    """Raise AnalysisError if a positive period is shorter than `least` sampling intervals.
+
+    Parameters
+    ----------
+    least : float
+        Minimum period in sampling intervals.
+    otherwise : str, optional
+        Alternative to longer periods, appended to the message.
+
+    Raises
+    ------
+    AnalysisError
+        A period is too short.
+    """
+    shortest = float(np.min(periods[periods > 0.0]))
+    if shortest < least * dt:
+        raise AnalysisError(
+            f"the period {shortest:.6g} s is less than {least:g} sampling intervals of {dt:.6g} s; "
+            f"request periods of at least {least * dt:.6g} s{otherwise}"
+        )
+
+
+@dataclass(frozen=True)
+class Maxima:
+    """Definition of the times of the maxima.
+
+    Attributes
+    ----------
+    name : str
+        Name on the command line and in tables.
+    parts : callable
+        Function that receives omega (rad/s, shape (k,)) and the sampling interval (s). It returns
+        the number of parts, shape (k,), into which the interval is divided for each oscillator.
+    between : bool
+        True if maxima between the endpoints of these parts are also included.
+    description : str
+        Description of the times of the maxima, for messages.
+    """
+
+    name: str
+    parts: Callable[[Array, float], Parts]
+    between: bool
+    description: str
+
+
+def _resolving(omega: Array, dt: float) -> Parts:
+    """Return the number of parts of the interval dt (s) for each oscillator, so that omega h <= 1.
+
+    The search for maxima within a part of length h requires this limit. The numbers are powers of
+    two, so that many oscillators have the same number and are integrated together.
+    """
+    return 2 ** np.ceil(np.log2(np.maximum(1.0, omega * dt * (1.0 - _ROUNDING)))).astype(np.int64)
+
+
+def _ten_per_period(omega: Array, dt: float) -> Parts:
+    """Return the number of parts of the interval dt (s) for each oscillator, with at least
+    `STEPS_PER_PERIOD` parts in a period.
+    """
+    periods = 2.0 * math.pi / omega
+    return np.ceil(STEPS_PER_PERIOD * dt / periods * (1.0 - _ROUNDING)).astype(np.int64)
+
+
+def _undivided(omega: Array, dt: float) -> Parts:
+    """Return the number 1 for each oscillator: the sampling interval is not divided."""
+    return np.ones(omega.shape, dtype=np.int64)
+
+
+EXACT = Maxima("exact", _resolving, between=True, description="also between the samples")
+PEER = Maxima(
+    "peer",
+    _ten_per_period,
+    between=False,
+    description=f"at {STEPS_PER_PERIOD} or more time steps per period",
+)
+SAMPLES = Maxima("samples", _undivided, between=False, description="only at the samples")
+INTERPOLATED = Maxima(
+    "interpolated",
+    _undivided,
+    between=True,
+    description="also between the samples, on the interpolant of the method",
+)
+MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
+
+
+def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxima) -> Array:
+    """Return the maximum displacement (m) and velocity (m/s) relative to the ground, and maximum
+    absolute acceleration (m/s^2) of linear oscillators, shape (3, k).
+
+    The ground acceleration (m/s^2) is linear between samples. The oscillators are at rest at the
+    first sample, and maxima are evaluated until the last sample.
+    """
+    result = np.empty((spectra.PEAKS, omega.size))
+    for indices, parts, table in groups(omega, damping, dt, maxima, _lanes):
+        lanes = _lanes(indices.size)
+        peaks = np.empty((spectra.PEAKS, indices.size))
+        scratch = spectra.scratch(ground.size, parts, lanes)
+        spectra.peaks.compiled(
+            ground, dt, parts, table, lanes, int(maxima.between), peaks, *scratch
+        )
+        result[:, indices] = peaks
+    return result
+
+
+def groups(
+    omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
+) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
+    """Yield groups of oscillators whose time step is the same part of the sampling interval: their
+    indices in `omega`, the number of time steps in a sampling interval, and a table of coefficients
+    for the kernel.
+
+    `lanes` returns the number of oscillators that the kernel integrates together from the number of
+    oscillators in a group. The table has one column for each oscillator. The last column is
+    repeated until the number of columns is a multiple of the number of lanes.
+    """
+    parts = maxima.parts(omega, dt)
+    table = recursion_table(omega, dt / parts, damping, more=2)
+    # Coefficients of displacement and velocity in the absolute acceleration.
+    table[spectra.BY_DISPLACEMENT] = omega**2
+    table[spectra.BY_VELOCITY] = 2.0 * damping * omega
+    # `np.unique` would import numpy.ma, which takes longer than the spectrum of one record.
+    for count in sorted(set(parts.tolist())):
+        indices = np.flatnonzero(parts == count)
+        missing_columns = -indices.size % lanes(indices.size)
+        columns = np.append(indices, np.full(missing_columns, indices[-1]))
+        yield indices, count, table.take(columns, axis=1)
+
+
+def _lanes(count: int) -> int:
+    """Return the number of oscillators that the kernel integrates together, if there are `count`.
+
+    The result is a multiple of the number of values in a vector register of the processor. More
+    than `_MAX_LANES` oscillators are divided into several parts of equal size.
+    """
+    # Both quotients are rounded up (floor division of the negative number).
+    group_count = -(-count // _MAX_LANES)
+    return -(-count // (group_count * _REGISTER)) * _REGISTER
+
+
+# ---- Elastic response spectra
+
+Choice = TypeVar("Choice")
+
+SHORTEST = 0.05
+"""Minimum positive period in sampling intervals. A record contains no information on shorter
+periods.
+"""
+
+OR_ZERO = ", or for 0: the peak ground acceleration"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Spectrum(Tabular):
+    """Elastic response spectrum of one record for a single damping ratio; arrays of shape (k,).
+
+    `method` is `exact`, or the method that integrated the oscillators. `maxima` and `interpolation`
+    are names of `MAXIMA` and `INTERPOLATIONS`.
+
+    Attributes
+    ----------
+    record : Record
+        Ground motion.
+    damping : float
+        Damping ratio.
+    method : str
+        `exact`, or specification of the method that integrated the oscillators.
+    periods : ndarray
+        Natural periods, s.
+    sd : ndarray
+        Maximum displacements relative to the ground, m.
+    psv : ndarray
+        Pseudo-velocities omega sd, m/s.
+    psa : ndarray
+        Pseudo-accelerations omega^2 sd, m/s^2.
+    sv : ndarray
+        Maximum velocities relative to the ground, m/s.
+    sa : ndarray
+        Maximum absolute accelerations, m/s^2.
+    maxima : str
+        Treatment of maxima between the samples, an element of `MAXIMA`.
+    interpolation : str
+        Ground acceleration between the samples, an element of `INTERPOLATIONS`.
+    """
+
+    record: Record
+    damping: DampingRatio
+    method: str
+    periods: Periods
+    sd: Annotated[Array, Quantity("m", "largest displacement relative to the ground")]
+    psv: Annotated[Array, Quantity("m/s", "pseudo-velocity, omega sd")]
+    psa: Annotated[Array, Quantity("m/s^2", "pseudo-acceleration, omega^2 sd")]
+    sv: Annotated[Array, Quantity("m/s", "largest velocity relative to the ground")]
+    sa: Annotated[Array, Quantity("m/s^2", "largest absolute acceleration")]
+    maxima: MaximaName = EXACT.name
+    interpolation: InterpolationName = LINEAR.name
+
+    def _headline(self) -> str:
+        return (
+            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
+            f"{pluralize(self.periods.size, 'period')}"
+        )
+
+
+@dataclass(frozen=True)
+class SpectrumSettings:
+    """Settings for the computation of a spectrum.
+
+    Attributes
+    ----------
+    method : str | None
+        Method that integrates the oscillators; None for the exact solution.
+    """
+
+    method: str | None
+    maxima: Maxima
+    interpolation: Interpolation
+
+
+@overload
+def spectrum(
+    record: AnyRecord,
+    periods: Numbers,
+    damping: float | str = 0.05,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> Spectrum: ...
+
+
+@overload
+def spectrum(
+    record: list[Any] | tuple[AnyRecord, ...] | ResultList[Any],
+    periods: Numbers,
+    damping: float | str = 0.05,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> ResultList[Spectrum]: ...
+
+
+@map_over_first
+def spectrum(
+    record: AnyRecord,
+    periods: Numbers,
+    damping: float | str = 0.05,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> Spectrum:
+    """Compute the elastic response spectrum of a record.
+
+    Parameters
+    ----------
+    record : Record, str, Path or ObsPy trace
+        Ground motion, or a list of ground motions, for which the result is a `ResultList`. The
+        oscillators are at rest at its first sample, and maxima are evaluated until its last sample.
+        To include the free vibration after the record, append zeros to it.
+    periods : ndarray, shape (k,)
+        Periods, s. At period 0 (rigid oscillator), accelerations are the peak ground acceleration
+        and all other quantities are 0.
+    damping : float, default 0.05
+        Damping ratio, in [0, 1).
+    method : str, optional
+        Method that integrates the oscillators with the sampling interval as time step. By default,
+        the exact solution is used (Nigam and Jennings 1969).
+    maxima : str, optional
+        `exact`, the default, includes maxima between samples. `peer` evaluates steps of dt /
+        ceil(10 dt / T), as in spectra published by PEER. `samples` evaluates the samples of the
+        record, as USGS does. These names cannot be used with a method; its maxima are
+        `interpolated` between time steps by the quintic through displacements, velocities and
+        accelerations at the endpoints.
+    interpolation : str, optional
+        Ground motion between its samples: `linear`, the default, or `band-limited`, the unique
+        motion through the samples without frequencies above half the sampling rate.
+
+    Returns
+    -------
+    Spectrum
+        Exact maxima of the motion between samples have a relative error below 1e-8 (measured) for
+        linear interpolation. The error of the band-limited motion is given in
+        `tdint.ground_motion.processing_steps`.
+
+    Raises
+    ------
+    UsageError
+        Periods or damping are out of range, a name is unknown, or options cannot be combined.
+    AnalysisError
+        A period is too short for the record, or the method is unstable at a period.
+    """
+    record, damping = record_of(record), damping_of(damping)
+    periods = checked_periods(periods)
+    settings = choose_settings(method, maxima, interpolation)
+    positive = periods > 0.0
+    omega = np.divide(2.0 * math.pi, periods, out=np.zeros_like(periods), where=positive)
+    values = np.zeros((3, periods.size))
+    label = settings.method or "exact"
+    if np.any(positive):
+        check_shortest(periods, record.dt, SHORTEST, OR_ZERO)
+        oscillating = omega[positive]
+        if settings.method is not None:
+            label, values[:, positive] = _integrated(record, oscillating, damping, settings.method)
+        else:
+            ground, dt = settings.interpolation.resample(
+                record, 2.0 * math.pi / float(np.max(oscillating))
+            )
+            values[:, positive] = largest(ground, dt, oscillating, damping, settings.maxima)
+    sd, sv, sa = values
+    psv, psa = omega * sd, omega**2 * sd
+    # A rigid oscillator moves with the ground.
+    if not np.all(positive):
+        psa[~positive] = sa[~positive] = settings.interpolation.peak(record)
+    return Spectrum(
+        record=record,
+        damping=damping,
+        method=label,
+        periods=periods,
+        sd=sd,
+        psv=psv,
+        psa=psa,
+        sv=sv,
+        sa=sa,
+        maxima=settings.maxima.name,
+        interpolation=settings.interpolation.name,
+    )
+
+
+@dataclass(frozen=True)
+class OscillatorMotion:
+    """Motion of an oscillator under a record, at its samples; arrays of shape (samples,).
+
+    Attributes
+    ----------
+    displacement, velocity : ndarray
+        Motion relative to the ground, m and m/s.
+    acceleration : ndarray
+        Absolute acceleration, m/s^2.
+    """
+
+    record: Record
+    damping: DampingRatio
+    periods: Annotated[float, Quantity("s", "natural period", called="period")]
+    displacement: Annotated[Array, Quantity("m", "relative to the ground")]
+    velocity: Annotated[Array, Quantity("m/s", "relative to the ground")]
+    acceleration: Annotated[Array, Quantity("m/s^2", "absolute", called="absolute_acceleration")]
+
+    columns: ClassVar = (
+        "damping",
+        "periods",
+        "time",
+        "ground_acceleration",
+        "displacement",
+        "velocity",
+        "acceleration",
+    )
+
+    @property
+    def ground_acceleration(
+        self,
+    ) -> Annotated[Array, Quantity("m/s^2", "acceleration of the ground")]:
+        """Ground acceleration of the record."""
+        return self.record.acceleration
+
+    @property
+    def time(self) -> Annotated[Array, Quantity("s", "time from the first sample")]:
+        """Time from 0 at the first sample."""
+        return np.asarray(np.arange(self.displacement.size) * self.record.dt, dtype=np.float64)
+
+
+def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:
+    """Return the motion of an oscillator that is at rest at the first sample of a record.
+
+    The solution is exact for a ground acceleration that is linear between samples (Nigam and
+    Jennings 1969).
+
+    Parameters
+    ----------
+    period, damping : float
+        Natural period, s, positive; damping ratio in [0, 1), default 0.05.
+
+    Raises
+    ------
+    UsageError
+        The period or the damping ratio is out of range.
+    """
+    (period,), damping = checked_periods(np.array([period])).tolist(), damping_of(damping)
+    if period == 0.0:
+        raise UsageError("the period of an oscillator must be positive, got 0")
+    omega = 2.0 * math.pi / period
+    # Convert to Python floats, because a loop over NumPy scalars takes several times as long.
+    table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
+    a11, a12, b10, b11, a21, a22, b20, b21 = (
+        table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21)
+    )
+    ground = record.acceleration.tolist()
+    motion = np.zeros((len(ground), 2))
+    u = v = 0.0
+    for i in range(1, len(ground)):
+        g0, g1 = ground[i - 1], ground[i]
+        u, v = a11 * u + a12 * v - b10 * g0 - b11 * g1, a21 * u + a22 * v - b20 * g0 - b21 * g1
+        motion[i] = u, v
+    displacement, velocity = motion.T
+    absolute = -2.0 * damping * omega * velocity - omega**2 * displacement
+    return OscillatorMotion(record, damping, period, displacement, velocity, absolute)
+
+
+LONGEST_PERIOD = 1e6
+"""Maximum period, s. Squares of longer periods could exceed the range of floating-point numbers."""
+
+
+def checked_periods(periods: Numbers) -> Array:
+    """Return periods (s) as an array, shape (k,); raise UsageError if one is negative, not finite,
+    or above `LONGEST_PERIOD`.
+    """
+    periods = numbers_of(periods, "periods")
+    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
+        raise UsageError(
+            "periods must be numbers of seconds, 0 or positive, got "
+            f"{' '.join(str(periods).split()):.60}"
+        )
+    if np.max(periods) > LONGEST_PERIOD:
+        raise UsageError(
+            f"periods must be at most {LONGEST_PERIOD:.0e} s, got {np.max(periods):.3g} s"
+        )
+    return periods
+
+
+def choose_settings(
+    method: str | None, maxima: str | None, interpolation: str | None
+) -> SpectrumSettings:
+    """Check the options of a spectrum, and return its settings with defaults for missing options.
+
+    Parameters
+    ----------
+    method, maxima, interpolation : str | None
+        As in `spectrum`.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, or settings cannot be combined.
+    """
+    integrated = method is not None and _parse(method).method.name != "exact"
+    chosen_maxima = (
+        INTERPOLATED
+        if integrated and maxima is None
+        else _lookup(MAXIMA, maxima or EXACT.name, "maxima")
+    )
+    chosen_interpolation = _lookup(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
+    if integrated and (chosen_maxima is not INTERPOLATED or chosen_interpolation is not LINEAR):
+        raise UsageError(
+            f"maxima and interpolation cannot be selected for the method {method}: it is run with "
+            "the sampling interval as time step and linear interpolation of the record, and its "
+            "maxima between the samples are included; remove maxima and interpolation, or use the "
+            "method exact"
+        )
+    if chosen_interpolation is not LINEAR and chosen_maxima is not EXACT:
+        raise UsageError(
+            f"maxima {chosen_maxima.name} require the interpolation {LINEAR.name}, got "
+            f"{chosen_interpolation.name}; remove one of them"
+        )
+    return SpectrumSettings(method if integrated else None, chosen_maxima, chosen_interpolation)
+
+
+def _parse(method: str) -> Integrator:
+    """Parse a method specification, such as `hht:alpha=-0.1`."""
+    # Imported here, because most spectra need no method.
+    from tdint.methods.catalogue import parse
+
+    return parse(method)
+
+
+def _lookup(table: dict[str, Choice], name: str, quantity: str) -> Choice:
+    """Return the item `name` of a table; raise UsageError if the table does not contain it.
+
+    `quantity` is the name of the option in the message.
+    """
+    if name not in table:
+        raise UsageError(f"{quantity} must be one of {', '.join(table)}, got {name!r}")
+    return table[name]
+
+
+def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
+    """Integrate oscillators together by a method with the sampling interval as time step. Return
+    the name of the method with its parameters, and the maxima as `largest`. AnalysisError is raised
+    if the method is unstable or diverges with this time step.
+    """
+    # Imported here, because the import loads all methods, which most spectra do not need.
+    from tdint.kernels import layout as rows
+    from tdint.model.building import oscillators
+    from tdint.response.runs.compiled_steps import find_instability
+    from tdint.response.runs.prepared import PreparedBuilding
+    from tdint.response.time_steps import Steps
+
+    integrator = _parse(method)
+    ratios = np.full_like(omega, damping)
+    # Check the stability first, because an unstable oscillator would end the integration of all
+    # oscillators.
+    instability = find_instability(integrator, omega, ratios, record.dt)
+    if instability is not None:
+        raise AnalysisError(
+            f"{integrator.label} is unstable with the sampling interval {record.dt:.6g} s for the "
+            f"period {2.0 * math.pi / omega[instability.index]:.6g} s; use longer periods or "
+            "another method"
+        )
+    steps = Steps(record.dt, record.acceleration.size - 1)
+    result = PreparedBuilding(oscillators(omega, ratios)).integrate(
+        integrator, steps, record.acceleration.copy()
+    )
+    if result.code < 0:
+        raise AnalysisError(
+            f"{integrator.label} diverged with the sampling interval {record.dt:.6g} s; use "
+            "another "
+            "method"
+        )
+    peak_rows = [rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_ACCELERATION]
+    return integrator.label, result.space.peaks[peak_rows]
+
+
+SA_DAMPING = 0.05
+"""Damping ratio of Sa(T1) as an intensity measure."""
+
+
+@dataclass(frozen=True)
+class FirstMode:
+    """First mode of the initial stiffness of a building.
+
+    Attributes
+    ----------
+    period, damping : float
+        T1, s, and its viscous damping ratio (diagonal of the modal damping matrix, without
+        power-law dashpots).
+    sa : float | None
+        Pseudo-acceleration of the ground motion at T1, m/s^2; None without ground motion, or if the
+        period is too short for it.
+    sa_damping : float
+        Damping ratio of `sa`.
+    """
+
+    period: float
+    damping: float
+    sa: float | None
+    sa_damping: float = SA_DAMPING
+
+
+def first_mode(building: Building, record: Record | None) -> FirstMode:
+    """Return the first mode of a building, and the pseudo-acceleration of a record at its
+    period.
+    """
+    period, damping, sa = building.first_period, building.first_mode()[1], None
+    if record is not None:
+        # Sa is unknown (None) if the period is too short for the sampling interval of the record.
+        with suppress(AnalysisError):
+            sa = float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
+    return FirstMode(period, damping, sa)

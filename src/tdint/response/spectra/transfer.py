@@ -1,0 +1,269 @@
+"""Transfer functions of a linear building: harmonic steady-state response over the frequency.
+
+With the ground acceleration or the force on a floor proportional to exp(i w t), the absolute
+displacements z of the floors satisfy D z = f with the complex dynamic stiffness
+
+    D = K + i w C + K_b - w^2 M,    K_b = k i w c / (k + i w c) in each story
+
+for the initial stiffness K with P-delta, the damping matrix C, and dampers (coefficient c) in
+series with a brace (stiffness k). The dampers are therefore included exactly, without modes and
+without equivalent damping ratios. For a ground displacement g, f = (K + i w C + K_b) 1 g.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import ModelError, UsageError
+from tdint.kernels import layout as rows
+from tdint.model.building import Building, assemble
+from tdint.model.definition import Model
+from tdint.response.arguments import AnyModel, model_of
+from tdint.tabular import Tabular
+
+GROUND = "ground"
+"""Source of the motion: the ground acceleration."""
+
+# The frequencies start with a geometric sequence from a fraction of the lowest to a multiple of the
+# highest natural frequency. An interval is halved while the response of a floor at its center
+# differs from the linear interpolation by more than a fraction of its amplitude. Amplitudes below a
+# fraction of the maximum of the floor are negligible.
+_FIRST, _LAST, _COUNT = 0.05, 2.0, 200
+_MAX_DIFFERENCE, _NEGLIGIBLE = 0.01, 0.01
+_MIN_HALVINGS, _MAX_HALVINGS = 6, 12
+
+
+class Resonance(NamedTuple):
+    """Maximum amplitude of a floor: number of the floor, frequency (Hz), and amplitude."""
+
+    floor: int
+    frequency: float
+    amplitude: float
+
+
+@dataclass(frozen=True, repr=False)
+class TransferFunction(Tabular):
+    """Complex response of each floor to a harmonic ground acceleration or floor force.
+
+    Attributes
+    ----------
+    model : Model
+        The building, linear with the initial stiffness of its stories.
+    source : str or int
+        `ground`, or the number of the floor with the force.
+    frequency : ndarray, shape (k,)
+        Frequencies, Hz.
+    response : ndarray of complex, shape (k, n)
+        Absolute acceleration of each floor divided by the ground acceleration, or displacement of
+        each floor divided by the force, m/N. The time factor is exp(2 pi i f t), so that a
+        negative phase is a delay.
+    is_damped : bool
+        False if a mode is undamped, so that the amplitude at its frequency is unbounded.
+    """
+
+    model: Model
+    source: str | int
+    frequency: Array
+    response: Array
+    is_damped: bool
+
+    def _headline(self) -> str:
+        roof = self.maxima[-1]
+        unit = "" if self.source == GROUND else " m/N"
+        source = GROUND if self.source == GROUND else f"a force on floor {self.source}"
+        return (
+            f"of {self.model.name!r} for {source}: roof at most {roof.amplitude:.4g}{unit}, at "
+            f"{roof.frequency:.4g} Hz"
+        )
+
+    @property
+    def amplitude(self) -> Array:
+        """Absolute values of the response, shape (k, n)."""
+        return np.abs(self.response)
+
+    @property
+    def phase(self) -> Array:
+        """Phases of the response from -180 to 180 degrees, shape (k, n)."""
+        return np.degrees(np.angle(self.response))
+
+    @property
+    def maxima(self) -> list[Resonance]:
+        """Maximum amplitude of each floor, from the ground."""
+        amplitude = self.amplitude
+        index = np.argmax(amplitude, axis=0)
+        return [
+            Resonance(floor + 1, float(self.frequency[i]), float(amplitude[i, floor]))
+            for floor, i in enumerate(index.tolist())
+        ]
+
+
+def transfer_function(
+    model: AnyModel, source: str | int = GROUND, frequency: Array | None = None
+) -> TransferFunction:
+    """Compute the transfer functions of a building with its initial stiffness.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        Model, model file or its content, as for `tdint.run`.
+    source : str or int
+        `ground` for floor accelerations divided by the ground acceleration, or the number of a
+        floor, from 1, for displacements divided by a force on this floor.
+    frequency : ndarray, shape (k,), optional
+        Frequencies, Hz. By default, from 1/20 of the lowest to twice the highest natural frequency,
+        denser at resonances.
+
+    Returns
+    -------
+    TransferFunction
+        Complex response of all floors.
+
+    Raises
+    ------
+    ModelError
+        The model is invalid, P-delta effects exceed the stiffness of a story, or a story has a
+        damper whose force is not proportional to the velocity.
+    UsageError
+        The floor does not exist, or a frequency is not positive.
+    """
+    model = model_of(model)
+    building = assemble(model)
+    _check_source(source, building.stories)
+    _check_dampers(model, building)
+    stiffness = _DynamicStiffness(building, source)
+    if frequency is None:
+        frequency, response = _resolved(stiffness)
+    else:
+        frequency = np.asarray(frequency, dtype=float)
+        if not (frequency.size and np.all(np.isfinite(frequency)) and np.all(frequency > 0.0)):
+            raise UsageError("frequency: the frequencies must be positive numbers, Hz")
+        response = stiffness.response(frequency)
+    ratios = building.modes().own_damping(building.damping_matrix())
+    is_damped = building.braced or building.power_damped or bool(np.all(ratios > 0.0))
+    return TransferFunction(model, source, frequency, response, is_damped)
+
+
+def _check_source(source: str | int, floors: int) -> None:
+    """Raise UsageError unless the source is the ground or the number of a floor."""
+    if source == GROUND or (isinstance(source, int) and 1 <= source <= floors):
+        return
+    raise UsageError(
+        f"source: the force must be on a floor from 1 to {floors}, or the source must be {GROUND}, "
+        f"got {source!r:.40}"
+    )
+
+
+def _check_dampers(model: Model, building: Building) -> None:
+    """Raise ModelError if the force of a damper is not proportional to the velocity."""
+    terms = building.linear_terms[:, :-1]
+    is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
+    is_power |= (terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] != 1.0)
+    if is_power.any():
+        raise ModelError(
+            f"{model.name}: story {int(np.argmax(is_power)) + 1} has a power-law dashpot, whose "
+            "damping depends on the amplitude, so that it has no transfer function; use a dashpot "
+            "with exponent 1"
+        )
+
+
+class _DynamicStiffness:
+    """Complex dynamic stiffness of a building, and its response to a unit source."""
+
+    def __init__(self, building: Building, source: str | int) -> None:
+        terms = building.linear_terms[:, :-1]
+        self.building = building
+        self.source = source
+        self.link = terms[rows.LINK]
+        self.dampers = building.story_dampers + np.where(
+            terms[rows.BRACE] == 0.0, terms[rows.POWER_DAMPER], 0.0
+        )
+        self.brace = terms[rows.BRACE]
+        self.braced_damper = np.where(self.brace != 0.0, terms[rows.BRACED_DAMPER], 0.0)
+        # Damping between several floors, N s/m; zero without modal damping.
+        self.coupling = building.modal[:, :-1].T @ building.modal[:, :-1]
+        self.floor_damper = terms[rows.FLOOR_DAMPER]
+
+    def response(self, frequency: Array) -> Array:
+        """Return the responses of all floors at frequencies (Hz), shape (k, n)."""
+        if self.building.modal.size:
+            return np.array([self._dense(2.0 * math.pi * value) for value in frequency])
+        return np.array([self._banded(2.0 * math.pi * value) for value in frequency])
+
+    def _stories(self, omega: float) -> Array:
+        """Return the complex stiffnesses of the stories, N/m."""
+        rate = 1j * omega * self.braced_damper
+        series = np.divide(
+            self.brace * rate, self.brace + rate, out=np.zeros_like(rate), where=self.brace != 0.0
+        )
+        initial_stiffness = self.building.initial_stiffness
+        return np.asarray(initial_stiffness + 1j * omega * self.dampers + series)
+
+    def _diagonals(self, omega: float) -> tuple[Array, Array, Array]:
+        """Return the diagonal of the stiffness and damping of stories and floors, the off-diagonal
+        above it, and the stiffness of the stories, N/m."""
+        story = self._stories(omega)
+        diagonal = story + 1j * omega * self.floor_damper
+        diagonal[:-1] += (self.link * story)[1:]
+        return diagonal, -(self.link * story)[1:], story
+
+    def _load(self, omega: float, story: Array) -> Array:
+        """Return the forces of a unit ground displacement, or a unit force on a floor, N."""
+        if self.source != GROUND:
+            load = np.zeros(story.size, dtype=complex)
+            load[int(self.source) - 1] = 1.0
+            return load
+        # Only springs and dampers to the ground move it: those of stories without a story below,
+        # and those of the floors. Modal damping acts on the velocity relative to the ground.
+        to_ground = np.where(self.link == 0.0, story, 0.0) + 1j * omega * self.floor_damper
+        return np.asarray(to_ground + 1j * omega * self.coupling.sum(axis=1))
+
+    def _banded(self, omega: float) -> Array:
+        """Return the response at a circular frequency from the three diagonals."""
+        from scipy.linalg import solve_banded
+
+        diagonal, above, story = self._diagonals(omega)
+        bands = np.zeros((3, diagonal.size), dtype=complex)
+        bands[0, 1:] = bands[2, :-1] = above
+        bands[1] = diagonal - omega**2 * self.building.mass
+        return np.asarray(solve_banded((1, 1), bands, self._load(omega, story)))
+
+    def _dense(self, omega: float) -> Array:
+        """Return the response at a circular frequency with the complete matrix."""
+        diagonal, above, story = self._diagonals(omega)
+        matrix = np.diag(diagonal - omega**2 * self.building.mass) + 1j * omega * self.coupling
+        matrix += np.diag(above, 1) + np.diag(above, -1)
+        return np.asarray(np.linalg.solve(matrix, self._load(omega, story)))
+
+
+def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:
+    """Return frequencies (Hz) that resolve the resonances, and the responses at them."""
+    natural = stiffness.building.modes().omega / (2.0 * math.pi)
+    highest = float(stiffness.building.stiffest_modes.omega[-1]) / (2.0 * math.pi)
+    frequency = np.geomspace(_FIRST * natural[0], _LAST * highest, _COUNT)
+    response = stiffness.response(frequency)
+    is_open = np.ones(frequency.size - 1, dtype=bool)  # intervals that are halved next
+    for halving in range(_MAX_HALVINGS):
+        opened = np.flatnonzero(is_open)
+        if not opened.size:
+            break
+        centers = np.sqrt(frequency[opened] * frequency[opened + 1])
+        values = stiffness.response(centers)
+        chord = 0.5 * (response[opened] + response[opened + 1])
+        scale = np.maximum(np.abs(values), _NEGLIGIBLE * np.max(np.abs(response), axis=0))
+        is_coarse = np.any(np.abs(values - chord) > _MAX_DIFFERENCE * scale, axis=1)
+        # A narrow resonance may lie unnoticed inside an interval, so that intervals with natural
+        # frequencies are always halved.
+        if halving < _MIN_HALVINGS:
+            is_coarse |= np.isin(opened, np.searchsorted(frequency, natural) - 1)
+        frequency = np.insert(frequency, opened + 1, centers)
+        response = np.insert(response, opened + 1, values, axis=0)
+        # Both halves of a coarse interval are halved again.
+        is_open = np.zeros(frequency.size - 1, dtype=bool)
+        first_half = np.searchsorted(frequency, centers[is_coarse]) - 1
+        is_open[first_half] = is_open[first_half + 1] = True
+    return frequency, response

@@ -1,0 +1,1 @@
+"""Static analyses: pushover, cyclic tests, target displacement."""

@@ -1,0 +1,638 @@
+"""Ground motions of a campaign: assignment to buildings, and scale factors.
+
+Each building has all motions, or samples of the motions near it. Factors are specified, or computed
+from levels of an intensity measure. Sampling is by nearest neighbors, as in SimCenter's regional
+workflow.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tdint.arrays import Array, cached_property
+from tdint.csv_table import number
+from tdint.errors import ModelError, TdintError, UsageError
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
+from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.studies.motions.intensity import IntensityMeasure, factor_to
+from tdint.studies.regions.inventory import InventoryRows
+
+if TYPE_CHECKING:
+    from tdint.model.keys.fields import Section
+
+MAX_DISTANCE = 15e3
+"""Default maximum distance of a building from its site, m; equal to the default of
+`asset_hazard_distance` in OpenQuake."""
+
+_EARTH_RADIUS = 6371e3  # m, mean radius of the earth
+
+Locations = Sequence[tuple[float, float]] | Array
+"""Longitudes and latitudes, degrees."""
+
+
+class Draw(NamedTuple):
+    """Ground motion assigned to a building.
+
+    Attributes
+    ----------
+    sample : int
+        Number of the sample, from 1; 0 without sampling. In ground motion fields, it is the number
+        of the event.
+    factor : float
+        Factor on the motion that the grid or the field specifies; 1 if all motions are assigned to
+        all buildings.
+    """
+
+    motion: int
+    sample: int
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class FieldMotions:
+    """Ground motions of events at sites. The rows are sorted by site; there may be millions.
+
+    Attributes
+    ----------
+    events : tuple of str
+        Events, which are numbered from 1.
+    start : ndarray of int, shape (sites + 1,)
+        First row of each site, followed by the number of rows.
+    event, record : ndarray of int, shape (rows,)
+        Number of the event, from 1, and index of its record in `motions`.
+    value : ndarray, shape (rows,)
+        Factor on the record, or intensity to which the record is scaled.
+    motions : tuple of tuples of (int, float)
+        For each record, one pair per component: the number of the motion in the campaign, and the
+        divisor that converts a value to a factor.
+    locations : sequence of tuples of two floats
+        Longitude and latitude of the sites, degrees; empty if the inventory names the sites.
+    """
+
+    events: tuple[str, ...]
+    sites: tuple[str, ...] = field(repr=False)
+    start: NDArray[np.int64] = field(repr=False)
+    event: NDArray[np.int32] = field(repr=False)
+    record: NDArray[np.int32] = field(repr=False)
+    value: Array = field(repr=False)
+    motions: tuple[tuple[tuple[int, float], ...], ...] = field(repr=False)
+    locations: Sequence[tuple[float, float]] = field(default=(), repr=False)
+
+    @classmethod
+    def from_rows(
+        cls,
+        events: Sequence[str],
+        sites: Sequence[str],
+        rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array],
+        motions: Sequence[tuple[tuple[int, float], ...]],
+        locations: Sequence[tuple[float, float]] = (),
+    ) -> FieldMotions:
+        """Create the object from rows in any order.
+
+        Parameters
+        ----------
+        events, sites : sequence of str
+            Names of the events and of the sites.
+        rows : tuple of four ndarray, shape (rows,)
+            Index of the site, number of the event, index of the record, and value of each row.
+        """
+        site, event, record, value = rows
+        order = np.argsort(site, kind="stable")
+        start = np.searchsorted(site[order], np.arange(len(sites) + 1))
+        in_order = event[order], record[order], value[order]
+        return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), locations)
+
+    def draws(self, site: int) -> list[Draw]:
+        """Return the motions at the site with this index, sorted by their numbers. The sample
+        number of a motion is the number of its event."""
+        site_rows = slice(int(self.start[site]), int(self.start[site + 1]))
+        rows = zip(
+            self.event[site_rows].tolist(),
+            self.record[site_rows].tolist(),
+            self.value[site_rows].tolist(),
+            strict=True,
+        )
+        draws = []
+        for event, record, value in rows:
+            # A record has one motion for each of its components.
+            for motion, divisor in self.motions[record]:
+                draws.append(Draw(motion, event, value / divisor))
+        return sorted(draws)
+
+
+@dataclass(frozen=True)
+class SiteEvents:
+    """Assignment of motions to buildings: each building has all events of its site. There is no
+    sampling, so the spatial correlation of the fields is preserved.
+
+    Attributes
+    ----------
+    site_of : ndarray of int, shape (buildings,)
+        Site of each building.
+    """
+
+    field: FieldMotions
+    site_of: NDArray[np.int64]
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Return the motions of a building: all events at its site."""
+        return self.field.draws(int(self.site_of[building]))
+
+    def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        """Return the number of runs of each building; `runs` returns the number of runs of a
+        motion."""
+        field = self.field
+        # The rows are sorted by site. The number of runs at a site is therefore the difference of
+        # the cumulative number of runs between its first row and the first row of the next site.
+        runs_of_record = np.array(
+            [sum(runs(motion) for motion, _ in motions) for motions in field.motions],
+            dtype=np.int64,
+        )
+        cumulative = np.concatenate([[0], np.cumsum(runs_of_record[field.record])])
+        return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
+
+    def description(self) -> dict[str, object]:
+        """Return names of the events and SHA-256 of the fields, for the fingerprint of a
+        campaign."""
+        field = self.field
+        digest = hashlib.sha256(repr((field.sites, field.motions)).encode())
+        for array in (field.start, field.event, field.record, field.value, self.site_of):
+            digest.update(array.tobytes())
+        return {"events": field.events, "field_sha256": digest.hexdigest()}
+
+
+PointMotion = tuple[tuple[int, ...], float]
+"""Ground motion at a point of a grid: numbers of its components, and its factor at the point."""
+
+
+@dataclass(frozen=True)
+class GridMotions:
+    """Ground motions at the points of a grid.
+
+    Attributes
+    ----------
+    locations : sequence of tuples of two floats
+        Longitude and latitude of the points that have motions, degrees.
+    """
+
+    locations: Sequence[tuple[float, float]] = field(repr=False)
+    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class CampaignMotions:
+    """Ground motions of a campaign.
+
+    Attributes
+    ----------
+    motions : tuple of SuiteMotion
+        The motions; their index is their number.
+    site_motions : GridMotions or FieldMotions, optional
+        Motions by their location; None if all buildings have all motions.
+    rates : mapping of str to float
+        Annual rate of each event, 1/year; empty if not specified.
+    """
+
+    motions: tuple[SuiteMotion, ...] = ()
+    failures: tuple[TdintError, ...] = ()
+    notes: tuple[str, ...] = ()
+    site_motions: GridMotions | FieldMotions | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EveryMotion:
+    """Assignment of all motions to all buildings."""
+
+    count: int
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Return the motions of a building."""
+        return [Draw(motion, 0) for motion in range(self.count)]
+
+    def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        """Return the number of runs of each building (`SiteEvents.counts`)."""
+        return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
+
+    def description(self) -> dict[str, object]:
+        """Return the settings of the assignment, which are part of the fingerprint that identifies
+        a campaign. This assignment has no settings."""
+        return {}
+
+
+@dataclass(frozen=True)
+class GridFile:
+    """Ground motions at points of a grid, which are sampled for each building from its nearest
+    points.
+
+    Attributes
+    ----------
+    file : str
+        Path of EventGrid.csv.
+    units : str
+        Units of the samples of motions.
+    neighbors, samples : int
+        Number of points to sample from, and number of samples for each building.
+    seed : int
+        Random seed, combined with the id of the building.
+    distance : str
+        Type of distance: a key of `tdint.studies.campaign.assigned_motions.COORDINATES`.
+    events : bool
+        True for no sampling: the rows of the points' files are events, and a building has the
+        events of its nearest point.
+    max_distance : float
+        Buildings at a larger distance from the nearest point are omitted, m.
+    """
+
+    file: str
+    units: str
+    neighbors: int
+    samples: int
+    seed: int
+    distance: str = "km"
+    events: bool = False
+    max_distance: float = MAX_DISTANCE
+
+
+@dataclass(frozen=True)
+class GridSamples:
+    """Assignment of motions to buildings: each building has random samples of the motions at its
+    nearest points of a grid.
+    """
+
+    rows: InventoryRows = field(repr=False)
+    grid: GridMotions
+    settings: GridFile
+
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Return the sampled motions of a building, sorted by motion number, then by sample number.
+
+        Points are sampled by weight with replacement; then one of the motions of each sampled point
+        is selected with equal probability. All components of the motion have the same sample
+        number, and the scale factor that the grid specifies for the motion at the point.
+        """
+        # The seed includes the identifier of the building, so that the samples of a building do not
+        # depend on the other buildings of the campaign.
+        random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
+        near_points, weights = self.weights(building)
+        points = random.choice(near_points, size=self.settings.samples, p=weights)
+        draws = []
+        for sample, point in enumerate(points.tolist(), start=1):
+            point_motions = self.grid.motions[point]
+            components, factor = point_motions[int(random.integers(len(point_motions)))]
+            draws += [Draw(motion, sample, factor) for motion in components]
+        return sorted(draws)
+
+    def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        """Return the number of runs of each building (`SiteEvents.counts`)."""
+        # Usually all motions have the same number of runs. Then the number of runs of a building
+        # does not depend on the sampled motions, and the sampling, which takes time, is omitted.
+        run_counts = {
+            sum(map(runs, components))
+            for point_motions in self.grid.motions
+            for components, _ in point_motions
+        }
+        if len(run_counts) == 1:
+            return np.full(buildings, self.settings.samples * run_counts.pop(), dtype=np.int64)
+        counts = [
+            sum(runs(draw.motion) for draw in self.draws(building)) for building in range(buildings)
+        ]
+        return np.array(counts, dtype=np.int64)
+
+    def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
+        """Return the nearest points of the grid; their motions are sampled for a building.
+
+        Returns
+        -------
+        near_points : ndarray of int, shape (k,)
+            Indices of the nearest points, the nearest first.
+        probabilities : ndarray, shape (k,)
+            Probability of each point, proportional to 1 / distance^2.
+        """
+        # With a sequence for `k`, the results are arrays even for a single neighbor.
+        count = min(self.settings.neighbors, self._tree.n)
+        distances, near_points = self._tree.query(
+            self._building_points[building], k=np.arange(1, count + 1)
+        )
+        # If the building is at a point of the grid, the weight of this point is infinite: sample
+        # only this point.
+        is_at_point = distances == 0.0
+        if is_at_point.any():
+            weights = is_at_point.astype(float)
+        else:
+            weights = (distances[0] / distances) ** 2
+        return near_points.astype(np.int64), weights / weights.sum()
+
+    def description(self) -> dict[str, object]:
+        """Return the settings of the sampling and SHA-256 of the grid, for the fingerprint of a
+        campaign."""
+        settings = self.settings
+        grid_text = repr((self._tree.data.tolist(), self.grid.motions))
+        return {
+            "neighbors": settings.neighbors,
+            "samples": settings.samples,
+            "draw_seed": settings.seed,
+            "distance": settings.distance,
+            "grid_sha256": hashlib.sha256(grid_text.encode()).hexdigest(),
+        }
+
+    @cached_property
+    def _building_points(self) -> Array:
+        """Coordinates of the buildings in the space of the selected distance."""
+        return coordinates(self.rows.locations, self.settings.distance)
+
+    @cached_property
+    def _tree(self) -> Any:
+        """Search tree of the points of the grid, for nearest neighbors."""
+        return cKDTree(coordinates(self.grid.locations, self.settings.distance))
+
+
+Assignment = EveryMotion | SiteEvents | GridSamples
+"""Assignment of motions to buildings: `draws` returns the motions of a building, `counts` the
+number of runs of each building, and `description` the settings."""
+
+
+def nearest(locations: Locations, candidates: Locations, distance: str) -> NDArray[np.int64]:
+    """Return the index of the nearest candidate for each location.
+
+    Parameters
+    ----------
+    locations : Places
+        Longitudes and latitudes of the locations, degrees.
+    distance : str
+        Type of distance: a key of `COORDINATES`. `km` is measured on the earth, `degrees` in a
+        plane of longitude and latitude. The nearest candidate depends on this choice.
+    """
+    tree = cKDTree(coordinates(candidates, distance))
+    _, indices = tree.query(coordinates(locations, distance))
+    return np.asarray(indices, dtype=np.int64)
+
+
+def meters(locations: Locations, others: Locations) -> Array:
+    """Return the distance on the earth between corresponding locations, m, shape (k,).
+
+    The distance is 2 R arcsin(c / 2), where R is the radius of the earth and c is the length of the
+    chord on the unit sphere.
+    """
+    chord = np.linalg.norm(coordinates(locations, "km") - coordinates(others, "km"), axis=1)
+    return np.asarray(2.0 * _EARTH_RADIUS * np.arcsin(np.minimum(0.5 * chord, 1.0)))
+
+
+def coordinates(locations: Locations, distance: str) -> Array:
+    """Convert k longitudes and latitudes, in degrees, to points with Euclidean distances that can
+    be compared: shape (k, 3) for the distance `km`, shape (k, 2) for `degrees`."""
+    return COORDINATES[distance](np.array(locations, dtype=np.float64).reshape(-1, 2))
+
+
+def unit_vectors(degrees: Array) -> Array:
+    """Return the unit vectors from the center of the earth to locations, shape (k, 3). `degrees`
+    contains their longitudes and latitudes, degrees, shape (k, 2)."""
+    longitude, latitude = np.radians(degrees).T
+    return np.column_stack(
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ]
+    )
+
+
+COORDINATES: Mapping[str, Callable[[Array], Array]] = {
+    "km": unit_vectors,
+    "degrees": lambda degrees: degrees,
+}
+"""Function that converts longitudes and latitudes to points, by the type of distance. The distance
+`km` is measured on the earth; `degrees`, as in SimCenter's workflow, is measured in a plane of
+longitude and latitude, which have equal weight and are not periodic."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Equal scale factors for all motions.
+
+    Attributes
+    ----------
+    depends_on_period : bool
+        True if factors depend on the first period of the building, which is then computed.
+    ignores_motion_factor : bool
+        True if factors scale a motion to a value of an intensity measure, so that the factor of the
+        motion in a grid or field is ignored. False if both factors are multiplied.
+    """
+
+    values: tuple[float, ...]
+    depends_on_period: bool = field(default=False, init=False)
+    ignores_motion_factor: bool = field(default=False, init=False)
+
+    def count(self, motion: int) -> int:
+        """Return the number of factors of a motion."""
+        return len(self.values)
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """Return the factors of a motion for each building."""
+        return [self.values] * len(periods)
+
+    def description(self) -> dict[str, object]:
+        """Return the scale factors, for the fingerprint of a campaign."""
+        return {"scales": list(self.values)}
+
+
+@dataclass(frozen=True)
+class FactorTable:
+    """Scale factors by names of motions and components, as in a CSV file. An empty component
+    represents all components.
+
+    Attributes
+    ----------
+    by_name : mapping of (str, str) to tuple of float
+        Factors by record and component.
+    scaled : mapping
+        Settings that `tdint scale` wrote next to the file; empty if not available.
+    """
+
+    source: str
+    by_name: Mapping[tuple[str, str], tuple[float, ...]]
+    scaled: Mapping[str, Any] = field(default_factory=dict)
+
+    def of(self, motion: SuiteMotion) -> tuple[float, ...]:
+        """Return the scale factors of a motion in the table. The table may list the motion by its
+        name, by the name of its file without the directory, or by the name of the pair to which it
+        belongs.
+
+        Raises
+        ------
+        ModelError
+            The table has no factor for the motion.
+        """
+        # The ground motion of a component of a pair is the pair. The ground motion of a single
+        # record is the record.
+        ground_motion = motion.ground_motion
+        names = dict.fromkeys([motion.name, Path(motion.name).name, ground_motion.source])
+        # A row with an empty component applies to all components.
+        components = dict.fromkeys([motion.component, ground_motion.component, ""])
+        for name in names:
+            for component in components:
+                if (name, component) in self.by_name:
+                    return self.by_name[name, component]
+        raise ModelError(
+            f"{self.source}: no factor for {motion.name} {motion.component}; add a row for it, or "
+            "remove the key `files` to use only the records of the table"
+        )
+
+    def common_factors(self, motions: Sequence[GroundMotion]) -> list[float]:
+        """Return the factor of each ground motion, which must be the same for both components of a
+        pair.
+
+        Parameters
+        ----------
+        motions : sequence of Record or Horizontals
+            Single records and pairs.
+
+        Raises
+        ------
+        ModelError
+            A motion has no factor, or several factors.
+        """
+        # Distinct factors of the components of each motion, as keys of a dictionary. The motions
+        # are identified by `id`, because they are not hashable.
+        distinct_factors: dict[int, dict[float, None]] = {}
+        for component in suite_motions(motions):
+            values = distinct_factors.setdefault(id(component.ground_motion), {})
+            values.update(dict.fromkeys(self.of(component)))
+        factors: list[float] = []
+        for motion in motions:
+            values = distinct_factors[id(motion)]
+            if len(values) > 1:
+                values_text = ", ".join(f"{value:g}" for value in values)
+                raise ModelError(
+                    f"{self.source}: {motion.source} {motion.component} has the factors "
+                    f"{values_text}; specify a single factor"
+                )
+            factors += values
+        return factors
+
+
+@dataclass(frozen=True)
+class MotionFactors:
+    """Scale factors of each motion by its number, from a table of factors, which `tdint scale`
+    writes. The factors are equal for all buildings; attributes and methods as for `Scales`."""
+
+    by_motion: Mapping[int, tuple[float, ...]]
+    depends_on_period: bool = field(default=False, init=False)
+    ignores_motion_factor: bool = field(default=False, init=False)
+
+    def count(self, motion: int) -> int:
+        return len(self.by_motion[motion])
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """Return the factors of a motion for each building; they are equal for all buildings."""
+        return [self.by_motion[motion]] * len(periods)
+
+    def description(self) -> dict[str, object]:
+        return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
+
+
+@dataclass(frozen=True)
+class MeasureLevels:
+    """Levels of an intensity measure to which motions are scaled.
+
+    Attributes
+    ----------
+    measure : callable
+        Function that returns the measure for a period, s.
+    period : float | None
+        Period, s; None: first period of each building.
+    pair : str
+        Combination of the components of a pair, a name of `tdint.studies.motions.intensity.PAIRS`.
+    """
+
+    measure: Callable[[float], IntensityMeasure]
+    period: float | None
+    values: tuple[float, ...]
+    pair: str
+    motions: Sequence[SuiteMotion] = ()
+    ignores_motion_factor: bool = field(default=True, init=False)
+
+    def count(self, motion: int) -> int:
+        return len(self.values)
+
+    @property
+    def depends_on_period(self) -> bool:
+        """True if the factors depend on the first period of the building."""
+        return self.period is None
+
+    def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """Return the factors of a motion for each building, one per level. Both components of a
+        pair have the same factors.
+        """
+        # The intensity of a pair is computed from both components: `recording` is the pair of a
+        # component, or the single record. Equal periods of several buildings are evaluated only
+        # one time.
+        recording = self.motions[motion].ground_motion
+        factors_at_period: dict[float, tuple[float, ...]] = {}
+        for period in dict.fromkeys(self._measure_periods(periods)):
+            measure = self.measure(period)
+            unscaled = measure.of(recording, self.pair)
+            factors_at_period[period] = tuple(
+                factor_to(level, measure, unscaled) for level in self.values
+            )
+        return [factors_at_period[period] for period in self._measure_periods(periods)]
+
+    def _measure_periods(self, periods: Sequence[float]) -> Sequence[float]:
+        """Return the period of the measure for each building, s."""
+        return periods if self.period is None else [self.period] * len(periods)
+
+    def description(self) -> dict[str, object]:
+        """Return the levels and the intensity measure, which are part of the fingerprint that
+        identifies a campaign. The default damping ratio is omitted."""
+        # Any period is suitable, because only name and damping ratio of the measure are used.
+        measure = self.measure(1.0)
+        damping = getattr(measure, "damping", SA_DAMPING)
+        return {
+            "measure": measure.name.partition("(")[0],
+            "period": "T1" if self.period is None else self.period,
+            "levels": list(self.values),
+            "pair": self.pair,
+            **({} if damping == SA_DAMPING else {"damping": damping}),
+        }
+
+
+Levels = Scales | MotionFactors | MeasureLevels
+"""Scale factors of motions: `count` returns the number of factors of a motion, `factors` its
+factors for each building, and `description` the settings."""
+
+
+def read_max_distance(section: Section) -> float:
+    """Return the maximum distance of a building from its site, m: the value of the key
+    `max_distance` of the section, or the default. An invalid value is recorded as an error of the
+    file, and the default is returned."""
+    value = section.get("max_distance")
+    return (value.parsed(parse_distance) if value else None) or MAX_DISTANCE
+
+
+def parse_distance(text: str) -> float:
+    """Convert the text of a distance to m. The text is a number of km, or a number with the unit
+    `km` or `m`.
+
+    Raises
+    ------
+    UsageError
+        The text is not a positive distance.
+    """
+    match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
+    meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
+    if not meters > 0.0:
+        raise UsageError(
+            f"must be a positive distance in km or with a unit, such as 15 or 800 m, "
+            f"got {text!r:.40}"
+        )
+    return meters

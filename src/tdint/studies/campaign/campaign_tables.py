@@ -1,0 +1,643 @@
+"""Tables of a campaign: runs, stories, profiles and floor spectra. They are read from the store and
+written in batches, so that memory use is limited."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import islice, repeat
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from tdint.output.tables.responses import (
+    ELEMENT_COLUMNS,
+    ELEMENT_ERROR,
+    STORY_COLUMNS,
+    STORY_ERROR,
+)
+from tdint.output.tables.runs import BUILDING_COLUMNS, RUN_ERRORS, RUNS, SAMPLE, varied_columns
+from tdint.output.tables.spectra import FLOOR_SUITE_COLUMNS, SPECTRUM
+from tdint.output.tables.table import (
+    DAMPING,
+    FLOOR,
+    PAIR_DEMAND,
+    PERIOD,
+    TEXT,
+    Cell,
+    Column,
+    Table,
+    cell_text,
+    converted,
+    csv_bytes,
+    error_columns,
+    harmless,
+    names,
+)
+from tdint.response.runs.demands import DEMANDED
+from tdint.response.runs.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
+from tdint.units import SI, OutputUnits, Quantity, suffix
+
+if TYPE_CHECKING:
+    from tdint.studies.campaign.story_profiles import (
+        FloorSuite,
+        Profile,
+        Ratios,
+        RunFloors,
+        Statistics,
+    )
+    from tdint.studies.fragility.measures import MeasuredRun, RunMeasure
+    from tdint.studies.store.result_store import Store
+
+EVENT = Column("event", "text", "event", "event of a ground motion field")
+
+
+STORIES = (*BUILDING_COLUMNS, *STORY_COLUMNS)
+"""Columns of stories.csv of a campaign."""
+
+ELEMENTS = (*BUILDING_COLUMNS, *ELEMENT_COLUMNS)
+"""Columns of elements.csv of a campaign."""
+
+LEVEL = Column(
+    "level",
+    "1",
+    "level",
+    "value of the intensity measure in SI units; if each ground motion has its own scale factors, "
+    "their number, from the smallest",
+)
+COUNTS = (
+    Column(
+        "runs",
+        "1",
+        "runs",
+        "number of ground motions; a pair counts as one unless its components count separately",
+    ),
+    Column(
+        "collapsed",
+        "1",
+        "collapsed",
+        "number of ground motions with collapse; they are excluded from the statistics",
+    ),
+    Column(
+        "failed",
+        "1",
+        "failed",
+        "number of ground motions without a result; they are excluded from the statistics",
+    ),
+)
+PROFILES = (
+    BUILDING_COLUMNS[0],
+    Column(
+        "scale",
+        "1",
+        "scale",
+        "scale factor of the ground motions; empty if each ground motion has its own factor",
+    ),
+    Column(
+        "quantity",
+        "text",
+        "quantity",
+        "column of stories.csv without its unit: maximum absolute value over time",
+    ),
+    Column("story", "1", "story", "story (or the floor above), numbered from the ground"),
+    Column("unit", "text", "unit", "unit of the quantity"),
+    Column(
+        "mean",
+        "1",
+        "mean",
+        "mean over the ground motions with a result and without collapse; pair_demand states the "
+        "demand of a pair",
+    ),
+    Column("median", "1", "median", "median over the same ground motions"),
+    Column("p16", "1", "p16", "16 % fractile over the same ground motions"),
+    Column("p84", "1", "p84", "84 % fractile over the same ground motions"),
+    Column("max", "1", "max", "maximum over the same ground motions"),
+    *COUNTS,
+)
+"""Columns of profiles.csv."""
+
+PROFILE_ERRORS = error_columns(PROFILES[5:10])
+"""Additional columns of a campaign with error estimates."""
+
+SHOCKS = (
+    *BUILDING_COLUMNS,
+    Column("shock", "1", "shock", "event of the sequence, from 1"),
+    Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
+    *(Column.of_quantity(quantity) for quantity in DEMANDED),
+)
+"""Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
+
+FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *COUNTS)
+"""Columns of floor-spectra-mean.csv."""
+
+RATIOS = (
+    BUILDING_COLUMNS[0],
+    Column("baseline", "text", "baseline", "name of the baseline building"),
+    PROFILES[1],
+    Column(
+        "quantity",
+        "text",
+        lambda ratios: ratios.quantity.called or ratios.quantity.name,
+        PROFILES[2].meaning,
+    ),
+    Column(
+        "story",
+        "1",
+        lambda ratios: np.array([None, *range(1, ratios.mean.size)], dtype=object),
+        "story (or the floor above); empty for the maximum over the stories",
+    ),
+    Column(
+        "mean_ratio",
+        "1",
+        "mean",
+        "mean over the ground motions divided by the mean of the baseline",
+    ),
+    Column("median_ratio", "1", "median", "median divided by the median of the baseline"),
+    Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline"),
+)
+"""Columns of ratios.csv."""
+
+
+def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
+    """Return measures.csv: the intensity measures of the ground motions of all runs."""
+    rows = (
+        (run.building, run.record, run.component, run.scale, run.sample, *run.values)
+        for run in runs
+    )
+    return Table.of(measure_columns(measures), rows)
+
+
+def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
+    """Return the columns of measures.csv: identification of the run, and a column for each
+    intensity measure."""
+    columns = [
+        Column(
+            f"{measure.column}{suffix(measure.unit)}", measure.unit, measure.column, measure.meaning
+        )
+        for measure in measures
+    ]
+    return (*BUILDING_COLUMNS, SAMPLE, *columns)
+
+
+STATUS = (
+    Column("status", "text", "status", "status of runs; left: not completed yet"),
+    Column("runs", "1", "runs", "number of runs"),
+)
+
+
+_SITE_COLUMNS = {
+    "site": "site of the ground motion fields that is nearest to the building",
+    "distance_km": "distance between site and building, km",
+}
+"""Columns that precede the inventory columns if the ground motion fields have sites."""
+
+_ROWS_AT_ONCE = 2048  # number of runs formatted together, which takes some MB
+
+_NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
+"""Numbers as in JSON; for example, 02138 is text."""
+
+
+def run_columns(store: Store) -> tuple[Column, ...]:
+    """Return the columns of runs.csv, the table of all runs of a campaign.
+
+    The last columns are the parameters of a sweep, the event and the columns of the inventory, if
+    the campaign has them.
+    """
+    error_columns_of_runs = RUN_ERRORS if store.checked else ()
+    sweep_columns = varied_columns(_varied_names(store.varied()))
+    columns = (*RUNS, *error_columns_of_runs, *sweep_columns)
+    return (*columns, *copied_columns(store, names(columns)))
+
+
+def _varied_names(varied: Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the names of all parameters that a sweep changed; `varied` has the changed values of
+    each building by name."""
+    return list(dict.fromkeys(name for values in varied for name in values))
+
+
+def run_heads(store: Store) -> Callable[[int, int], list[str]]:
+    """Return a function that returns the first three cells of the row of a run: building, record
+    and component. The arguments of the function are the numbers of the building and the record."""
+    # The names are formatted once, because there can be millions of runs.
+    buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
+    records = {
+        number: [cell_text(name), cell_text(component)]
+        for number, (name, component, _) in store.records().items()
+    }
+    return lambda building, record: [buildings[building], *records[record]]
+
+
+def run_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of runs.csv, the table of all runs of a campaign, in the order of buildings,
+    records, scale factors and samples."""
+    # For each building of a sweep, `varied` has the changed values by the name of the parameter. It
+    # is empty for other campaigns.
+    varied = store.varied()
+    varied_names = _varied_names(varied)
+    varied_cells = [[values.get(name) for name in varied_names] for values in varied]
+    methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
+    name_cells, inventory_cells, has_errors = run_heads(store), copied_cells(store), store.checked
+    for building, record, scale, sample, dt, status, *values in store.runs():
+        head = [
+            *name_cells(building, record),
+            scale,
+            sample,
+            methods[building],
+            dt,
+            cell_text(status),
+        ]
+        # The columns of RUNS are followed by values that are not in the table, and by the errors,
+        # which every row of the store contains, even if no errors were estimated.
+        results = values[: len(RUNS) - len(head)]
+        errors = values[len(values) - len(RUN_ERRORS) :] if has_errors else []
+        parameters = varied_cells[building] if varied_cells else []
+        yield head + results + errors + parameters + inventory_cells(building, sample)
+
+
+def story_columns(store: Store) -> tuple[Column, ...]:
+    """Return the columns of stories.csv, the peak responses of the stories in all runs of a
+    campaign.
+
+    The column `sample` is included if ground motions were sampled, because two samples can be the
+    same ground motion.
+    """
+    sample_column = (SAMPLE,) if store.count("sample > 0") else ()
+    error_columns_of_stories = STORY_ERROR if store.checked else ()
+    return (*BUILDING_COLUMNS, *sample_column, *STORY_COLUMNS, *error_columns_of_stories)
+
+
+def story_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of stories.csv, in the order of runs.csv and from the ground up."""
+    has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
+    # A row of the store ends with the cells of the errors, even if no errors were estimated. They
+    # are then cut off.
+    value_count = len(STORY_COLUMNS) + (len(STORY_ERROR) if store.checked else 0)
+    for building, record, scale, sample, *values in store.stories():
+        sample_cell = (sample,) if has_samples else ()
+        yield [*name_cells(building, record), scale, *sample_cell, *values[:value_count]]
+
+
+def element_columns(store: Store) -> tuple[Column, ...]:
+    """Return the columns of elements.csv, the results of the elements of stories with several
+    elements in all runs of a campaign; with the column `sample` as in `story_columns`."""
+    sample_column = (SAMPLE,) if store.count("sample > 0") else ()
+    error_columns_of_elements = ELEMENT_ERROR if store.checked else ()
+    return (*BUILDING_COLUMNS, *sample_column, *ELEMENT_COLUMNS, *error_columns_of_elements)
+
+
+def element_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of elements.csv, in the order of stories.csv and of the model file."""
+    has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
+    for (
+        building,
+        record,
+        scale,
+        sample,
+        story,
+        _,
+        name,
+        law,
+        yield_drift,
+        *cells,
+    ) in store.elements():
+        values = cells[: len(ELEMENT_QUANTITIES)]
+        errors = cells[len(ELEMENT_QUANTITIES) :] if store.checked else []
+        sample_cell = (sample,) if has_samples else ()
+        # The yield drift precedes the ductility, which is the last quantity.
+        results = [*values[:-1], yield_drift, values[-1], *errors]
+        head = [*name_cells(building, record), scale, *sample_cell]
+        yield [*head, story, cell_text(name), cell_text(law), *results]
+
+
+def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write runs.csv, the table of all runs of a campaign, to a stream."""
+    write_rows(run_columns(store), run_rows(store), stream, units)
+
+
+def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write stories.csv, the peak responses of all stories in all runs of a campaign."""
+    write_rows(story_columns(store), story_rows(store), stream, units)
+
+
+def write_elements(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write elements.csv, the results of the elements in all runs of a campaign."""
+    write_rows(element_columns(store), element_rows(store), stream, units)
+
+
+def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
+    """Yield the rows of profiles.csv: statistics of the peak responses over the ground motions.
+
+    There is one row per building, intensity level, quantity and story, from the ground up.
+    """
+    for profile in profiles:
+        counts = (profile.runs, profile.collapsed, profile.failed)
+        level = () if math.isnan(profile.level) else (profile.level,)
+        pair_demand = (profile.pair_demand,) if profile.pair_demand else ()
+        for quantity in STORY_QUANTITIES:
+            unit, factor = units.unit(quantity.unit)
+            statistics = _cells_of_stories(profile.statistics(quantity), factor)
+            errors: Iterable[Sequence[float]] = repeat(())  # no cells if not estimated
+            if (error_statistics := profile.errors(quantity)) is not None:
+                errors = _cells_of_stories(error_statistics, factor)
+            name = quantity.called or quantity.name
+            # The lengths may differ (`strict=False`), because `repeat` is endless.
+            for story, (cells, error_cells) in enumerate(
+                zip(statistics, errors, strict=False), start=1
+            ):
+                head = (cell_text(profile.building), profile.scale, *level, name, story, unit)
+                yield [*head, *cells, *counts, *error_cells, *pair_demand]
+
+
+def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float]]:
+    """Return the statistics of each story as a list of the five cells mean, median, p16, p84 and
+    max, divided by `factor` (value of the output unit in SI units)."""
+    values = np.array(list(vars(statistics).values()))
+    cells: list[list[float]] = (values.T / factor).tolist()
+    return cells
+
+
+def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
+    """Return the columns with the column of the intensity level inserted before the column `index`.
+
+    The columns are unchanged if the levels of the campaign are scale factors, because these have a
+    separate column.
+    """
+    from tdint.studies.campaign.story_profiles import has_levels
+
+    if not has_levels(store):
+        return columns
+    return (*columns[:index], LEVEL, *columns[index:])
+
+
+def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
+    """Return the columns of a table and, if the campaign has pairs of components, the column with
+    the rule for the demand of a pair, such as `larger`; all its cells are equal."""
+    pair_demand = store.pair_rule().demand_if_pairs
+    if not pair_demand:
+        return tuple(columns)
+    return (*columns, replace(PAIR_DEMAND, value=lambda _: pair_demand))
+
+
+def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write profiles.csv, the statistics of peak responses over the ground motions, to a stream.
+
+    Levels that are not scale factors have a column `level`.
+    """
+    from tdint.studies.campaign.story_profiles import profiles
+
+    errors = PROFILE_ERRORS if store.checked else ()
+    columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
+    write_rows(columns, profile_rows(profiles(store), units), stream)
+
+
+def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write shocks.csv, the response to each event of the sequences of a campaign, to a stream."""
+    name_cells = run_heads(store)
+    rows = (
+        [*name_cells(building, record), scale, *values]
+        for building, record, scale, _, *values in store.shocks()
+    )
+    write_rows(SHOCKS, rows, stream, units)
+
+
+def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
+    """Return the mean and maximum of quantities over the ground motions, with one row per story.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the quantities. A quantity that is zero or missing in all stories is omitted.
+    """
+    columns: list[Column] = [_STORY_OF_PROFILE]
+    for quantity in _named(names):
+        statistics = profile.statistics(quantity)
+        if np.any(np.nan_to_num(statistics.max)):
+            columns += [
+                Column(
+                    f"mean_{quantity.column}",
+                    quantity.unit,
+                    statistics.mean,
+                    f"mean: {quantity.meaning}",
+                ),
+                Column(
+                    f"max_{quantity.column}",
+                    quantity.unit,
+                    statistics.max,
+                    f"maximum: {quantity.meaning}",
+                ),
+            ]
+    return Table.of_results(columns, [profile]).in_units(units)
+
+
+_STORY_OF_PROFILE = replace(
+    PROFILES[3], value=lambda profile: np.arange(1, profile.height.size + 1)
+)
+
+
+def _named(names: Sequence[str]) -> list[Quantity]:
+    """Return the quantities with these names, in the order of the names."""
+    quantities_by_name = {
+        quantity.called or quantity.name: quantity for quantity in STORY_QUANTITIES
+    }
+    return [quantities_by_name[name] for name in names]
+
+
+def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
+    """Return the errors of means and maxima that result from the errors of the runs, in percent,
+    with one row per story. Errors of residual drifts are in percent of the peak drifts.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the quantities. A quantity without estimated errors is omitted.
+    """
+    columns: list[Column] = [_STORY_OF_PROFILE]
+    drift_statistics = profile.statistics(_named(["peak_drift"])[0])
+    for quantity in _named(names):
+        statistics, errors = profile.statistics(quantity), profile.errors(quantity)
+        if errors is None or not np.any(np.nan_to_num(statistics.max)):
+            continue
+        # A residual drift can be close to zero, so its error is given relative to the peak drift.
+        reference = drift_statistics if quantity.name.startswith("residual") else statistics
+        for name in ("mean", "max"):
+            reference_values = getattr(reference, name)
+            reference_values = np.where(reference_values > 0.0, reference_values, np.nan)
+            percent = [
+                float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / reference_values
+            ]
+            columns.append(
+                Column(
+                    f"{name}_{quantity.called or quantity.name}",
+                    "%",
+                    np.array(percent),
+                    quantity.meaning,
+                )
+            )
+    return Table.of_results(columns, [profile])
+
+
+def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
+    """Return the table of the ratios to a baseline.
+
+    Parameters
+    ----------
+    stories : bool
+        True for the ratios of each story and of the maxima over the stories; False for the ratios
+        of the maxima only.
+    """
+    table = Table.of_results(with_pair_demand(store, _with_level(store, RATIOS, 3)), ratios)
+    if stories:
+        return table
+    # The rows of the maxima over the stories have no story.
+    story_index = table.columns.index("story")
+    return replace(table, rows=[row for row in table.rows if row[story_index] is None])
+
+
+def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
+    """Return the table of the floor spectra of runs, with one row per run, floor, damping ratio and
+    period.
+    """
+    # Two samples can be the same ground motion; their numbers distinguish the rows.
+    has_samples = store.count("sample > 0") > 0
+    columns = (*BUILDING_COLUMNS, *((SAMPLE,) if has_samples else ()), FLOOR, *SPECTRUM)
+    buildings, records = store.buildings(), store.records()
+    heads: list[tuple[Cell, ...]] = []
+    spectra = []
+    for run_floors in floors:
+        run = run_floors.run
+        building_name, _ = buildings[run_floors.building]
+        name, component, _ = records[run.motion]
+        sample = (run.sample,) if has_samples else ()
+        for floor_spectrum in run_floors.spectra:
+            heads.append((building_name, name, component, run.scale, *sample, floor_spectrum.floor))
+            spectra.append(floor_spectrum.spectrum)
+    return Table.of_results(columns, spectra, heads)
+
+
+def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
+    """Return the table of the mean and the maximum of floor spectra over the ground motions.
+
+    There is one row per building, level, floor, damping ratio and period.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign, which determines the columns of the level and of pairs.
+    """
+    return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
+
+
+def write_rows(
+    columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI
+) -> None:
+    """Write rows in batches.
+
+    Parameters
+    ----------
+    rows : iterable of list
+        Rows in SI units; texts were formatted by `cell_text`.
+    """
+    names_and_factors = [units.column(column.name, column.unit) for column in columns]
+    stream.write(csv_bytes([[harmless(name) for name, _ in names_and_factors]]))
+    if units != SI:
+        factors = [factor for _, factor in names_and_factors]
+        rows = (
+            [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
+            for row in rows
+        )
+    # Rows are formatted in batches, because a campaign may have more rows than fit into memory.
+    source = iter(rows)
+    while batch := list(islice(source, _ROWS_AT_ONCE)):
+        stream.write(csv_bytes([number_text(cell) for cell in row] for row in batch))
+
+
+def number_text(cell: Any) -> str:
+    """Return a number, a formatted text or None as text.
+
+    It is a fast version of `cell_text`, because it is called for millions of cells.
+    """
+    if type(cell) is float:
+        return format(cell + 0.0, ".12g") if cell == cell else ""  # NaN differs from itself
+    return "" if cell is None else str(cell)
+
+
+def runs_table(store: Store) -> Table:
+    """Return runs.csv of a small campaign as a table."""
+    return Table.of(run_columns(store), run_rows(store))
+
+
+def status_table(statuses: dict[str, int], remaining: int) -> Table:
+    """Return the table of the number of runs by status; its last row, with the status `left`, is
+    the number of runs that are not completed.
+
+    Parameters
+    ----------
+    remaining : int
+        Number of runs that are not completed.
+    """
+    return Table.of(STATUS, [*statuses.items(), ("left", remaining)])
+
+
+def copied_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
+    """Return the column of the event, if the campaign has ground motion fields, and the columns
+    that are copied from the inventory.
+
+    Parameters
+    ----------
+    others : iterable of str
+        Names of the preceding columns. An inventory column with one of these names gets the prefix
+        `inventory_`.
+    """
+    columns = [EVENT] if store.events() else []
+    used_names, titles = {*others, *names(columns)}, store.inventory_columns()
+    # If the fields have sites, the first columns are the nearest site and its distance, which tdint
+    # has added to the columns of the inventory.
+    has_site_columns = bool(columns) and titles[: len(_SITE_COLUMNS)] == tuple(_SITE_COLUMNS)
+    for index, title in enumerate(titles):
+        name = title
+        while name in used_names:
+            name = f"inventory_{name}"
+        used_names.add(name)
+        meaning = f"column {title} of the inventory, unchanged"
+        if has_site_columns and index < len(_SITE_COLUMNS):
+            meaning = _SITE_COLUMNS[title]
+        columns.append(Column(name, TEXT, name, meaning))
+    return tuple(columns)
+
+
+def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
+    """Return a function that returns the cells of the columns of `copied_columns`: the event, and
+    the cells of the inventory. Its arguments are the numbers of the building and the sample."""
+    events = [cell_text(event) for event in store.events()]
+
+    # The runs of a building are consecutive, so the cells of one building are cached.
+    @lru_cache(maxsize=1)
+    def inventory_cells(building: int) -> list[str]:
+        """Return the formatted cells of the inventory row of a building, by its number."""
+        return [cell_text(cell) for cell in store.copied_cells(building)]
+
+    # The sample is the number of the event, from 1. Without events, the slice is empty.
+    return lambda building, sample: [*events[sample - 1 : sample], *inventory_cells(building)]
+
+
+def numeric(store: Store) -> list[bool]:
+    """Return a list with True for each copied inventory column that contains numbers and no other
+    text. Empty cells are ignored; a column with only empty cells is not numeric."""
+    # Each set contains True if the column has a cell with a number, and False if it has a cell with
+    # other text.
+    answers: list[set[bool]] = [set() for _ in store.inventory_columns()]
+    for number in store.buildings():
+        for column_answers, text in zip(answers, store.copied_cells(number), strict=False):
+            if text:
+                column_answers.add(_NUMBER.fullmatch(text) is not None)
+    return [column_answers == {True} for column_answers in answers]
+
+
+def stored_columns(result: Any) -> list[tuple[Column, Any]]:
+    """Return the columns of runs.csv, the table of the runs of a campaign, with their cells."""
+    with result.store as store:
+        return runs_table(store).by_column()

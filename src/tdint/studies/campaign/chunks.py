@@ -1,0 +1,751 @@
+"""Integrate the runs of a campaign in chunks.
+
+A campaign runs many buildings under many scaled ground motions. A chunk is a part of its runs
+together with all their input, so that a thread or a remote worker can process it without reading
+files. All runs of a building with the same time step are integrated by a single compiled call;
+sequences, load cases and runs with error estimates are integrated one by one. Failed runs are
+repeated with half the time step.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain, islice, repeat, zip_longest
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from tdint.errors import AnalysisError
+from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.response.runs.batch import Subject, run_batch
+from tdint.response.runs.case import Case
+from tdint.response.runs.demands import RUN, demand_cells, demand_errors
+from tdint.response.runs.error_estimate import attempt
+from tdint.response.runs.load_case import LoadCase
+from tdint.response.runs.outcome import (
+    ELEMENT_QUANTITIES,
+    NO_STEP,
+    STORY_QUANTITIES,
+    Collapse,
+    ElementPeaks,
+    ErrorEstimate,
+    EventResponse,
+    FailedRun,
+    Response,
+    StoryPeaks,
+)
+from tdint.response.runs.prepared import Motions
+from tdint.response.runs.sequence import event_responses, sequence_of
+from tdint.response.runs.settings import RunSettings
+from tdint.response.runs.step_choice import step_within
+from tdint.response.spectra.elastic import SA_DAMPING, spectrum
+from tdint.response.time_steps import Steps, finer
+from tdint.units import Quantity
+
+# ---- Input of runs, and rows of results: one for each run and, if requested, one for each story
+
+REPEATS = 3
+"""Maximum number of repetitions of a run that diverged or did not converge, each with half the time
+step of the preceding run. Single steps of each run are also halved
+(`tdint.methods.workspace.HALVINGS`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignSettings(RunSettings):
+    """Settings of all runs of a campaign.
+
+    Attributes
+    ----------
+    stories : bool
+        Store the peaks of every story, because the table of stories is written.
+    profiles : bool
+        Store the peaks of every story, because the table with their statistics over the motions is
+        written.
+    tolerance : float | None
+        Maximum estimated error of the peak drifts, relative to these drifts. The time step of each
+        building is chosen to meet this tolerance. None: the time step is not chosen by errors.
+    """
+
+    stories: bool = False
+    profiles: bool = False
+    tolerance: float | None = None
+
+    @property
+    def keeps_stories(self) -> bool:
+        """True if the peaks of stories are stored."""
+        return self.stories or self.profiles
+
+
+class Source(Protocol):
+    """Interface of the objects that provide a building: a building that exists already, or a row of
+    an inventory, from which rules derive the building when `subject` is called."""
+
+    def subject(self) -> Subject:
+        """Return the building with its time integration method."""
+
+
+class Run(NamedTuple):
+    """Run of a building.
+
+    Attributes
+    ----------
+    motion : int
+        Number of the ground motion in the campaign.
+    scale : float
+        Scale factor of the ground motion; a negative factor reverses its direction.
+    sample : int
+        Number of the random sample of the building's parameters; 0: the building as specified.
+    """
+
+    motion: int
+    scale: float
+    sample: int = 0
+
+
+class BuildingRuns(NamedTuple):
+    """Runs of one building.
+
+    Attributes
+    ----------
+    max_step : float | None
+        Maximum time step that meets the tolerance of the campaign, s; None if no time step meets
+        the tolerance; infinity if the campaign has no tolerance.
+    """
+
+    number: int
+    source: Source
+    runs: tuple[Run, ...]
+    max_step: float | None = math.inf
+
+
+class RunRow(NamedTuple):
+    """Results of one run, as a row of the table of runs.
+
+    Attributes
+    ----------
+    motion, scale, sample : int, float, int
+        Ground motion, scale factor and sample, as in `Run`.
+    values : tuple
+        One value per quantity of `RUN`, in that order. Missing values are None or NaN. Values are
+        also available by name, for example `row.status`.
+    errors : tuple of float | None
+        Estimated errors of the demands in the order of `RUN_WITH_ERROR`; empty if errors were not
+        estimated.
+    """
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    values: tuple[Any, ...]
+    errors: tuple[float | None, ...] = ()
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the value of the quantity with this name; raise AttributeError if `RUN` does not
+        contain the quantity."""
+        if name not in _INDICES:
+            raise AttributeError(name)
+        return self.values[_INDICES[name]]
+
+    def changed(self, **changes: Any) -> RunRow:
+        """Return a copy of the row with some new values. `changes` contains the new values by the
+        name of their quantity in `RUN`; other names are ignored."""
+        return self._replace(
+            values=tuple(changes.get(name, self.values[index]) for name, index in _INDICES.items())
+        )
+
+
+_INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
+"""Index of each quantity in `RunRow.values`, by the name of the quantity."""
+
+
+class EventRow(NamedTuple):
+    """Demands of a single event in a run under a sequence of earthquakes.
+
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `shock` is
+    the number of the event, from 1; `start` is the time of its first sample, s; `pga` is its peak
+    ground acceleration, m/s^2. `values` contains the demands in the order of
+    `tdint.response.runs.demands.DEMANDED`.
+    """
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    shock: int
+    start: float
+    pga: float
+    values: tuple[Any, ...]
+
+
+class StoryRow(NamedTuple):
+    """Peak responses of one story in one run.
+
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` is
+    the number of the story, from 1 at the ground; `height` is the story height, m (nan if unknown).
+    `values` contains one value per quantity of `STORY_QUANTITIES`, in that order; `errors` contains
+    the estimated errors of these values, or is empty if errors were not estimated.
+    """
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    story: int
+    height: float
+    values: tuple[float, ...]
+    errors: tuple[float, ...] = ()
+
+
+class ElementRow(NamedTuple):
+    """Results of a single element of a story with several elements in one run.
+
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` and
+    `number` are the numbers of the story and of the element, from 1; `yield_drift` is its drift at
+    first yield, m (nan without yielding). `values` and `errors` are as in `StoryRow`, in the order
+    of `ELEMENT_QUANTITIES`.
+    """
+
+    building: int
+    motion: int
+    scale: float
+    sample: int
+    story: int
+    number: int
+    element: str
+    law: str
+    yield_drift: float
+    values: tuple[float, ...]
+    errors: tuple[float, ...] = ()
+
+
+@dataclass
+class Rows:
+    """Results of runs: rows of runs, rows of stories (only if they are stored), rows of events
+    (only of runs under sequences of earthquakes) and, with the rows of stories, rows of the
+    elements of stories with several elements."""
+
+    runs: list[RunRow] = field(default_factory=list)
+    stories: list[StoryRow] = field(default_factory=list)
+    shocks: list[EventRow] = field(default_factory=list)
+    elements: list[ElementRow] = field(default_factory=list)
+
+    def extend(self, added: Rows) -> None:
+        """Append the rows of another object."""
+        self.runs += added.runs
+        self.stories += added.stories
+        self.shocks += added.shocks
+        self.elements += added.elements
+
+
+def story_rows(
+    building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None
+) -> list[StoryRow]:
+    """Return the rows of the stories of a run, from the ground up.
+
+    Parameters
+    ----------
+    run : Run
+        Ground motion, scale factor and sample of the run.
+    stories : StoryPeaks
+        Peak responses of the stories in this run.
+    check : ErrorEstimate, optional
+        Error estimate of the run. Without it, the errors in the rows are empty.
+    """
+    values = _values_of(STORY_QUANTITIES, stories)
+    errors = _values_of(STORY_QUANTITIES, check.errors) if check else repeat(())
+    # `errors` is infinite if the errors were not estimated (`repeat`), so that `strict=True` would
+    # raise an error.
+    cells_by_story = zip(stories.height.tolist(), values, errors, strict=False)
+    # `run` fills the columns motion, scale and sample; `cells` fills height, values and errors.
+    return [
+        StoryRow(building, *run, story, *cells)
+        for story, cells in enumerate(cells_by_story, start=1)
+    ]
+
+
+def element_rows(
+    building: int, run: Run, elements: ElementPeaks | None, check: ErrorEstimate | None = None
+) -> list[ElementRow]:
+    """Return the rows of the elements of a run, as `story_rows`; empty without elements (None)."""
+    if elements is None:
+        return []
+    values = _values_of(ELEMENT_QUANTITIES, elements)
+    estimated = check.elements if check else None
+    errors = _values_of(ELEMENT_QUANTITIES, estimated) if estimated else repeat(())
+    stories = elements.story.tolist()
+    # The elements of a story are consecutive.
+    numbers = [i - stories.index(story) + 1 for i, story in enumerate(stories)]
+    columns = (elements.element.tolist(), elements.law.tolist(), elements.yield_drift.tolist())
+    # `errors` is infinite if the errors were not estimated, as in `story_rows`.
+    cells_by_element = zip(stories, numbers, *columns, values, errors, strict=False)
+    return [ElementRow(building, *run, *cells) for cells in cells_by_element]
+
+
+def _values_of(quantities: Iterable[Quantity], peaks: Any) -> Iterable[tuple[float, ...]]:
+    """Return one tuple per story or element with a single value per quantity.
+
+    `peaks` contains the peak responses, or their errors: one array over the stories or elements per
+    quantity.
+    """
+    return zip(*(getattr(peaks, quantity.name).tolist() for quantity in quantities), strict=True)
+
+
+def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[EventRow]:
+    """Return the rows of the events of a run under a sequence of earthquakes.
+
+    Parameters
+    ----------
+    events : sequence of EventResponse
+        Responses to the events, in chronological order.
+    """
+    rows = []
+    for number, event in enumerate(events, start=1):
+        # The peaks of an event have one run on their first axis, so there is one dictionary.
+        (demands,) = demand_cells(event.stories)
+        rows.append(
+            EventRow(building, *run, number, event.start, event.record.pga, tuple(demands.values()))
+        )
+    return rows
+
+
+# ---- Time step of a building from a tolerance
+
+Item = TypeVar("Item")
+
+_MIN_EVALUATED, _MAX_EVALUATED = 4, 8
+"""Minimum and maximum number of runs of a building from which `building_step` chooses its time
+step. Between these limits it is a quarter of the runs of the building."""
+
+_MAX_TRIALS = 24
+"""Maximum number of runs that `building_step` tries. The limit bounds its cost, because a run in
+which the building collapses provides no error estimate and another run is tried instead."""
+
+
+def building_step(
+    subject: Subject,
+    records: Mapping[int, Record],
+    runs: Sequence[Run],
+    settings: RunSettings,
+    tolerance: float,
+) -> float | None:
+    """Return the time step for all runs of a building, s: the maximum time step that keeps the
+    estimated errors of the peak drifts below a tolerance.
+
+    The errors are estimated for a quarter of the runs, but for at least 4 and at most 8 runs. The
+    result is the minimum of the time steps of these runs.
+
+    Parameters
+    ----------
+    tolerance : float
+        Maximum estimated error, relative to the peak drifts.
+
+    Returns
+    -------
+    float | None
+        Time step, s. None if no run that was tried provides a time step.
+    """
+    step, evaluated_count = math.inf, 0
+    required_count = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
+    for run in islice(_representative_first(runs, records), _MAX_TRIALS):
+        record = records[run.motion].scaled(run.scale)
+        case = subject.case(record)
+        if isinstance(record, JoinedRecord):
+            sequence = sequence_of(case, record.events, rest=record.rest, dt=settings.dt)
+            case = case.under(sequence.joined)
+        # A run that collapses provides no time step: try other runs instead.
+        outcome = attempt(case, case.steps(settings.dt, settings.duration))
+        if isinstance(outcome, Response) and outcome.collapse:
+            continue
+        # `largest` limits the time step of each run to the minimum of the previous runs.
+        try:
+            step = step_within(
+                case, tolerance, dt=settings.dt, duration=settings.duration, largest=step
+            )
+        except FailedRun:
+            continue
+        evaluated_count += 1
+        if evaluated_count == required_count:
+            break
+    return step if evaluated_count else None
+
+
+def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) -> Iterator[Run]:
+    """Return the runs of a building, ordered so that the first few runs represent all runs.
+
+    The discretization error depends on the ground motion as strongly as on the building, so a
+    single motion, even the strongest, is not representative. The first runs therefore use
+    different motions if possible. The motion of medium intensity is first, and the first run of
+    each motion has its median scale factor.
+    """
+    runs_by_motion: dict[int, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: abs(run.scale)):
+        runs_by_motion.setdefault(run.motion, []).append(run)
+
+    def strongest_pga(motion: int) -> float:
+        """Return the PGA of a motion at its maximum scale factor, m/s^2."""
+        strongest_run = runs_by_motion[motion][-1]
+        return abs(strongest_run.scale) * records[motion].pga
+
+    motions_by_pga = sorted(runs_by_motion, key=strongest_pga)
+    rounds = zip_longest(
+        *(_middle_first(runs_by_motion[motion]) for motion in _middle_first(motions_by_pga))
+    )
+    return (run for run in chain.from_iterable(rounds) if run is not None)
+
+
+def _middle_first(items: Sequence[Item]) -> Iterator[Item]:
+    """Yield the middle item of a sequence, then the middle items of its two halves, then the middle
+    items of the quarters, and so on until every item has been yielded one time."""
+    segments = deque([items])
+    while segments:
+        segment = segments.popleft()
+        if segment:
+            middle = len(segment) // 2
+            yield segment[middle]
+            segments += [segment[:middle], segment[middle + 1 :]]
+
+
+# ---- Integration of the runs of a building
+
+_EQUAL_STEPS = 1e-9
+"""Number of doublings by which a time step may exceed its limit, so that a step that equals the
+limit except for rounding is allowed."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Run with its time steps and the number of times it was repeated after a failure."""
+
+    run: Run
+    steps: Steps
+    repeats: int = 0
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Building and ground motions of a campaign. `results` integrates runs of the building.
+
+    Attributes
+    ----------
+    motions : Motions
+        Ground motions with their numbers in the campaign.
+    spectral : mapping of int to float | None
+        Sa(T1) of each motion at the scale factor 1, m/s^2.
+    """
+
+    number: int
+    subject: Subject
+    motions: Motions
+    spectral: dict[int, float | None]
+    settings: CampaignSettings
+
+    def results(self, runs: Sequence[Run], max_step: float | None = math.inf) -> Rows:
+        """Integrate runs and return their rows, with stories and elements if they are stored, and
+        the events of sequences.
+
+        The time step of the settings is halved or doubled to obtain the longest step up to
+        `max_step` (s); with infinity it is used unchanged. None: no time step meets the tolerance;
+        the runs are not integrated, and the status in their rows states this reason.
+        """
+        # The start times of the events of a sequence depend on the decay of free vibration, which
+        # differs between runs. Sequences are therefore integrated individually.
+        results = Rows()
+        single_runs = []
+        for run in runs:
+            record = self.motions.records[run.motion]
+            if isinstance(record, JoinedRecord):
+                results.extend(self._run_sequence(run, max_step))
+            elif isinstance(record, LoadCase):
+                # The forces are part of the building, so that each load case is a building.
+                loaded = replace(self, subject=self.subject.loaded(record, run.scale))
+                results.extend(loaded._run_together([run], max_step))
+            else:
+                single_runs.append(run)
+        results.extend(self._run_together(single_runs, max_step))
+        return results
+
+    def _run_together(self, single_runs: Sequence[Run], max_step: float | None) -> Rows:
+        """Integrate runs that are not sequences, as `results`. The runs of a load case must be runs
+        of the building under this load case."""
+        results = Rows()
+        # The time step depends on the sampling interval of the motion, but not on the scale factor:
+        # compute it one time for each motion.
+        step_limit = math.inf if max_step is None else max_step
+        motions = dict.fromkeys(run.motion for run in single_runs)
+        steps_of_motion = {motion: self._time_steps(motion, step_limit) for motion in motions}
+        jobs = [_Job(run, steps_of_motion[run.motion]) for run in single_runs]
+        if max_step is None:
+            results.runs += [self._row(job, NO_STEP) for job in jobs]
+            return results
+        # Failed jobs are kept, with half the time step, for the next pass.
+        while jobs:
+            jobs_to_repeat: list[_Job] = []
+            for h in dict.fromkeys(job.steps.h for job in jobs):
+                same_step_jobs = [job for job in jobs if job.steps.h == h]
+                jobs_to_repeat += self._integrate_together(same_step_jobs, results)
+            jobs = jobs_to_repeat
+        return results
+
+    def _run_sequence(self, run: Run, max_step: float | None) -> Rows:
+        """Run a building under a sequence of earthquakes, for example a main shock and aftershocks.
+
+        The events of the sequence are joined to a single record. The time between two events
+        depends on the building if each event starts after the free vibration of the previous event.
+        Rows of stories and elements contain the peaks over all events. A run that did not fail also
+        has one row per event.
+        """
+        case, dt = self._case(run), self.settings.dt
+        record = case.record
+        assert isinstance(record, JoinedRecord)
+        sequence = sequence_of(case, record.events, rest=record.rest, dt=dt)
+        # The joined record includes the scale factor, so it is run at the scale factor 1 with
+        # scaled intensities.
+        spectral = self.spectral[run.motion]
+        single_run_batch = replace(
+            self,
+            motions=Motions({run.motion: sequence.joined}),
+            spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
+            settings=replace(self.settings, duration=sequence.joined.duration),
+        )
+        joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
+        (run_row,) = joined_rows.runs
+        # A failed run has no number of steps, and no demands of its events.
+        rows_of_events: list[EventRow] = []
+        if run_row.steps is not None:
+            # The demands of the events require the response history: the run is repeated with the
+            # same time step and the same number of steps.
+            joined_case = case.under(sequence.joined)
+            joined_steps = replace(
+                joined_case.steps(run_row.dt, sequence.joined.duration), count=run_row.steps
+            )
+            events = event_responses(
+                joined_case,
+                sequence,
+                joined_steps,
+                check=self.settings.check and bool(record.fixed),
+            )
+            rows_of_events = event_rows(self.number, run, events)
+            # The first `fixed` events of the record are not scaled; they only damage the building
+            # before the event of interest. In this case, report the demands of the last event. Only
+            # studies of `tdint ida` have such records, and they do not store rows of stories.
+            if record.fixed and len(events) > record.fixed:
+                run_row = _with_demands_of_event(run_row, events[-1])
+        stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
+        elements = [element._replace(scale=run.scale) for element in joined_rows.elements]
+        return Rows([run_row._replace(scale=run.scale)], stories, rows_of_events, elements)
+
+    def _time_steps(self, motion: int, max_step: float) -> Steps:
+        """Return the time steps for a ground motion: the longest steps of at most `max_step` (s)
+        that are obtained from the time step of the settings by repeated doubling or halving; with
+        infinity, the steps of the settings.
+        """
+        case, duration = self._case(Run(motion, 1.0)), self.settings.duration
+        steps = case.steps(self.settings.dt, duration)
+        if max_step == math.inf:
+            return steps
+        # Time steps that are halved or doubled still end at samples of the record. A negative
+        # number of doublings is a number of halvings. Steps that equal the limit are allowed.
+        doublings = math.floor(math.log2(max_step / steps.h) + _EQUAL_STEPS)
+        if doublings > 0:
+            return case.steps(steps.h * 2.0**doublings, duration)
+        for _ in range(-doublings):
+            steps = finer(steps)
+        return steps
+
+    def _case(self, run: Run) -> Case:
+        """Return the analysis case of a run."""
+        return self.subject.case(self.motions.records[run.motion], run.scale)
+
+    def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
+        """Integrate runs that have the same time step, without error estimates in a single call.
+        Return the failed runs that must be repeated with half the time step; the rows of all
+        others are appended to `results`.
+        """
+        settings = self.settings
+        run_requests = [(job.run.motion, job.run.scale, job.steps) for job in jobs]
+        outcomes = run_batch(
+            self.subject,
+            self.motions,
+            run_requests,
+            check=settings.check,
+            to_rest=settings.until_rest,
+            status_only=True,
+        )
+        jobs_to_repeat = []
+        for index, failure in outcomes.failures.items():
+            job = jobs[index]
+            # A run that would fail again with half the time step is not repeated.
+            if failure.finer_may_help and job.repeats < REPEATS:
+                jobs_to_repeat.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+            else:
+                results.runs.append(self._row(job, failure.status))
+        demands, statuses = demand_cells(outcomes.stories), outcomes.status
+        for index, job in enumerate(jobs):
+            if index in outcomes.failures:
+                continue
+            peaks = outcomes.stories_of(index)
+            # Only runs that were integrated individually, for example because errors are estimated,
+            # have a response.
+            response = outcomes.responses.get(index)
+            error_estimate = None if response is None else response.check
+            values = demands[index] | {
+                "energy_error": float(outcomes.energy_error[index]),
+                "steps": int(outcomes.steps[index]),
+                "at_rest": outcomes.at_rest[index],
+            }
+            row = self._row(
+                job, statuses.get(index, "done"), outcomes.collapses.get(index), **values
+            )
+            if error_estimate:
+                row = row._replace(errors=demand_errors(peaks, error_estimate.errors))
+            results.runs.append(row)
+            if settings.keeps_stories:
+                results.stories += story_rows(self.number, job.run, peaks, error_estimate)
+                elements = outcomes.elements_of(index, self.subject.model)
+                results.elements += element_rows(self.number, job.run, elements, error_estimate)
+        return jobs_to_repeat
+
+    def _row(
+        self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any
+    ) -> RunRow:
+        """Return the row of a run with its time step, status, PGA, Sa(T1), number of repetitions
+        and collapse.
+
+        The further values by the name of their quantity in `RUN`, such as demands, are omitted for
+        a failed run: these quantities are then None.
+        """
+        if collapse:
+            values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
+        # A negative scale factor reverses the motion; intensities are positive.
+        spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
+        values |= {
+            "dt": job.steps.h,
+            "status": status,
+            "pga": self.motions.records[job.run.motion].pga * factor,
+            "sa_t1": None if spectral is None else spectral * factor,
+            "repeats": job.repeats,
+        }
+        return RunRow(self.number, *job.run, tuple(values.get(quantity.name) for quantity in RUN))
+
+
+def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
+    """Return a row in which the demands of the run, and their errors, are replaced by the demands
+    of a single event.
+    """
+    (demands,) = demand_cells(event.stories)
+    errors = demand_errors(event.stories, event.errors) if row.errors and event.errors else ()
+    return row.changed(**demands)._replace(errors=errors)
+
+
+# ---- Chunks
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Part of the runs of a campaign, with their complete input."""
+
+    number: int
+    buildings: tuple[BuildingRuns, ...]
+    records: Mapping[int, Record]
+    settings: CampaignSettings
+
+
+@dataclass(frozen=True)
+class ChunkResult:
+    """Results of the runs of a chunk.
+
+    Attributes
+    ----------
+    seconds : float
+        Processor time, s.
+    """
+
+    number: int
+    rows: Rows
+    seconds: float
+
+
+def run_chunk(chunk: Chunk) -> ChunkResult:
+    """Integrate the runs of a chunk.
+
+    Raises
+    ------
+    UsageError
+        A time step does not fit a record.
+    AnalysisError
+        A method does not integrate a building.
+    """
+    # Measure the time of this thread: the time of the process includes chunks of other threads.
+    start_time = time.thread_time()
+    motions = Motions(chunk.records)
+    # A subject is a building with its time integration method. `Sa(T1)` of all motions is computed
+    # together for the first periods of all buildings.
+    subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
+    spectral = _first_mode_accelerations(chunk, [subject.period for subject in subjects])
+    rows = Rows()
+    for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
+        batch = Batch(building_runs.number, subject, motions, sa_t1, chunk.settings)
+        rows.extend(batch.results(building_runs.runs, building_runs.max_step))
+    return ChunkResult(chunk.number, rows, time.thread_time() - start_time)
+
+
+def _first_mode_accelerations(
+    chunk: Chunk, periods: Sequence[float]
+) -> list[dict[int, float | None]]:
+    """Return for each building of a chunk a dictionary from the number of a ground motion under
+    which it is run to the unscaled Sa(T1), m/s^2; None if the period is too short for the record.
+    """
+    spectral: list[dict[int, float | None]] = [{} for _ in periods]
+    # Indices in `periods` of the buildings that are run under each ground motion.
+    buildings_of_motion: dict[int, list[int]] = {}
+    for building, building_runs in enumerate(chunk.buildings):
+        for motion in dict.fromkeys(run.motion for run in building_runs.runs):
+            buildings_of_motion.setdefault(motion, []).append(building)
+    for motion, buildings in buildings_of_motion.items():
+        motion_periods = [periods[building] for building in buildings]
+        values = spectral_accelerations(chunk.records[motion], motion_periods)
+        for building, value in zip(buildings, values, strict=True):
+            spectral[building][motion] = value
+    return spectral
+
+
+def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
+    """Return the spectral accelerations of a record at periods, m/s^2, for 5 % damping.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion. The result for a sequence is the maximum over its events; a load case has no
+        spectral acceleration (None).
+
+    Returns
+    -------
+    list of float | None
+        Spectral accelerations; None for a period that is too short for the sampling interval of the
+        record.
+    """
+    if isinstance(record, LoadCase):
+        return [None] * len(periods)
+    if isinstance(record, JoinedRecord):
+        values_by_period = zip(
+            *(spectral_accelerations(event, periods) for event in record.events), strict=True
+        )
+        # A period that is too short for an event (None) has no result. `filter` omits values of
+        # zero, so that 0.0 is the result (`default`) if all events have the value zero.
+        return [
+            None if None in values else max(filter(None, values), default=0.0)
+            for values in values_by_period
+        ]
+    # The call fails if one of the periods is too short for the record. In this case, compute each
+    # period separately, so that only the short period has no result.
+    try:
+        return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
+    except AnalysisError:
+        if len(periods) == 1:
+            return [None]
+    return [value for period in periods for value in spectral_accelerations(record, [period])]

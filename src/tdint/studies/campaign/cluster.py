@@ -1,0 +1,264 @@
+"""Run the chunks of a campaign on a Dask cluster.
+
+Each chunk is sent to a worker with all its input, and the worker returns table rows. Dask unpickles
+everything it receives, so anyone who can connect to its port can execute code. TLS certificates are
+therefore required unless the scheduler runs on this machine.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, wait
+from contextlib import suppress
+from dataclasses import dataclass
+from ipaddress import ip_address
+from itertools import islice
+from typing import Any
+from urllib.parse import urlsplit
+
+from tdint.errors import AnalysisError, UsageError
+from tdint.files import MOST_BYTES, read_at_most
+from tdint.methods.catalogue import load_plugin
+from tdint.model.plugins import files_received, files_to_send
+from tdint.studies.campaign.chunks import Chunk, ChunkResult, run_chunk
+
+_SUBMITTED_PER_THREAD = 3
+"""Number of submitted chunks per worker thread, including the chunk that is running."""
+
+_NOTICE_AFTER, _TIMEOUT = 1.0, 10.0
+"""Seconds after which the user is informed that the scheduler has not responded, and after which to
+give up."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Address of a Dask scheduler. The TLS certificates are read from the configuration of Dask.
+
+    Attributes
+    ----------
+    address : str
+        tcp://HOST:PORT or tls://HOST:PORT.
+
+    Raises
+    ------
+    UsageError
+        The address is invalid, or an unencrypted connection would leave this machine.
+    """
+
+    address: str
+
+    def __post_init__(self) -> None:
+        """Check the address. Anyone who can connect to a scheduler can execute code there, so a
+        scheduler on another machine requires certificates."""
+        parts = _parse_address(self.address)
+        if not (self.is_encrypted or is_loopback(parts.hostname or "")):
+            raise UsageError(
+                f"{self.address}: connections to another machine must be encrypted, because anyone "
+                "who can connect to the port can execute code; start scheduler and workers with "
+                "--tls-ca-file, --tls-cert and --tls-key, and use a tls:// address"
+            )
+
+    @property
+    def is_encrypted(self) -> bool:
+        """True for a tls:// address."""
+        return urlsplit(self.address).scheme == "tls"
+
+
+def _parse_address(address: str) -> Any:
+    """Split a scheduler address into scheme, host and port; raise UsageError if it is invalid."""
+    # For an invalid port, access to `port` raises a ValueError.
+    with suppress(ValueError):
+        parts = urlsplit(address)
+        # An address with a path, a query or a user name is invalid.
+        has_only_host_and_port = (
+            f"{parts.scheme}://{parts.netloc}".lower() == address.lower()
+            and "@" not in parts.netloc
+        )
+        is_complete = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
+        if has_only_host_and_port and is_complete:
+            return parts
+    raise UsageError(
+        f"invalid scheduler address {address!r}; expected tcp://HOST:PORT or tls://HOST:PORT"
+    )
+
+
+def is_loopback(host: str) -> bool:
+    """Return True if a host name or IP address refers to this machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def on_cluster(
+    cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]
+) -> Iterator[ChunkResult]:
+    """Run chunks on a Dask cluster and yield their results in order of completion.
+
+    Chunks of a worker that fails are re-run on another worker.
+
+    Parameters
+    ----------
+    chunk : callable
+        Creates the chunk with a given number; called when the chunk is submitted.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, or no scheduler responds at the address.
+    AnalysisError
+        Workers were lost repeatedly while running the same chunk. Exceptions raised by a chunk are
+        raised here too.
+    """
+    client = _connect(cluster)
+    try:
+        yield from _results(client, chunk, iter(numbers))
+    finally:
+        client.close()
+
+
+def run_chunk_with_plugins(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> ChunkResult:
+    """Run a chunk on a worker, after loading the plug-ins that it may need.
+
+    Parameters
+    ----------
+    plugins : tuple of (str, bytes)
+        File name and contents of each plug-in of the user.
+
+    Raises
+    ------
+    UsageError
+        A plug-in fails on the worker. Only the plug-in file is sent, not the other modules that it
+        imports.
+    """
+    for file in files_received(plugins):
+        load_plugin(file)
+    return run_chunk(chunk)
+
+
+def _connect(cluster: Cluster) -> Any:
+    """Connect to the Dask scheduler of a cluster and return the client. UsageError is raised if
+    Dask is not installed, a certificate is missing, or no scheduler responds at the address.
+    """
+    try:
+        from distributed import Client, Security
+    except ImportError:
+        raise UsageError(
+            "--dask requires Dask, which is not installed; install it on this machine and on the "
+            "workers with: pip install 'tdint[dask]'"
+        ) from None
+    security = _security(Security(require_encryption=True), cluster)
+    connection: Future[Any] = Future()
+
+    def connect() -> None:
+        """Create the client, and store it or its exception in `connection`."""
+        try:
+            client = Client(
+                cluster.address, security=security, timeout=_TIMEOUT, set_as_default=False
+            )
+            connection.set_result(client)
+        except Exception as error:
+            connection.set_exception(error)
+
+    # Connect in a thread: Dask ignores its timeout if another program owns the port and does not
+    # respond.
+    threading.Thread(target=connect, daemon=True).start()
+    if not wait([connection], _NOTICE_AFTER).done:
+        _log.info(
+            "%s: no response from the scheduler yet; waiting up to ten seconds", cluster.address
+        )
+        wait([connection], _TIMEOUT - _NOTICE_AFTER)
+    error = (
+        connection.exception()
+        if connection.done()
+        else TimeoutError("the connection timed out after ten seconds")
+    )
+    if error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise UsageError(
+            f"{cluster.address}: no scheduler responds ({text}); start a Dask scheduler, or "
+            "correct the address"
+        )
+    return connection.result()
+
+
+_CERTIFICATES = {
+    "tls_ca_file": "DASK_DISTRIBUTED__COMM__TLS__CA_FILE",
+    "tls_client_cert": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT",
+    "tls_client_key": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY",
+}
+"""Fields of `distributed.Security` that an encrypted connection requires, and the environment
+variables that set them in the configuration of Dask."""
+
+
+def _security(configured: Any, cluster: Cluster) -> Any:
+    """Return the certificates in the configuration of Dask for an encrypted connection; None for a
+    connection within this machine. UsageError names a certificate that is not configured or cannot
+    be read; the error of the connection would not name it.
+    """
+    if not cluster.is_encrypted:
+        return None
+    for name, variable in _CERTIFICATES.items():
+        file = getattr(configured, name)
+        if not file:
+            raise UsageError(
+                f"{cluster.address}: the configuration of Dask contains no {name}, which a tls:// "
+                f"address requires; set it there, or by the environment variable {variable}"
+            )
+        try:
+            read_at_most(str(file), MOST_BYTES, UsageError)
+        except OSError as error:
+            raise UsageError(f"{file}: cannot read the file: {error.strerror or error}") from None
+    return configured
+
+
+def _results(
+    client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]
+) -> Iterator[ChunkResult]:
+    """Submit the remaining chunks to the workers and yield their results in order of completion.
+    AnalysisError is raised if workers failed repeatedly, for example because their memory was
+    exhausted.
+    """
+    from distributed import KilledWorker, as_completed
+
+    # Workers may not have the user's plug-ins, so the plug-in files are sent with every chunk.
+    plugins = files_to_send()
+    running = as_completed(loop=client.loop)
+
+    def submit_more(pending: int) -> int:
+        """Submit further chunks and return the number of pending chunks.
+
+        `pending` is the number of chunks that are submitted and not completed. Its limit exceeds
+        the number of threads, so that no worker is idle.
+        """
+        # Workers may join and leave, so the number of threads is requested each time.
+        threads_by_worker: dict[str, int] = client.nthreads()
+        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_by_worker.values()))
+        # A chunk is created when it is submitted: all chunks together may not fit in memory.
+        for number in islice(numbers, max(0, limit - pending)):
+            # With `pure=False`, Dask does not look for equal chunks to reuse their results.
+            running.add(
+                client.submit(run_chunk_with_plugins, plugins, chunk(number), pure=False, retries=0)
+            )
+            pending += 1
+        return pending
+
+    pending = submit_more(0)
+    for future in running:
+        try:
+            result: ChunkResult = future.result()
+        except KilledWorker as error:
+            raise AnalysisError(
+                f"workers of the cluster failed repeatedly during the same runs: {error}; the logs "
+                "of the workers state the reason, such as insufficient memory"
+            ) from None
+        # The result was transferred; let the scheduler free its memory.
+        future.release()
+        yield result
+        pending = submit_more(pending - 1)

@@ -1,0 +1,570 @@
+"""Contents of a campaign file as typed values in SI units. Other modules read the files that
+it lists, such as models and records."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdint.errors import ModelError, ModelFault, UsageError
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import PairNames
+from tdint.methods.catalogue import parse as parse_method
+from tdint.model.definition import Model
+from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
+from tdint.model.parameters import PARAMETERS, check_parameter, check_value
+from tdint.studies.campaign.assigned_motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
+from tdint.studies.campaign.chunks import CampaignSettings
+from tdint.studies.campaign.load_cases import LoadFiles
+from tdint.studies.fragility.type_states import DamageRequest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tdint.studies.regions.inventory import InventoryRows
+
+
+# ---- Sweeps: variations of each building of a campaign over grids and samples of its parameters,
+# methods and time steps (key `vary` of a campaign file and lists under `analysis`)
+
+_MAX_VARIATIONS = (
+    1_000_000  # maximum number of variations of a building, which are stored in memory
+)
+_LABEL_DIGITS = 6  # significant digits of the values in the labels of variations
+
+DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
+    "lognormal": ("median", "beta"),
+    "normal": ("mean", "sd"),
+    "uniform": ("low", "high"),
+}
+"""Distributions of random parameters, and the names of their two parameters."""
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Distribution of a random parameter: `name` is a key of `DISTRIBUTIONS`; `first` and `second`
+    are the values of its two parameters, for example median and beta of a lognormal
+    distribution."""
+
+    name: str
+    first: float
+    second: float
+
+    def __post_init__(self) -> None:
+        """Raise UsageError if the parameters are invalid for this distribution."""
+        first_name, second_name = DISTRIBUTIONS[self.name]
+        if self.name == "uniform" and not self.first < self.second:
+            raise UsageError(
+                f"uniform: {first_name} must be less than {second_name}, got {self.first:g} and "
+                f"{self.second:g}"
+            )
+        if self.name != "uniform" and not self.second > 0.0:
+            raise UsageError(f"{self.name}: {second_name} must be positive, got {self.second:g}")
+        if self.name == "lognormal" and not self.first > 0.0:
+            raise UsageError(f"lognormal: {first_name} must be positive, got {self.first:g}")
+
+    def at(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the quantiles of the distribution at probabilities from 0 to 1, as an array of the
+        same shape."""
+        from scipy.special import ndtri
+
+        if self.name == "uniform":
+            return self.first + probability * (self.second - self.first)
+        # The second parameter is the standard deviation of the value (normal) or of its logarithm
+        # (lognormal).
+        deviations = self.second * ndtri(probability)
+        if self.name == "lognormal":
+            return np.asarray(self.first * np.exp(deviations))
+        return np.asarray(self.first + deviations)
+
+
+@dataclass(frozen=True)
+class ParameterSweep:
+    """Variations of every building of a campaign.
+
+    Attributes
+    ----------
+    grids : mapping of str to tuple of float
+        Values of parameters (`tdint.model.parameters.PARAMETERS`), in all combinations.
+    random : mapping of str to Distribution
+        Independent random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover
+        1979).
+    samples : int
+        Number of samples of the random parameters. Each combination of the other values is analyzed
+        with the same samples.
+    methods : tuple of str
+        Methods with their parameters, in all combinations with the other values; empty: no
+        variation.
+    steps : tuple of float
+        Time steps, s, in all combinations with the other values; empty: no variation.
+    location : ModelFault | None
+        Position of the sweep in the campaign file, for error messages; None: not from a file.
+    """
+
+    grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    random: Mapping[str, Distribution] = field(default_factory=dict)
+    samples: int = 0
+    seed: int = 0
+    methods: tuple[str, ...] = ()
+    steps: tuple[float, ...] = ()
+    location: ModelFault | None = field(default=None, compare=False)
+
+    @contextmanager
+    def reported_at_key(self) -> Iterator[None]:
+        """Convert a UsageError of an invalid variation to a ModelError that states the position of
+        the sweep in the campaign file. The body of the `with` statement creates the buildings. The
+        error is not converted if the sweep is not from a file."""
+        try:
+            yield
+        except UsageError as error:
+            if self.location is None:
+                raise
+            raise ModelError([replace(self.location, message=str(error))]) from None
+
+    def changes(self) -> list[dict[str, float]]:
+        """Return one dictionary per variation, from the name of a parameter to its value.
+
+        The variations are all combinations of the grid values, each with all samples of the random
+        parameters. Methods and time steps are not included.
+
+        Raises
+        ------
+        UsageError
+            A sampled value is out of range; there are too many variations.
+        """
+        # Check the number of variations before they are created, because a typing error in the
+        # campaign file can request so many that they do not fit in memory.
+        count = math.prod(map(len, self.grids.values())) * max(self.samples, 1)
+        if count > _MAX_VARIATIONS:
+            raise UsageError(
+                f"the sweep has {count} variations of each building; at most "
+                f"{_MAX_VARIATIONS} are allowed"
+            )
+        grid_points = [
+            dict(zip(self.grids, values, strict=True))
+            for values in itertools.product(*self.grids.values())
+        ]
+        if not self.random:
+            return grid_points
+
+        # A Latin hypercube covers the range of each parameter even with few samples.
+        from scipy.stats import qmc
+
+        sampler = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed))
+        probabilities = sampler.random(self.samples)  # shape (samples, parameters)
+        values_by_parameter = [
+            distribution.at(probabilities[:, i]).tolist()
+            for i, distribution in enumerate(self.random.values())
+        ]
+        # One dictionary per sample, from the name of a random parameter to its value
+        samples = [
+            dict(zip(self.random, values, strict=True))
+            for values in zip(*values_by_parameter, strict=True)
+        ]
+        for sample in samples:
+            for name, value in sample.items():
+                check_value(name, value)
+        return [point | sample for point in grid_points for sample in samples]
+
+    def vary_models(self, models: Sequence[Model]) -> tuple[Model, ...]:
+        """Return all variations of all models: all variations of the first model, then all
+        variations of the second model, and so on.
+
+        A variation is a combination of parameter values, method and time step. If the sweep has no
+        list of methods (or time steps), each model keeps its method (or time step).
+
+        Raises
+        ------
+        UsageError
+            A varied parameter does not exist, or a value is out of range.
+        """
+        variations = list(
+            itertools.product(
+                enumerate(self.changes(), start=1), self.methods or (None,), self.steps or (None,)
+            )
+        )
+        varied_models = []
+        for model in models:
+            for (number, change), method, dt in variations:
+                analysis = replace(
+                    model.analysis,
+                    method=method or model.analysis.method,
+                    dt=dt or model.analysis.dt,
+                )
+                label = self._label(change, number, method, dt)
+                varied_models.append(replace(model.changed(change), analysis=analysis, label=label))
+        return tuple(varied_models)
+
+    def vary_inventory(self, rows: InventoryRows) -> InventoryRows:
+        """Return an inventory with all variations of its buildings.
+
+        A variation changes the parameters of a building, but not its identifier. The random factors
+        of stiffness and damping and the random ground motions of a grid are derived from the
+        identifier, so that they are equal for all variations of a building.
+
+        Raises
+        ------
+        UsageError
+            A sampled value is out of range; there are too many variations.
+        """
+        return replace(
+            rows,
+            changes=[
+                (tuple(change.items()), self._label(change, number, method=None, dt=None))
+                for number, change in enumerate(self.changes(), start=1)
+            ],
+        )
+
+    def _label(
+        self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
+    ) -> str:
+        """Return the label of a variation in tables, such as `damping=0.05, draw 3, dt=0.01`. It
+        contains the number of the sample (`draw 3`) instead of all sampled values; `number` counts
+        the variations from 1.
+        """
+        texts = [
+            f"{name}={value:.{_LABEL_DIGITS}g}"
+            for name, value in change.items()
+            if name in self.grids
+        ]
+        # The samples are the inner loop of `changes`, so the remainder is the index of the sample.
+        if self.random:
+            texts.append(f"draw {(number - 1) % self.samples + 1}")
+        if method:
+            texts.append(method)
+        if dt:
+            texts.append(f"dt={dt:g}")
+        return ", ".join(texts)
+
+
+_NUMBER = Bounds(ratio=True)
+_SAMPLES = (
+    Key("samples", Integer(1, 100_000), "number of samples of random parameters (Latin hypercube)"),
+    Key("seed", Integer(0, 2**31 - 1), "random seed"),
+)
+_VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
+
+
+def _distribution(value: Value, name: str, **numbers: float) -> Distribution | None:
+    """Return the distribution that a key of the campaign file defines; None if its parameters are
+    invalid. In this case an error is recorded in the document.
+
+    `**numbers` contains the two parameters by name, in the order of `DISTRIBUTIONS`.
+    """
+    try:
+        return Distribution(name, *numbers.values())
+    except UsageError as error:
+        value.fault(str(error))
+        return None
+
+
+_RANDOM = Keys(
+    tuple(
+        Key(
+            name,
+            Keys(
+                tuple(Key(name, _NUMBER, needed=True) for name in parameters),
+                make=partial(_distribution, name=name),
+            ),
+        )
+        for name, parameters in DISTRIBUTIONS.items()
+    ),
+    # A mapping may contain keys of a single alternative group only. Each distribution is a separate
+    # group, so that a mapping with two distributions is an error.
+    alternative_groups=tuple((name,) for name in DISTRIBUTIONS),
+    description=_VALUES_TEXT,
+    # `distributions` contains the specified distribution, and None for all other types.
+    make=lambda _, **distributions: next(filter(None, distributions.values())),
+)
+
+
+@dataclass(frozen=True)
+class Varied:
+    """Type of the key `vary` of a campaign file: parameters with their values or distributions,
+    number of samples and seed."""
+
+    def schema(self) -> Schema:
+        """Return the JSON schema of the key `vary`. Parameters of stories have the same names as in
+        `Model.replace`, for example `story 2.mass` or `stories.stiffness`."""
+        values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
+        # The mapping of a distribution has exactly one key, its name.
+        distribution = _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}
+        values_or_distribution = {"anyOf": [values, distribution]}
+        parameters = {
+            name: {"description": meaning, **values_or_distribution}
+            for name, meaning in PARAMETERS.items()
+        }
+        sampling = {key.name: {"description": key.meaning, **key.type.schema()} for key in _SAMPLES}
+        # Names of story parameters: `stories.KEY`, `stories[NUMBER].KEY` or `story NUMBER.KEY`
+        story_parameters = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": values_or_distribution}
+        return {
+            "type": "object",
+            "properties": parameters | sampling,
+            "patternProperties": story_parameters,
+            "additionalProperties": False,
+        }
+
+
+def read_sweep(
+    vary: Value | None, methods: Value | None, steps: Value | None, *, models: bool
+) -> ParameterSweep | None:
+    """Return the sweep of a campaign; None if the file requests no variations. Errors are recorded
+    in the document that contains the values.
+
+    Parameters
+    ----------
+    models : bool
+        True if the buildings are model files, False if they are from an inventory. Methods and time
+        steps can be varied only for model files.
+    """
+    for value in (methods, steps):
+        if value and not models:
+            value.fault(
+                "lists of methods and time steps require `models`; use a single value with an "
+                "inventory"
+            )
+            return None
+    if not (vary or methods or steps):
+        return None
+    parameters_sweep = _read_vary(vary) if vary else None
+    method_items = (
+        methods.items("a list of methods", "is empty; give at least one method")
+        if methods
+        else None
+    )
+    # `fromkeys` removes duplicates. An invalid method is None.
+    distinct_methods = dict.fromkeys(item.parsed(parse_method) for item in method_items or ())
+    time_steps = steps.read() if steps else None
+    return replace(
+        parameters_sweep or ParameterSweep(),
+        location=vary.location if vary else None,
+        methods=tuple(method.label for method in distinct_methods if method),
+        steps=tuple(dict.fromkeys(time_steps or ())),
+    )
+
+
+def _read_vary(value: Value) -> ParameterSweep | None:
+    """Read the key `vary` of a campaign file: values and distributions of parameters, number of
+    samples, and random seed. Errors are recorded in the document; None is the result if the value
+    is not a mapping with valid keys.
+    """
+    grids: dict[str, tuple[float, ...]] = {}
+    random: dict[str, Distribution] = {}
+    names = value.names
+    # The allowed names of parameters depend on the stories of the models. Therefore all names are
+    # accepted here and checked with the models.
+    section = value.section(
+        Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed"))))
+    )
+    if section is None:
+        return None
+    for name in names:
+        entry = section.get(name)
+        if entry is None or name in ("samples", "seed"):
+            continue
+        # Check the form of the name; the models are not read yet.
+        try:
+            check_parameter(name)
+        except UsageError as error:
+            entry.fault(str(error))
+            continue
+        if entry.is_mapping:
+            if distribution := replace(entry, type=_RANDOM).read():
+                random[name] = distribution
+        else:
+            grids[name] = _values(entry, name)
+    # Random parameters require a number of samples, which has no effect without them.
+    samples = section.get("samples")
+    if random and not samples:
+        value.fault("random parameters require `samples`; add the number of samples")
+    if samples and not random:
+        samples.fault("can only be used with a random parameter; remove it")
+    return ParameterSweep(grids, random, section.read("samples") or 0, section.read("seed") or 0)
+
+
+def _values(entry: Value, name: str) -> tuple[float, ...]:
+    """Return the values that a list (`entry`) specifies for the parameter `name`. Duplicate values
+    are ignored, because they would repeat the same building. Invalid values are recorded as errors
+    of the campaign file."""
+    numbers: dict[float, None] = {}  # a dictionary has no duplicate keys and keeps their order
+    for item in entry.items(_VALUES_TEXT) or ():
+        # A damping ratio may be in percent. An invalid number is NaN, with its error recorded.
+        number = item.number(_NUMBER if name == "damping" else ANY)
+        try:
+            if not math.isnan(number):
+                check_value(name, number)
+                numbers[number] = None
+        except UsageError as error:
+            item.fault(str(error))
+    return tuple(numbers)
+
+
+# ---- Definition
+
+
+@dataclass(frozen=True)
+class ModelFiles:
+    """Buildings of model files, by their paths relative to the working directory."""
+
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class InventoryFile:
+    """Buildings of an inventory, derived by rules.
+
+    Attributes
+    ----------
+    file : str
+        CSV file, or exposure model of OpenQuake.
+    length : float
+        Length unit of the file, m.
+    classes : str | None
+        CSV file of the classes, for rules that require it.
+    as_published : bool
+        For the rules of capacity curves: multiply forces and stiffness by the factor that the
+        published program applies.
+    mass_only : bool
+        Omit the stiffness-proportional damping.
+    stiffness_scatter, damping_scatter : float
+        Standard deviations of random factors of stiffness and damping ratio.
+    """
+
+    file: str
+    rules: str
+    length: float
+    mass_only: bool = False
+    stiffness_scatter: float = 0.0
+    damping_scatter: float = 0.0
+    seed: int = 0
+    classes: str | None = None
+    as_published: bool = False
+    mapping: str | None = None
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Files of the inventory."""
+        return tuple(filter(None, (self.file, self.classes, self.mapping)))
+
+
+@dataclass(frozen=True)
+class RecordFiles:
+    """Records in files and directories.
+
+    Attributes
+    ----------
+    pairs : PairNames | None
+        Naming scheme of the two components of a motion; None: components are separate motions.
+    """
+
+    files: tuple[str, ...]
+    choice: RecordChoice
+    pairs: PairNames | None = None
+
+
+@dataclass(frozen=True)
+class SequenceFile:
+    """Sequences of events in a CSV file.
+
+    Attributes
+    ----------
+    rest : float | None
+        Time between events, s; None: until free vibration has decayed.
+    """
+
+    file: str
+    choice: RecordChoice
+    rest: float | None
+
+
+@dataclass(frozen=True)
+class FieldFile:
+    """Ground motion fields: the motion of each event at each site.
+
+    Attributes
+    ----------
+    file : str
+        CSV file of events, sites, records and factors.
+    pairs : bool
+        Combine the two horizontal components of a record.
+    sites : str | None
+        CSV file with the locations of the sites; None: the inventory names the site of each
+        building.
+    distance : str
+        Unit of the distance to the nearest site: a key of
+        `tdint.studies.campaign.assigned_motions.COORDINATES`.
+    max_distance : float
+        Buildings at a larger distance from the nearest site are omitted, m.
+    rates : str | None
+        CSV file with the annual rates of the events.
+    """
+
+    file: str
+    choice: RecordChoice
+    pairs: bool = False
+    sites: str | None = None
+    distance: str = "km"
+    max_distance: float = MAX_DISTANCE
+    rates: str | None = None
+
+
+@dataclass(frozen=True)
+class FactorsFile:
+    """Factors of each motion in a CSV file of `tdint scale`."""
+
+    file: str
+
+
+@dataclass(frozen=True)
+class AnalysisOverrides:
+    """Settings for all buildings. None: each building has the setting of its model.
+
+    Attributes
+    ----------
+    collapse_drift : float | None
+        Drift ratio above which a run counts as collapsed.
+    """
+
+    method: str | None = None
+    collapse_drift: float | None = None
+    p_delta: bool | None = None
+
+
+@dataclass(frozen=True)
+class CampaignFile:
+    """Checked campaign file.
+
+    Attributes
+    ----------
+    name, source : str
+        Name of the campaign (by default the name of the file), and path of the file.
+    damage : DamageRequest | None
+        Definition of the damage states; None: as in the models.
+    outputs : tuple of str | None
+        Tables to write; None: all tables.
+    style : str
+        Style of the figures, as in the file. Runs do not depend on it.
+    pair_demand : str | None
+        Rule that combines the components of pairs (`tdint.studies.motions.pairs`); None: the
+        default. Runs do not depend on it.
+    """
+
+    name: str
+    source: str
+    buildings: ModelFiles | InventoryFile
+    records: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles
+    intensity: Scales | MeasureLevels | FactorsFile
+    analysis: AnalysisOverrides
+    settings: CampaignSettings
+    sweep: ParameterSweep | None = None
+    damage: DamageRequest | None = None
+    outputs: tuple[str, ...] | None = None
+    style: str = ""
+    pair_demand: str | None = None

@@ -1,0 +1,619 @@
+"""Execute the plan of a campaign: run the missing chunks, store their results, and report progress.
+Also merge the stores of shards (parts of a campaign that run on different machines)."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sqlite3
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.files import is_there
+from tdint.kernels.building.compilable import Variant, time_loops
+from tdint.kernels.building.load_or_compile import load_or_compile
+from tdint.kernels.compiling import Kernel
+from tdint.number_parsing import first_warning, pluralize
+from tdint.response.runs.compiled_steps import kernels
+from tdint.studies.campaign.chunks import ChunkResult, run_chunk, spectral_accelerations
+from tdint.studies.campaign.cluster import Cluster, on_cluster
+from tdint.studies.campaign.inputs import read_inputs
+from tdint.studies.campaign.plan import Plan, make_plan
+from tdint.studies.campaign.reader import load_campaign
+from tdint.studies.store import schema
+from tdint.studies.store.differences import INVENTORY_CHANGED, all_differences
+from tdint.studies.store.opening import open_existing, open_store
+from tdint.studies.store.result_store import FILE, Store, is_empty
+from tdint.system import on_threads, processors
+from tdint.tabular import Progress, Tabular, progress_reporter
+
+if TYPE_CHECKING:
+    from tdint.model.limits import LimitCheck
+
+Engine = Callable[[Plan, Sequence[int]], Iterator[ChunkResult]]
+"""Function that runs the chunks of a plan with the given numbers, on threads of this process or on
+workers of a cluster, and yields their results in order of completion."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part K/N of a campaign, which one of several machines runs: every N-th chunk, starting with
+    the K-th chunk.
+
+    Attributes
+    ----------
+    number, count : int
+        K, from 1, and the number of shards N.
+    """
+
+    number: int
+    count: int
+
+    def chunks(self, plan: Plan) -> range:
+        """Return the numbers of the chunks of the shard, counted from 0."""
+        return range(self.number - 1, plan.chunks, self.count)
+
+    @property
+    def text(self) -> str:
+        """Text of the shard on the command line, K/N."""
+        return f"{self.number}/{self.count}"
+
+
+@dataclass(frozen=True)
+class Advance:
+    """Progress of a campaign, or of a shard, in a single call.
+
+    Attributes
+    ----------
+    done, runs : int
+        Number of completed runs now, and at the end of the call. Both include the runs of earlier
+        calls.
+    before : int
+        Number of runs that were completed before the call.
+    seconds : float
+        Time since the start of the call, s.
+    """
+
+    done: int
+    runs: int
+    before: int
+    seconds: float
+
+    @property
+    def rate(self) -> float:
+        """Number of runs per second since the start of the call; 0 before the first chunk."""
+        return (self.done - self.before) / self.seconds if self.seconds > 0.0 else 0.0
+
+
+def execute_plan(
+    plan: Plan,
+    store: Store,
+    engine: Engine,
+    *,
+    shard: Shard | None = None,
+    max_runs: int | None = None,
+    on_chunk: Callable[[Advance], None] = lambda advance: None,
+) -> Advance:
+    """Run the missing chunks of a campaign or shard, and store each chunk when it is completed.
+
+    Parameters
+    ----------
+    shard : Shard, optional
+        Shard to run; by default the complete campaign.
+    max_runs : int, optional
+        Stop after the chunk that reaches this number of additional runs.
+    on_chunk : callable
+        Called with the progress after each completed chunk.
+
+    Raises
+    ------
+    AnalysisError
+        A method does not integrate a building.
+    OutputError
+        The store cannot be written.
+    """
+    # Chunks that were stored by a previous call count as completed.
+    chunks = range(plan.chunks) if shard is None else shard.chunks(plan)
+    missing = sorted(set(chunks) - store.completed_chunks())
+    runs_before = sum(map(plan.size, chunks)) - sum(map(plan.size, missing))
+    # Include the chunk that reaches the limit, because incomplete chunks are never stored.
+    if max_runs is not None:
+        cumulative_runs = list(accumulate(map(plan.size, missing)))
+        chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
+        missing = missing[: chunks_below_limit + 1]
+    runs_after = runs_before + sum(map(plan.size, missing))
+    advance = Advance(runs_before, runs_after, runs_before, 0.0)
+    if shard is not None:
+        store.add_shard(shard.text)
+    # Compile before the clock starts: compilation is not part of the reported time per run.
+    if missing:
+        compile_for(plan)
+        store.record_time_loops(time_loops())
+        # Other processes can read the store while chunks are written to a log.
+        with schema.sqlite_errors_reported(store.name):
+            schema.start_log(store.connection, store.name)
+    start_time = time.perf_counter()
+    # Store each chunk immediately, so that completed chunks remain if the process is killed.
+    for result in engine(plan, missing):
+        if result.number in plan.kept:
+            result.rows.extend(plan.kept.pop(result.number))
+        store.add(result)
+        completed_runs = advance.done + len(result.rows.runs)
+        seconds = time.perf_counter() - start_time
+        advance = Advance(completed_runs, runs_after, runs_before, seconds)
+        on_chunk(advance)
+    return advance
+
+
+def threads(jobs: int) -> Engine:
+    """Return an engine that uses threads of the process.
+
+    Raises
+    ------
+    UsageError
+        The number of threads is less than 1.
+    """
+    if jobs < 1:
+        raise UsageError(f"the number of jobs (threads) must be at least 1, got {jobs}")
+    return lambda plan, numbers: on_threads(
+        lambda number: run_chunk(plan.chunk(number)), numbers, jobs
+    )
+
+
+def cluster(scheduler: Cluster) -> Engine:
+    """Return an engine that uses the workers of a Dask cluster."""
+    return lambda plan, numbers: on_cluster(scheduler, plan.chunk, numbers)
+
+
+def compile_for(plan: Plan) -> None:
+    """Load the time loops for the buildings of a plan, and compile them if necessary, before
+    several threads request them at the same time."""
+    variants: dict[tuple[Kernel, Variant], None] = {}
+    for building in plan.buildings[:_MAX_COMPILED_FOR]:
+        subject = building.subject()
+        # Forces of a load case belong to the building.
+        variant = subject.case(plan.motions[0].record).prepared.variant
+        variants |= dict.fromkeys(kernels(subject.integrator, variant))
+    load_or_compile(list(variants))
+    # The kernel of response spectra, which computes Sa(T1), is loaded by its first call. The record
+    # and the period of the call are arbitrary; its result is not used.
+    spectral_accelerations(plan.motions[0].record, [1.0])
+
+
+_MAX_COMPILED_FOR = 1000
+"""Number of buildings whose time loops are compiled in advance. All buildings of an inventory use
+the same loops."""
+
+
+@dataclass(frozen=True, repr=False)
+class CampaignRuns(Tabular):
+    """Completed runs of a campaign.
+
+    Attributes
+    ----------
+    name : str
+        Name of the campaign.
+    asked : int
+        Number of all runs of the campaign.
+    statuses : mapping of str to int
+        Number of runs of each status.
+    failures : tuple of TdintError
+        Errors of records and buildings that could not be used.
+    checked : bool
+        True if the errors of the demands were estimated.
+    warnings : tuple of str
+        Unusual values of the buildings, each with its model file, as shown by `check`.
+    """
+
+    name: str
+    asked: int
+    statuses: dict[str, int]
+    failures: tuple[TdintError, ...]
+    checked: bool
+    _content: bytes
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, store: Store, failures: tuple[TdintError, ...], warnings: tuple[str, ...] = ()
+    ) -> CampaignRuns:
+        """Return the runs of a store. Its contents are copied, so it may be closed or changed
+        afterwards.
+
+        Parameters
+        ----------
+        store : Store
+            Open store.
+        failures : tuple of TdintError
+            Errors of inputs that could not be used.
+        warnings : tuple of str
+            Unusual values of the buildings.
+        """
+        values = (
+            store.meta("name"),
+            int(store.meta("runs")),
+            store.statuses(),
+            failures,
+            store.checked,
+        )
+        return cls(*values, store.connection.serialize(), warnings)
+
+    @property
+    def store(self) -> Store:
+        """Store with the same contents in memory, for a `with` statement that closes it."""
+        connection = sqlite3.connect(":memory:")
+        # A database in memory cannot use a write-ahead log. In the file format of SQLite, bytes 18
+        # and 19 state the type of the journal: 2 is a write-ahead log, 1 is a rollback journal.
+        connection.deserialize(self._content[:18] + b"\1\1" + self._content[20:])
+        return Store(connection, self.name)
+
+    def limit_checks(
+        self, limit: float | str | None = None
+    ) -> dict[tuple[str, str], tuple[LimitCheck, ...]]:
+        """Compare the mean demands over the ground motions with limits.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Limit of the drift ratio (dimensionless) that is used instead of the limits of the
+            models, or the name of a performance level of the models. By default, all limits of the
+            models.
+
+        Returns
+        -------
+        dict of tuple of str to tuple of LimitCheck
+            Comparisons by the name of the building and the text of the intensity level. A tuple is
+            empty if no run at the level is completed. The dictionary is empty if the store contains
+            no peaks of stories.
+
+        Raises
+        ------
+        UsageError
+            A building has no story with a height, or no such performance level.
+        """
+        from tdint.studies.campaign.story_profiles import profiles
+
+        with self.store as store:
+            return {
+                (profile.building, profile.level_text): profile.limit_checks(limit)
+                for profile in profiles(store)
+            }
+
+    def _headline(self) -> str:
+        """Return the name of the campaign, the number of runs of each status, and the first
+        warning."""
+        counts_by_status = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
+        completed = sum(self.statuses.values())
+        return (
+            f"of {self.name!r}: {completed} of {pluralize(self.asked, 'run')} "
+            f"({counts_by_status}){first_warning(self.warnings)}"
+        )
+
+
+def campaign(
+    source: str | Path,
+    folder: str | Path | None = None,
+    *,
+    jobs: int | None = None,
+    max_runs: int | None = None,
+    progress: bool | Progress = False,
+    partial: bool = False,
+) -> CampaignRuns:
+    """Execute the runs of a campaign file.
+
+    Parameters
+    ----------
+    source : str or Path
+        YAML file of the campaign.
+    folder : str or Path, optional
+        Directory where completed runs are stored. The next call continues from these runs, and
+        `tdint campaign export FOLDER` writes their tables. By default runs are stored in memory.
+    jobs : int, optional
+        Number of threads; the default is the number of processors. Results do not depend on it.
+    max_runs : int, optional
+        Stop after about this number of runs.
+    progress : bool or callable
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
+        with the number of completed runs and of all runs.
+    partial : bool
+        True to return the completed runs after an interrupt (Ctrl-C).
+
+    Returns
+    -------
+    CampaignRuns
+        Completed runs. Its method `to_dict` returns the columns of runs.csv.
+
+    Raises
+    ------
+    ModelError
+        The campaign file or a model has errors.
+    UsageError
+        A time step does not fit a record.
+    RecordError
+        No record can be read.
+    OutputError
+        The directory contains another campaign, cannot be written, or another process uses it.
+    """
+    definition = load_campaign(source)
+    plan = make_plan(definition, read_inputs(definition))
+    with ExitStack() as stack:
+        # Only one process may write to a directory, which is ensured by a lock. Network disks do
+        # not support locks reliably, and are refused.
+        if folder is not None:
+            schema.refuse_network(Path(folder))
+            stack.enter_context(schema.locked(Path(folder)))
+        opened_store, _ = open_store(None if folder is None else Path(folder), plan)
+        store = stack.enter_context(opened_store)
+        run_count = sum(map(plan.size, range(plan.chunks)))
+        engine = threads(processors() if jobs is None else jobs)
+        # After an interrupt only chunks in progress are lost; completed runs are returned if
+        # `partial` is true.
+        try:
+            with progress_reporter(progress, run_count, "run") as report_progress:
+                execute_plan(
+                    plan,
+                    store,
+                    engine,
+                    max_runs=max_runs,
+                    on_chunk=lambda advance: report_progress(advance.done, advance.runs),
+                )
+        except KeyboardInterrupt:
+            if not partial:
+                raise
+        return CampaignRuns.of(store, plan.failures, plan.warnings)
+
+
+_BUILDING_TABLES = ("buildings", "inventory", "building_types")
+_CHUNK_COLUMNS = {**{table.name: -1 for table in schema.ROW_TABLES}, "chunks": 0}
+"""Index of the column with the number of the chunk, by table: the last column of tables of rows,
+the first column of the table of chunks."""
+
+_log = logging.getLogger(__name__)
+
+
+def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> Store:
+    """Merge the stores of shards of a single campaign into the store in `target`. Chunks that
+    several stores contain are copied once.
+
+    Parameters
+    ----------
+    partial : bool
+        True to accept missing runs.
+
+    Raises
+    ------
+    UsageError
+        A directory contains no campaign, or the campaigns differ; the message lists the
+        differences, one line each.
+    AnalysisError
+        Runs are missing from all stores; the message has their number and their shards.
+    OutputError
+        The store cannot be written.
+    """
+    # Open the stores sequentially: the files of a thousand shards cannot all be open at a time.
+    parts: list[_Part] = []
+    for directory in folders:
+        with open_existing(directory) as source:
+            parts.append(_read_part(directory, source))
+        _check_same_campaign(parts[0], parts[-1])
+    # Chunks that an earlier call has copied to the target are not missing. If the target does not
+    # exist or contains no campaign, `open_existing` raises UsageError, which is ignored.
+    parts_and_target = list(parts)
+    with suppress(UsageError), open_existing(target) as existing:
+        parts_and_target.append(_read_part(target, existing))
+    missing_text = _describe_missing(parts_and_target)
+    if missing_text and not partial:
+        raise AnalysisError(f"{missing_text}; add their directories, or use --partial")
+    # The target can be one of the directories; its store contains its own runs already.
+    file = target / FILE
+    sources = [part for part in parts if not (is_there(file) and file.samefile(part.folder / FILE))]
+    name = str(file)
+    with schema.sqlite_errors_reported(name):
+        store = Store(schema.connect(name), name)
+    with schema.closed_on_failure(store.connection):
+        with schema.sqlite_errors_reported(name):
+            if not is_empty(store):
+                schema.check_store(store.connection, name)
+                _check_same_campaign(parts_and_target[-1], parts[0])
+            _copy_buildings(sources, store)
+        # Corrupt chunks of the target and of the sources are omitted and reported.
+        if removed_count := store.remove_invalid_chunks():
+            _warn_of_corrupt_chunks(name, removed_count)
+        for part in sources:
+            _warn_of_corrupt_chunks(part.name, part.corrupt_count)
+            store.record_time_loops(part.time_loops)
+            with _open_part(part) as source, schema.sqlite_errors_reported(name):
+                _copy_chunks(source, store, set(part.chunks))
+    return store
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Contents of the store of a part of a campaign: a directory with some of its runs, such as a
+    shard.
+
+    Attributes
+    ----------
+    name : str
+        Path of the store, for messages.
+    identity : dict of str to str
+        Values that must be equal in all parts of a campaign, by name.
+    runs : int
+        Number of runs of the complete campaign.
+    shards : list of str
+        Shards, K/N, with runs in the store.
+    chunks : dict of int to int
+        Number of runs of each chunk that is complete and not corrupt, by the number of the chunk.
+    time_loops : str or None
+        Execution of the time loops (`Store.time_loops`).
+    """
+
+    folder: Path
+    name: str
+    identity: dict[str, str]
+    runs: int
+    shards: list[str]
+    chunks: dict[int, int]
+    corrupt_count: int
+    time_loops: str | None
+
+
+def _read_part(folder: Path, store: Store) -> _Part:
+    """Read the identity, shards and chunks of a part of a campaign, such as a shard."""
+    with schema.sqlite_errors_reported(store.name):
+        corrupt = schema.corrupt_chunks(store.connection)
+        chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
+        identity = {
+            key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")
+        }
+        identity["inventory files"] = json.dumps(store.inventory_files())
+        runs = int(store.meta("runs"))
+    # Corrupt chunks count as missing, because they are not copied.
+    intact = {number: count for number, count in chunks.items() if number not in corrupt}
+    return _Part(
+        folder,
+        store.name,
+        identity,
+        runs,
+        store.shards(),
+        intact,
+        len(corrupt),
+        store.time_loops(),
+    )
+
+
+def _open_part(part: _Part) -> Store:
+    """Open the store of a part of a campaign for reading."""
+    return Store(schema.connect_to_read(part.folder / FILE), part.name)
+
+
+def _check_same_campaign(first: _Part, second: _Part) -> None:
+    """Raise UsageError if the two parts `first` and `second` belong to different campaigns. The
+    message lists the differences."""
+    if first.identity == second.identity:
+        return
+    differing_keys = {key for key, value in first.identity.items() if second.identity[key] != value}
+    has_new_inventory = "inventory files" in differing_keys
+    if not differing_keys & {"fingerprint", "chunks"}:
+        # The runs are the same. The parts still cannot be merged, because the tables depend on the
+        # inventory and on the section damage, and these differ.
+        reasons = []
+        if differing_keys & {"inventory", "damage"}:
+            reasons.append(
+                "the columns of the inventory or the section damage differ; run `tdint campaign` "
+                "again for each shard"
+            )
+        if has_new_inventory:
+            reasons.append(INVENTORY_CHANGED)
+        differences_text = "\n".join(reasons)
+    else:
+        with _open_part(first) as first_store, _open_part(second) as second_store:
+            differences_text = all_differences(
+                first_store.compared_values(),
+                second_store.compared_values(),
+                stored_label=first.name,
+                compared_label=second.name,
+                are_shards=bool(first.shards),
+                has_new_inventory=has_new_inventory,
+            )
+    raise UsageError(
+        f"{first.name} and {second.name} belong to different campaigns, and only parts of one "
+        f"campaign can be merged; the differences are:\n{differences_text}"
+    )
+
+
+def _describe_missing(parts: Sequence[_Part]) -> str:
+    """Return the number of runs that no part of a campaign contains, and the shards to which they
+    belong, if known; an empty text if no runs are missing.
+    """
+    stored_runs = {number: runs for part in parts for number, runs in part.chunks.items()}
+    missing_chunks = set(range(int(parts[0].identity["chunks"]))) - set(stored_runs)
+    if not missing_chunks:
+        return ""
+    total = parts[0].runs
+    missing_count = total - sum(stored_runs.values())
+    message = f"{missing_count} of {pluralize(total, 'run')} are not in any directory"
+    # Missing shards can be named if all shards have the same N of K/N, the usual case.
+    started_shards = {text for part in parts for text in part.shards}
+    shard_counts = {int(text.partition("/")[2]) for text in started_shards}
+    if len(shard_counts) != 1:
+        return message
+    (shard_count,) = shard_counts
+    # Chunk i, counted from 0, belongs to shard i % N + 1 of N (`Shard.chunks`).
+    missing_numbers = sorted({chunk % shard_count + 1 for chunk in missing_chunks})
+    missing_shards = [Shard(number, shard_count).text for number in missing_numbers]
+    # A shard with a directory can also lack chunks, if it was not completed.
+    names = [
+        f"{text} (not complete)" if text in started_shards else text for text in missing_shards
+    ]
+    return f"{message}: missing {'shard' if len(names) == 1 else 'shards'} {', '.join(names)}"
+
+
+def _warn_of_corrupt_chunks(name: str, count: int) -> None:
+    """Log a warning if the number of corrupt chunks (`count`) of the store with the path `name` is
+    not zero."""
+    if count:
+        _log.warning(
+            "%s: %d corrupt chunks of runs are omitted; `tdint campaign` runs them again",
+            name,
+            count,
+        )
+
+
+def _copy(
+    source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
+) -> None:
+    """Copy rows of a table from a store to another store.
+
+    `accept` is the function that receives a row, a tuple of all columns, and returns True to copy
+    it.
+    """
+    rows = source.connection.execute(f"SELECT * FROM {table}")
+    placeholders = ", ".join("?" * len(rows.description))
+    target.connection.executemany(
+        f"INSERT OR IGNORE INTO {table} VALUES({placeholders})", filter(accept, rows)
+    )
+
+
+def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
+    """Copy the buildings of all parts of a campaign to a store, in a single transaction. If the
+    store is empty, also create its tables and copy the definition of the campaign.
+    """
+    with schema.transaction(target.connection, target.name):
+        is_new = is_empty(target)
+        for statement in schema.TABLES if is_new else ():
+            target.connection.execute(statement)
+        for index, part in enumerate(parts):
+            with _open_part(part) as source:
+                # Settings and records are the same in all parts: copy them from the first part.
+                if is_new and index == 0:
+                    _copy(source, target, "meta")
+                    _copy(source, target, "records")
+                for table in _BUILDING_TABLES:
+                    _copy(source, target, table)
+                # `category` is `building` or `record`.
+                for category, reasons in source.unused().items():
+                    target.add_unused((category, reason) for reason in reasons)
+        part_shards = [text for part in parts for text in part.shards]
+        shards = list(dict.fromkeys([*target.shards(), *part_shards]))  # without duplicates
+        if shards:
+            values = ("shards", json.dumps(shards))
+            target.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+        target.seal()
+
+
+def _copy_chunks(source: Store, target: Store, intact: set[int]) -> None:
+    """Copy chunks with all their rows. Chunks that the target already contains are not copied.
+
+    `intact` contains the numbers of the chunks of the source that are not corrupt.
+    """
+    new_chunks = intact - target.completed_chunks()
+    with schema.transaction(target.connection, target.name):
+        for table, index in _CHUNK_COLUMNS.items():
+            _copy(source, target, table, lambda row, index=index: row[index] in new_chunks)  # type: ignore[misc]

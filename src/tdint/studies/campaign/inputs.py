@@ -1,0 +1,654 @@
+"""Read the files of a campaign: models, an inventory, records or a grid, and factors."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tdint.csv_table import number, number_error, read_table
+from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
+from tdint.files import MOST_BYTES, read_at_most, record_digest
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import PairNames
+from tdint.ground_motion.reading.suites import (
+    Suite,
+    SuiteMotion,
+    read_components,
+    read_suite,
+    suite_motions,
+)
+from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.model.capacity import read_classes
+from tdint.model.config.model_file import load_model
+from tdint.model.damage_states import COST, NUMBER
+from tdint.model.definition import Model
+from tdint.model.keys.fields import resolve
+from tdint.number_parsing import abbreviate
+from tdint.studies.campaign.assigned_motions import (
+    Assignment,
+    CampaignMotions,
+    FactorTable,
+    FieldMotions,
+    GridFile,
+    GridMotions,
+    GridSamples,
+    SiteEvents,
+    meters,
+    nearest,
+)
+from tdint.studies.campaign.definition import (
+    AnalysisOverrides,
+    CampaignFile,
+    FactorsFile,
+    FieldFile,
+    InventoryFile,
+    ModelFiles,
+    ParameterSweep,
+    RecordFiles,
+    SequenceFile,
+)
+from tdint.studies.campaign.load_cases import LoadFiles, read_load_cases
+from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
+from tdint.studies.regions.inventory import InventoryRows, read_inventory
+from tdint.studies.regions.sites import read_field, read_grid
+
+_SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
+_MOST_NAMES = 10  # names listed in a message
+
+_FACTOR_COLUMNS = ("record", "component", "factor")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Contents of the files that a campaign file lists.
+
+    Attributes
+    ----------
+    assignment : Assignment | None
+        Ground motions of each building; None: all motions for all buildings.
+    factors : FactorTable | None
+        Scale factors of the motions, if specified by a file.
+    damage : ClassDamage
+        Damage states and loss ratios by building class, if specified by files.
+    faults : tuple of ModelError
+        Errors of the rows of the inventory that were skipped.
+    too_far_from_sites : tuple of ModelFault
+        Rows of the inventory that were skipped because they are too far from all sites.
+    """
+
+    models: tuple[Model, ...] = ()
+    rows: InventoryRows | None = None
+    motions: CampaignMotions = field(default_factory=CampaignMotions)
+    assignment: Assignment | None = None
+    factors: FactorTable | None = None
+    damage: ClassDamage = field(default_factory=ClassDamage)
+    faults: tuple[ModelError, ...] = ()
+    too_far_from_sites: tuple[ModelFault, ...] = ()
+
+
+def read_inputs(campaign: CampaignFile) -> Inputs:
+    """Read all files that a campaign file lists.
+
+    Returns
+    -------
+    Inputs
+        Buildings, ground motions, factors and damage states; variations of a sweep are included.
+
+    Raises
+    ------
+    ModelError
+        Models or the inventory are invalid; the error lists all invalid entries. The file of
+        factors cannot be read.
+    RecordError
+        No record can be used.
+    UsageError
+        A grid is used without an inventory.
+    """
+    models: tuple[Model, ...] = ()
+    rows: InventoryRows | None = None
+    faults: tuple[ModelError, ...] = ()
+    sweep = campaign.sweep or ParameterSweep()
+    # Read the buildings first, so that errors of model files are reported before records are read.
+    if isinstance(campaign.buildings, ModelFiles):
+        models = read_models(campaign.buildings, campaign.analysis)
+        with sweep.reported_at_key():
+            models = sweep.vary_models(models) if campaign.sweep else models
+    else:
+        rows, faults = read_rows(campaign.buildings)
+    factors = (
+        read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+    )
+    # If the campaign file lists no records, the table of factors lists them.
+    if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
+        factors, motions = read_listed_motions(factors, campaign.records)
+    elif isinstance(campaign.records, LoadFiles):
+        motions = read_load_cases(campaign.records, models, rows, campaign.source)
+    else:
+        motions = _READERS[type(campaign.records)](campaign.records)
+    # Omit buildings that are too far from all sites before a sweep multiplies them. The sites have
+    # no locations if the inventory names the site of each building.
+    too_far: tuple[ModelFault, ...] = ()
+    has_site_locations = motions.site_motions is not None and motions.site_motions.locations
+    if isinstance(campaign.records, GridFile | FieldFile) and has_site_locations:
+        assert motions.site_motions is not None
+        rows, unlocated, too_far = _select_located(
+            campaign, campaign.records, motions.site_motions, rows
+        )
+        if unlocated:
+            faults = (*faults, ModelError(unlocated))
+    # Costs are used only after all runs. Check them now, so that an error does not waste the runs.
+    if rows and campaign.damage:
+        _check_costs(rows)
+    with sweep.reported_at_key():
+        rows = sweep.vary_inventory(rows) if rows and campaign.sweep else rows
+    assignment = _assignment(campaign, motions.site_motions, rows, len(models))
+    damage = read_class_damage(campaign.damage)
+    return Inputs(models, rows, motions, assignment, factors, damage, faults, too_far)
+
+
+def check_load_cases(campaign: CampaignFile) -> None:
+    """Read the load cases of a campaign file without runs, for `tdint check`. Models that are
+    invalid are ignored, because they are checked separately.
+
+    Raises
+    ------
+    ModelError
+        A floor does not exist in a building.
+    RecordError
+        Files of load cases are invalid; the message has the reasons, one line each.
+    """
+    assert isinstance(campaign.records, LoadFiles)
+    models: list[Model] = []
+    rows: InventoryRows | None = None
+    if isinstance(campaign.buildings, ModelFiles):
+        for file in campaign.buildings.files:
+            with suppress(ModelError):
+                models.append(load_model(file))
+    else:
+        rows, _ = read_rows(campaign.buildings)
+    motions = read_load_cases(campaign.records, models, rows, campaign.source)
+    if motions.failures:
+        raise RecordError("\n".join(map(str, motions.failures)))
+
+
+def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Model, ...]:
+    """Read model files and apply the campaign's settings for all buildings.
+
+    Raises
+    ------
+    ModelError
+        Files are invalid; the error lists all errors of all files.
+    """
+    models: list[Model] = []
+    errors: list[ModelError] = []
+    for file in buildings.files:
+        try:
+            models.append(adapted(load_model(file), analysis))
+        except ModelError as error:
+            errors.append(error)
+    if errors:
+        # An error of an invalid entry has its position in the file (`faults`). An error without a
+        # position, for example of an unreadable file, has only a text.
+        faults = [fault for error in errors for fault in error.faults]
+        texts = [str(error) for error in errors if not error.faults]
+        raise ModelError(faults if not texts else "\n".join([*texts, *map(str, faults)]))
+    return tuple(models)
+
+
+def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
+    """Return a model with the collapse drift and the P-delta setting that the campaign file
+    specifies for all buildings. Settings that it does not specify (None) are not changed.
+
+    Raises
+    ------
+    ModelError
+        P-delta is requested for a model without story heights.
+    """
+    if analysis.collapse_drift is not None:
+        model = replace(model, collapse_drift=analysis.collapse_drift)
+    if analysis.p_delta is not None:
+        if analysis.p_delta and any(story.height is None for story in model.stories):
+            raise ModelError(
+                f"{model.source}: p_delta of the campaign file requires the heights of all "
+                "stories; add the heights, or remove p_delta"
+            )
+        model = replace(model, p_delta=analysis.p_delta)
+    return model
+
+
+def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
+    """Read the buildings of an inventory.
+
+    Returns
+    -------
+    faults : tuple of ModelError
+        One error with all invalid rows, which are skipped; empty if all rows are valid.
+
+    Raises
+    ------
+    ModelError
+        The inventory cannot be read, or no row is valid.
+    """
+    classes = read_classes(buildings.classes) if buildings.classes else None
+    rows, faults = read_inventory(
+        buildings.file,
+        buildings.length,
+        mass_only=buildings.mass_only,
+        classes=classes,
+        as_published=buildings.as_published,
+        mapping=buildings.mapping,
+    )
+    if not rows:
+        raise ModelError(faults or f"{buildings.file}: the file contains no buildings")
+    return rows, (ModelError(faults),) if faults else ()
+
+
+def _check_costs(rows: InventoryRows) -> None:
+    """Check the columns of an inventory with the cost and the number of buildings, if they exist.
+    Raise ModelError, with all invalid cells, if a cell is neither empty nor zero nor a positive
+    number."""
+
+    def describe_error(_: int, text: str) -> str:
+        """Return the error of a cell with this text; empty if the cell is valid."""
+        is_valid = not text or number(text) >= 0.0
+        return "" if is_valid else number_error(text, "zero or a positive number")
+
+    faults: list[ModelFault] = []
+    for name in filter(rows.table.table.has, (COST, NUMBER)):  # both columns are optional
+        faults += rows.faults(name, describe_error)
+    if faults:
+        raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
+
+
+def _select_located(
+    campaign: CampaignFile,
+    records: GridFile | FieldFile,
+    motions: GridMotions | FieldMotions,
+    rows: InventoryRows | None,
+) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
+    """Select the buildings that have a location and are close enough to a site. For ground motion
+    fields, the nearest site and its distance are added to each selected building; tables contain
+    them as columns.
+
+    The result contains the selected buildings, the errors of the buildings without a location, and
+    the buildings that are too far from all sites. UsageError is raised if the campaign has no
+    inventory; ModelError, if no building is selected.
+    """
+    if rows is None:
+        raise UsageError(
+            f"{campaign.source}: ground motions at sites require an inventory with the columns "
+            "Latitude and Longitude"
+        )
+    # A row without a location is an error of the file; a row that is too far away is not. The sum
+    # of longitude and latitude is NaN if one of them is missing.
+    unlocated: list[ModelFault] = []
+    is_unlocated = np.isnan(rows.locations[:, 0] + rows.locations[:, 1])
+    if is_unlocated.any():
+        missing = "is missing; motions at sites require the location of each building"
+        for name in ("Latitude", "Longitude"):
+            unlocated += rows.only(is_unlocated).faults(
+                name, lambda _, text: "" if text else missing
+            )
+        unlocated.sort(key=lambda fault: (fault.line, fault.column))
+    located = rows.only(~is_unlocated)
+    if not located:
+        raise ModelError(unlocated)
+    # The campaign file selects the distance (km or degrees) that determines the nearest site. The
+    # limit `max_distance` applies to the distance in m.
+    nearest_sites = nearest(located.locations, motions.locations, records.distance)
+    distances = meters(located.locations, np.array(motions.locations)[nearest_sites])
+    is_too_far = distances > records.max_distance
+    selected, distances_km = located.only(~is_too_far), 1e-3 * distances[is_too_far]
+    if isinstance(motions, FieldMotions):
+        selected = replace(
+            selected, near=(motions.sites, nearest_sites[~is_too_far], distances[~is_too_far])
+        )
+    limit = f"max_distance is {1e-3 * records.max_distance:g} km"
+    too_far = located.only(is_too_far).faults(
+        "Latitude", lambda row, _: f"{distances_km[row]:.4g} km from the nearest site; {limit}"
+    )
+    if not selected:
+        raise ModelError([*unlocated, *too_far])
+    return selected, unlocated, tuple(too_far)
+
+
+def _assignment(
+    campaign: CampaignFile,
+    motions: GridMotions | FieldMotions | None,
+    rows: InventoryRows | None,
+    model_count: int,
+) -> Assignment | None:
+    """Return the assignment of motions to buildings; None if all buildings use all motions.
+
+    A building has samples of the motions of its nearest grid points, or all events of its site. The
+    site is the nearest one, or the site that the inventory names. If the fields have no sites, a
+    building has all events.
+
+    Raises
+    ------
+    UsageError
+        The motions have sites, and the campaign has no inventory with locations or sites.
+    ModelError
+        Buildings have no location or site, or a site without events.
+    """
+    records = campaign.records
+    if motions is None or not isinstance(records, GridFile | FieldFile):
+        return None
+    if isinstance(motions, GridMotions):
+        assert isinstance(records, GridFile) and rows is not None
+        return GridSamples(rows, motions, records)
+    # A file without a column of sites has one site with an empty name.
+    if motions.sites == ("",):
+        return SiteEvents(motions, np.zeros(len(rows) if rows else model_count, dtype=np.int64))
+    # `near` has the names of the sites, the index of the nearest site of each building, and its
+    # distance. Each building is repeated for all its variations.
+    if rows and rows.near is not None:
+        _, nearest_sites, _ = rows.near
+        return SiteEvents(motions, np.repeat(nearest_sites, len(rows.changes)))
+    if not rows or not rows.table.table.has("site"):
+        raise UsageError(
+            f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
+            "key `sites` of the records, a file with the locations of the sites"
+        )
+    # All variations of a building, which are consecutive, have the same site.
+    site_numbers = {site: number for number, site in enumerate(motions.sites)}
+    reason = (
+        f"is not a site in {records.file}; its sites are "
+        f"{', '.join(motions.sites[:5])}{' ...' * (len(site_numbers) > 5)}"
+    )
+    faults = rows.faults(
+        "site", lambda _, text: "" if text in site_numbers else f"{text!r} {reason}"
+    )
+    if faults:
+        raise ModelError(faults)
+    return SiteEvents(
+        motions, np.repeat([site_numbers[site] for site in rows.texts("site")], len(rows.changes))
+    )
+
+
+def read_motions(records: RecordFiles) -> CampaignMotions:
+    """Read the records of files and directories.
+
+    Returns
+    -------
+    CampaignMotions
+        Motions, errors of files that could not be read, and notes.
+
+    Raises
+    ------
+    RecordError
+        No record can be used; the message has the reasons, one line each.
+    """
+    suite = read_suite(records.files, records.choice, records.pairs)
+    if not suite.motions:
+        raise RecordError("\n".join(map(str, suite.failures)) or "the campaign contains no records")
+    return CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+
+
+def read_sequences(sequences: SequenceFile) -> CampaignMotions:
+    """Read sequences of events from a CSV file.
+
+    The file has the columns sequence, record (path relative to the file) and, optionally,
+    component, factor and units (of the samples; empty if the record states them). The rows of a
+    sequence are in chronological order.
+
+    Returns
+    -------
+    CampaignMotions
+        Joined records of the sequences, errors of sequences that cannot be used, and notes.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read.
+    RecordError
+        No sequence can be used; the message has the reasons, one line each.
+    """
+    format_text = (
+        f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three "
+        "are optional"
+    )
+    table = read_table(sequences.file, format_text, columns=_SHOCK_COLUMNS)
+    table.need("sequence", "record")
+    # Defaults of missing columns: all components, factor 1, units of the record.
+    optional = [
+        table.texts(name) if table.has(name) else [""] * len(table.rows)
+        for name in ("component", "factor", "units")
+    ]
+    names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
+    events_by_sequence: dict[str, list[_SequenceEvent]] = {}
+    for name, record, component, factor_text, unit, (line, _) in zip(
+        names, records, *optional, table.rows, strict=True
+    ):
+        file = resolve(record, Path(sequences.file).parent)
+        factor = _factor(sequences.file, line, factor_text or "1")
+        events_by_sequence.setdefault(name, []).append(
+            _SequenceEvent(file, component, factor, unit.strip())
+        )
+    motions, failures = list[SuiteMotion](), list[TdintError]()
+    notes: dict[str, None] = {}  # keys of a dictionary: each note once, in order
+    for name, events in events_by_sequence.items():
+        try:
+            motions += _sequence(name, events, sequences, notes)
+        except (RecordError, UsageError) as error:
+            failures.append(RecordError(f"sequence {name}: {error}"))
+    if not motions:
+        raise RecordError("\n".join(map(str, failures)))
+    return CampaignMotions(tuple(motions), tuple(failures), tuple(notes))
+
+
+_READERS: dict[type, Callable[[Any], CampaignMotions]]
+_READERS = {
+    GridFile: read_grid,
+    FieldFile: read_field,
+    SequenceFile: read_sequences,
+    RecordFiles: read_motions,
+}
+"""Function that reads the ground motions, by the type of the records in the campaign file."""
+
+
+class _SequenceEvent(NamedTuple):
+    """Event of a sequence, as in a row of the file: path of the record, name of the component
+    (empty: all components), scale factor, and units of the samples (empty: units of the record)."""
+
+    file: str
+    component: str
+    factor: float
+    units: str
+
+
+def _sequence(
+    name: str, events: Sequence[_SequenceEvent], sequences: SequenceFile, notes: dict[str, None]
+) -> Iterator[SuiteMotion]:
+    """Yield the ground motions of a sequence: one joined record for each component that the records
+    of all its events have. Notes of the reader for the user are added to `notes` as keys.
+
+    RecordError is raised if a record cannot be used, or the records have different components.
+    """
+    components_by_event: list[list[Record]] = []
+    defaults = sequences.choice
+    for event in events:
+        # Units of a row override the units for all rows ("*": all components).
+        units = {"*": event.units} if event.units else defaults.units
+        choice = replace(defaults, component=event.component or defaults.component, units=units)
+        suite = read_components([event.file], choice)
+        for error in suite.failures:
+            raise error  # a sequence requires all of its records
+        notes |= dict.fromkeys(suite.notes)
+        components_by_event.append([record.scaled(event.factor) for record in suite.records])
+    # The i-th components of all records are joined below. They must have the same name, unless
+    # each record has a single component.
+    names = [[record.component for record in records] for records in components_by_event]
+    have_equal_names = all(names_of_shock == names[0] for names_of_shock in names)
+    have_single_component = all(len(names_of_shock) <= 1 for names_of_shock in names)
+    if not (have_equal_names or have_single_component):
+        raise RecordError(
+            "the records of the sequence have different components; specify one component for each "
+            "record in the column component"
+        )
+    for records in zip(*components_by_event, strict=True):
+        joined = JoinedRecord.of(records, sequences.rest)
+        yield SuiteMotion(joined, name, joined.component, joined.events[0])
+
+
+def read_factors(factors_file: FactorsFile) -> FactorTable:
+    """Read factors from a CSV file with the columns record, component (empty: all components) and
+    factor.
+
+    Returns
+    -------
+    FactorTable
+        Factors, and the settings of `tdint scale` if it has written the file.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read.
+    """
+    file = factors_file.file
+    format_text = (
+        f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
+        "writes such a file"
+    )
+    table = read_table(file, format_text, columns=_FACTOR_COLUMNS)
+    table.need(*_FACTOR_COLUMNS)
+    motions = zip(table.texts("record"), table.texts("component"), strict=True)
+    # A motion may have several factors; duplicate factors are ignored.
+    factors_of_motion: dict[tuple[str, str], dict[float, None]] = {}
+    for motion, (line, text) in zip(motions, table.lines("factor"), strict=True):
+        factors_of_motion.setdefault(motion, {})[_factor(file, line, text)] = None
+
+    # Read the settings that `tdint scale` wrote next to the table. The file of settings is
+    # optional, so errors are ignored. Its checksum states whether it belongs to this table.
+    settings_file = Path(file.removesuffix(".gz")).with_suffix(".json")
+    scale_settings = {}
+    with suppress(OSError, ValueError, KeyError, TypeError, ModelError):
+        content = read_at_most(settings_file, MOST_BYTES, ModelError)
+        settings = json.loads(content)
+        digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
+        if settings["schema"]["name"] == "tdint scale" and settings["factors_sha256"] == digest:
+            scale_settings = settings
+    if scale_settings:
+        record_digest(settings_file, content)
+    by_name = {motion: tuple(numbers) for motion, numbers in factors_of_motion.items()}
+    return FactorTable(file, by_name, scale_settings)
+
+
+def read_listed_motions(
+    table: FactorTable, records: RecordFiles
+) -> tuple[FactorTable, CampaignMotions]:
+    """Read the records that a table of factors lists.
+
+    Parameters
+    ----------
+    records : RecordFiles
+        Selection of components and processing of the records; its list of files is empty.
+
+    Returns
+    -------
+    table : FactorTable
+        Table with the paths of the existing files.
+    motions : CampaignMotions
+        Motions that have a factor.
+
+    Raises
+    ------
+    RecordError
+        No record can be used; the message has the reasons, one line each.
+    """
+    table, suite = read_listed(table, records.choice, records.pairs)
+    if not suite.motions:
+        raise RecordError("\n".join(map(str, suite.failures)))
+    return table, CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+
+
+def read_listed(
+    table: FactorTable, choice: RecordChoice, pairs: PairNames | None
+) -> tuple[FactorTable, Suite]:
+    """Read the ground motions that a table of factors lists, and return the table with the paths of
+    the files, and the motions with the errors of files that could not be read. Other components of
+    the files are ignored.
+
+    Raises
+    ------
+    ModelError
+        Files of the table are not found; the component of a row is missing from its file or
+        ambiguous.
+    """
+    table = _located(table)
+    files = tuple(dict.fromkeys(file for file, _ in table.by_name))
+    suite = read_suite(files, choice, pairs)
+
+    # Assign each motion to a row of the table. The component in the row is the component as
+    # selected by the user, its full name, or empty for all components of the file.
+    motions_of_row: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
+    for motion in suite_motions(suite.motions):
+        for component in dict.fromkeys((motion.component, motion.record.component, "")):
+            if (motion.name, component) in motions_of_row:
+                motions_of_row[motion.name, component].append(motion)
+                break
+    failure_text = " ".join(map(str, suite.failures))
+    for (file, component), motions in motions_of_row.items():
+        # The row of a file that could not be read is no error here, because the file is reported
+        # among the failures of the suite.
+        if component and len(motions) != 1 and file not in failure_text:
+            problem = (
+                f"has {len(motions)} components named {component}"
+                if motions
+                else f"has no usable component {component}"
+            )
+            raise ModelError(
+                f"{table.source}: {file} {problem}; specify the full id of the component in the "
+                "table"
+            )
+    listed_ids = {
+        id(motion.ground_motion) for motions in motions_of_row.values() for motion in motions
+    }
+    listed_motions = tuple(motion for motion in suite.motions if id(motion) in listed_ids)
+    return table, replace(suite, motions=listed_motions)
+
+
+def _located(table: FactorTable) -> FactorTable:
+    """Return a table of factors with the path of each file. A path in the table is relative to the
+    working directory or, if it is not found there, to the directory of the table. ModelError lists
+    the files that are not found.
+    """
+    directory = Path(table.source).parent
+    located: dict[str, str] = {}  # path where the file exists, by the path in the table
+    for file in dict.fromkeys(file for file, _ in table.by_name):
+        candidates = (Path(file), directory / file)
+        path = next((candidate for candidate in candidates if file and candidate.is_file()), None)
+        if path is not None:
+            located[file] = file if path == candidates[0] else str(path)
+    missing = [file for file, _ in table.by_name if file not in located]
+    if missing:
+        missing_text = abbreviate(
+            list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES
+        )
+        raise ModelError(
+            f"{table.source}: records not found: {missing_text}; the path of a record must be "
+            "relative to the working directory or to the directory of the table"
+        )
+    by_name = {
+        (located[file], component): values for (file, component), values in table.by_name.items()
+    }
+    return replace(table, by_name=by_name)
+
+
+def _factor(file: str, line: int, text: str) -> float:
+    """Return the number in a cell of the column `factor`; raise ModelError if it is not a number or
+    is zero. `file` and `line` are the position of the cell in messages."""
+    factor = number(text)
+    if math.isnan(factor) or factor == 0.0:
+        raise ModelError(
+            f"{file}:{line}: factor: {number_error(text, 'a number that is not zero')}"
+        )
+    return factor

@@ -1,0 +1,258 @@
+"""Ground motions of a campaign file: the key `records` with files, sequences, ground motion fields
+or a grid."""
+
+from __future__ import annotations
+
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import USUAL, PairNames
+from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
+from tdint.model.config.sections import read_sample_units
+from tdint.model.keys.fields import (
+    POSITIVE,
+    Bounds,
+    Choice,
+    Either,
+    EntriesOf,
+    Flag,
+    Integer,
+    Key,
+    Keys,
+    Section,
+    TextLine,
+    Value,
+)
+from tdint.studies.campaign.assigned_motions import COORDINATES, GridFile, read_max_distance
+from tdint.studies.campaign.definition import FieldFile, RecordFiles, SequenceFile
+from tdint.studies.motions.pairs import PAIR_DEMANDS
+
+SEED = Integer(0, 2**31 - 1)
+_FILES = (
+    Key(
+        "files",
+        EntriesOf(TextLine(), least=1),
+        "records and directories of records, relative to this file",
+    ),
+    Key(
+        "component",
+        TextLine(),
+        "component, if files contain several; all horizontal components by default",
+    ),
+    Key(
+        "pairs",
+        Either((Flag(), TextLine())),
+        "combine the two horizontal components of a motion, so that they have the same factors: "
+        "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
+    ),
+    Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
+    *LAYOUT,
+    *PROCESSING,
+)
+_GRID = (
+    Key("grid", TextLine(), "EventGrid.csv, relative to this file"),
+    Key("neighbors", Integer(1, 1000), "number of nearest grid points to sample from"),
+    Key("samples", Integer(1, 100_000), "number of samples for each building"),
+    Key("seed", SEED, "random seed, combined with the building's id"),
+    Key(
+        "events",
+        Flag(),
+        "no sampling: the rows of the points' files are events, and each building has the events "
+        "of the nearest point",
+    ),
+)
+_FIELDS = (
+    Key(
+        "fields",
+        TextLine(),
+        "CSV file with the motion of each event (event, site, record, factor), relative to this "
+        "file",
+    ),
+    Key(
+        "sites",
+        TextLine(),
+        "CSV file with the locations of the sites (site, longitude, latitude), relative to this "
+        "file",
+    ),
+    Key(
+        "rates",
+        TextLine(),
+        "CSV file with the annual rate of each event (event, rate), relative to this file",
+    ),
+)
+_DISTANCE = Key(
+    "distance",
+    Choice(tuple(COORDINATES), "distance"),
+    "unit of distances to sites: km, or degrees as in SimCenter",
+)
+_MAX_DISTANCE = Key(
+    "max_distance",
+    Either((POSITIVE, TextLine())),
+    "km; buildings at a larger distance from the nearest site are omitted; 15 by default",
+)
+_SEQUENCES = (
+    Key(
+        "sequences",
+        TextLine(),
+        "CSV file of events in sequence (sequence, record, component, factor), relative to this "
+        "file",
+    ),
+    Key(
+        "rest",
+        Bounds(0.0),
+        "seconds between the events of a sequence; by default until free vibration has decayed",
+    ),
+)
+_FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
+    tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
+)
+_SAMPLE_UNITS = Key(
+    "units",
+    TextLine(),
+    "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
+    "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
+)
+_PAIR_DEMAND = Key(
+    "pair_demand",
+    Choice(PAIR_DEMANDS, "demand of pairs"),
+    "demand of the two horizontal components of a recording: the larger (default) or the mean "
+    "demand of one motion, or separate for two motions",
+)
+MOTIONS = Keys(
+    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _MAX_DISTANCE, _SAMPLE_UNITS, _PAIR_DEMAND),
+)
+"""Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
+table of factors, which lists the records."""
+
+
+def read_requested_motions(
+    value: Value, *, are_listed: bool = False
+) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+    """Return the ground motions that the campaign file requests: files, sequences, fields or a
+    grid; None if a required value is missing or invalid. Errors are recorded in the document.
+
+    Parameters
+    ----------
+    are_listed : bool
+        True if a table of factors lists the records, so that none of these keys is required.
+    """
+    section = value.section()
+    if section is None:
+        return None
+    # Record an error if the value is invalid; the value itself is read by `_read_pair_demand`.
+    section.read("pair_demand")
+    # Keys of other sources of motions would have no effect, and are refused.
+    if section.has("grid"):
+        excluded_keys = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
+        section.refuse(
+            excluded_keys,
+            "can only be used with `files`, `sequences` or `fields`, not with a `grid`",
+        )
+        section.need("units", "give the units of the grid's motions, such as g or m/s^2")
+        return _grid(section, read_sample_units(section.get("units")))
+    section.refuse(_GRID_KEYS, "can only be used with a `grid`")
+    if section.has("fields"):
+        section.refuse(("files", *_SEQUENCE_KEYS), "cannot be used with `fields`; remove it")
+        return _fields(section)
+    section.refuse(("sites", "rates"), "can only be used with `fields`")
+    section.refuse(("distance", "max_distance"), "can only be used with `fields` or a `grid`")
+    if section.has("sequences"):
+        section.refuse(("files", "pairs"), "cannot be used with `sequences`; remove it")
+        sequence_file, choice = section.file("sequences"), _choice(section)
+        return SequenceFile(sequence_file, choice, section.read("rest")) if sequence_file else None
+    section.refuse(("rest",), "can only be used with `sequences`")
+    # If all four sources of ground motions are missing, the error names the usual one, `files`.
+    files = section.get("files")
+    if not (files or are_listed):
+        section.need("files", "give a list of files and directories, or a `grid` instead")
+    items = (
+        files.items("a list of files and directories", "is empty; give at least one record")
+        if files
+        else None
+    )
+    pairs, component = section.get("pairs"), section.get("component")
+    pair_names = _pair_names(pairs) if pairs else None
+    if pair_names and component:
+        component.fault("cannot be used with `pairs`, which use both components; remove one key")
+    paths = [item.file() for item in items or ()]
+    return RecordFiles(tuple(filter(None, paths)), _choice(section), pair_names)
+
+
+def _pair_names(value: Value) -> PairNames | None:
+    """Return the naming scheme of the files of pairs: patterns such as `{}_N.AT2,{}_E.AT2`, or the
+    usual names for `true`; None for `false` and for an invalid value, which is recorded as an
+    error."""
+    if "{}" in value.word:
+        return value.parsed(PairNames.parse)
+    return USUAL if value.boolean() else None
+
+
+def _choice(section: Section) -> RecordChoice:
+    """Return the selection of components and the processing of the records. An error is recorded if
+    the keys `units` and `inventory` (station metadata, which contain the units) are combined."""
+    choice, units = read_choice(section, stdin=False, many=True), section.get("units")
+    if units and choice.inventory and isinstance(choice.units, str):
+        units.fault("cannot be used with `inventory`, which states the units; remove one key")
+    return choice
+
+
+def _fields(section: Section) -> FieldFile | None:
+    """Read the keys of ground motion fields; None if the key `fields` is invalid. Errors are
+    recorded in the document."""
+    file, sites = section.file("fields"), section.file("sites")
+    pairs_value, component_value = section.get("pairs"), section.get("component")
+    are_pairs = pairs_value.boolean() if pairs_value else False
+    if are_pairs and component_value:
+        component_value.fault(
+            "cannot be used with `pairs`, which use both components; remove one key"
+        )
+    # Distances require the locations of sites.
+    if not sites:
+        section.refuse(
+            ("distance", "max_distance"),
+            "has no effect without `sites`; specify `sites` or remove it",
+        )
+    choice, distance = _choice(section), section.read("distance", "km")
+    if file is None:
+        return None
+    max_distance, rates = read_max_distance(section), section.file("rates")
+    return FieldFile(file, choice, are_pairs, sites, distance, max_distance, rates)
+
+
+def _grid(section: Section, units: str | None) -> GridFile | None:
+    """Read the keys of a grid; None if a required key is missing or invalid. Errors are recorded in
+    the document.
+
+    `units` contains the units of the samples of the grid's motions; None if missing or invalid.
+    """
+    file, distance = section.file("grid"), section.read("distance", "km")
+    # With `events`, all events are run, so that keys of the sampling would have no effect.
+    if section.read("events"):
+        section.refuse(
+            ("neighbors", "samples", "seed"),
+            "cannot be used with `events`, which are not sampled; remove it",
+        )
+        max_distance = read_max_distance(section)
+        if file is None or units is None:
+            return None
+        return GridFile(
+            file,
+            units,
+            neighbors=1,
+            samples=0,
+            seed=0,
+            distance=distance,
+            events=True,
+            max_distance=max_distance,
+        )
+    neighbors = section.need("neighbors", "give the number of grid points to sample from")
+    samples = section.need("samples", "give the number of samples for each building")
+    if file is None or units is None or neighbors is None or samples is None:
+        return None
+    return GridFile(
+        file,
+        units,
+        neighbors.read(),
+        samples.read(),
+        section.read("seed", 0),
+        distance,
+        max_distance=read_max_distance(section),
+    )

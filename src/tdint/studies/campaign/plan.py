@@ -1,0 +1,525 @@
+"""Plan of a campaign: all runs, numbered from 0 in the order of the buildings, and their division
+into chunks. The plan does not depend on the number of processes.
+
+A plan is made from data in memory; this module does not open files.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import cached_property
+from tdint.errors import ModelError, ModelFault, TdintError, UsageError
+from tdint.ground_motion.measures import cut_off
+from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.ground_motion.record import Record
+from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.model.definition import Model
+from tdint.model.plausibility import study_plausibility_warnings
+from tdint.number_parsing import abbreviate
+from tdint.response.defaults import NO_METHOD
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.load_case import LoadCase
+from tdint.response.runs.load_notes import table_notes
+from tdint.studies.campaign.assigned_motions import (
+    Assignment,
+    Draw,
+    EveryMotion,
+    Levels,
+    MeasureLevels,
+    MotionFactors,
+    Scales,
+)
+from tdint.studies.campaign.buildings import (
+    Buildings,
+    RowBuildings,
+    Rules,
+    model_buildings,
+    models_of,
+)
+from tdint.studies.campaign.chunks import (
+    BuildingRuns,
+    CampaignSettings,
+    Chunk,
+    Rows,
+    Run,
+    Source,
+    building_step,
+)
+from tdint.studies.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
+from tdint.studies.campaign.inputs import Inputs
+from tdint.studies.fragility.type_states import Damage, damage_of
+from tdint.studies.regions.unusual_rows import unusual_rows
+
+_COLLAPSE_DRIFT = 0.10
+"""Default collapse drift of buildings of an inventory."""
+
+_SECONDS_PER_STEP = 0.15e-6
+"""Approximate time per time step and story, s; used only to determine the size of chunks."""
+
+_SECONDS_PER_BUILDING = 2e-4  # s; approximate time to create a building
+_MIN_CHUNKS = 64  # number of chunks of a small campaign, enough for all processors
+_MOST_NAMES = 10  # names listed in a note
+_MAX_STORED_STEPS = 1000  # maximum number of buildings with a time step in memory
+_MIN_CHUNK_TIME, _MAX_CHUNK_TIME = 0.002, 2.0
+"""Minimum and maximum time of a chunk, s. A small campaign is divided into `_MIN_CHUNKS` chunks, so
+that all processors are used."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Campaign with all input in memory.
+
+    Attributes
+    ----------
+    failures : tuple of TdintError
+        Errors of records and rows of an inventory that were skipped.
+    warnings : tuple of str
+        Unusual values of the buildings, as shown by `check`. They are shown before the notes.
+    factors : str
+        Path of the file of scale factors, if any.
+    """
+
+    name: str
+    buildings: Buildings
+    motions: tuple[SuiteMotion, ...]
+    assignment: Assignment
+    levels: Levels
+    settings: CampaignSettings
+    failures: tuple[TdintError, ...] = ()
+    notes: tuple[str, ...] = ()
+    damage: Damage | None = None
+    inventory: tuple[str, ...] = ()
+    too_far_from_sites: tuple[ModelFault, ...] = ()
+    outputs: tuple[str, ...] | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
+    factors: str = ""
+    style: tuple[str, str] = ("", "")
+    pair_demand: str | None = None
+    scaled: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    # Maximum time step of each building by its number, which one thread computes for all threads.
+    # `_choosing` protects this dictionary.
+    _chosen: dict[int, Future[float | None]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    # Rows of an earlier store (`tdint.studies.campaign.reuse`) by the number of the chunk;
+    # `chunk` omits their runs.
+    kept: dict[int, Rows] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
+
+    @property
+    def scaling(self) -> dict[str, Any]:
+        """File of the scale factors with rule and target of `tdint scale`, which are missing if
+        they are unknown; empty without a file of factors."""
+        if not self.factors:
+            return {}
+        settings = self.scaled.get("settings", {})
+        names = ("rule", "target", "measure", "value", "unit")
+        return {"file": self.factors} | {
+            name: settings[name] for name in names if settings.get(name) not in (None, "")
+        }
+
+    @property
+    def unused(self) -> list[tuple[str, str]]:
+        """Inputs that could not be used. Each item is a tuple of the category, `record` or
+        `building`, and a text with the reasons. Errors in the same line of a file are one item."""
+        # Reasons with the same key are one item. The key is the category and a text: the line of an
+        # inventory, because a line is a building, otherwise the reason.
+        reasons_of: dict[tuple[str, str], list[str]] = {
+            ("building", str(fault)): [str(fault)] for fault in self.too_far_from_sites
+        }
+        for error in self.failures:
+            if not isinstance(error, ModelError):
+                reasons_of[("record", str(error))] = [str(error)]
+            else:
+                for invalid_entry in error.faults:
+                    key = "building", f"{invalid_entry.source}:{invalid_entry.line}"
+                    reasons_of.setdefault(key, []).append(str(invalid_entry))
+        return [(category, "; ".join(reasons)) for (category, _), reasons in reasons_of.items()]
+
+    @property
+    def models(self) -> list[Model]:
+        """Models of the model files; empty for an inventory."""
+        return models_of(self.buildings)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return int(self._ends[-1])
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return len(self._cuts) - 1  # the last element of `_cuts` is the end of the last chunk
+
+    def size(self, chunk: int) -> int:
+        """Return the number of runs of a chunk."""
+        return int(self._cuts[chunk + 1] - self._cuts[chunk])
+
+    def buildings_of(self, chunks: Sequence[int]) -> list[int]:
+        """Return the numbers of the buildings of the given chunks in ascending order.
+
+        A building belongs to each chunk with a run of the building. A building without runs belongs
+        to the chunk of the preceding run; before the first run, to the first chunk. No chunk is
+        empty."""
+        # Runs are numbered from 0. `_starts` and `_ends` contain the first run of each building,
+        # and its last run plus 1; `_cuts` contains the first run of each chunk, and the end.
+        #
+        # Number of the first building of each chunk: the first building with `_ends` above the
+        # first run of the chunk. The first chunk starts with building 0, even without runs.
+        first_buildings = np.searchsorted(self._ends, self._cuts[:-1], side="right")
+        first_buildings[0] = 0
+        # Number of the last building of each chunk, plus 1: the first building of the next chunk.
+        # If that building is divided (its first run is before the next chunk), it
+        # is part of both chunks, and 1 is added.
+        next_firsts = first_buildings[1:]
+        is_divided = self._starts[next_firsts] < self._cuts[1:-1]
+        end_buildings = np.append(next_firsts + is_divided, len(self.buildings))
+        selected = set[int]()
+        for chunk in chunks:
+            selected.update(range(first_buildings[chunk], end_buildings[chunk]))
+        return sorted(selected)
+
+    def chunk(self, number: int) -> Chunk:
+        """Return the chunk with the given number (from 0), with its complete input.
+
+        Raises
+        ------
+        RecordError, AnalysisError
+            An intensity measure cannot be computed for a motion.
+        """
+        run, end_run = int(self._cuts[number]), int(self._cuts[number + 1])
+        # A chunk may start or end within the runs of a building. For each building, determine the
+        # slice of its runs that belongs to the chunk, counted from the first run of the building.
+        # `searchsorted` returns the building of the first run: the first with `_ends` above `run`.
+        building = int(np.searchsorted(self._ends, run, side="right"))
+        slices: list[tuple[int, slice]] = []
+        while run < end_run:
+            building_start, building_end = int(self._starts[building]), int(self._ends[building])
+            slice_end = min(end_run, building_end)
+            slices.append((building, slice(run - building_start, slice_end - building_start)))
+            run, building = slice_end, building + 1
+        buildings = self._with_runs(slices)
+        if number in self.kept:
+            kept_runs = {tuple(row[:4]) for row in self.kept[number].runs}
+            buildings = tuple(
+                part._replace(
+                    runs=tuple(run for run in part.runs if (part.number, *run) not in kept_runs)
+                )
+                for part in buildings
+            )
+        used_motions = sorted({run.motion for part in buildings for run in part.runs})
+        records = {motion: self.motions[motion].record for motion in used_motions}
+        return Chunk(number, buildings, records, self.settings)
+
+    def check_steps(self) -> None:
+        """Raise UsageError if the time step or duration of the campaign, or of a model, does not
+        fit the sampling interval or the duration of a record."""
+        from tdint.response.time_steps import choose_steps
+
+        settings = self.settings
+        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models}
+        # An inventory does not specify these settings, so all its buildings have the same.
+        analyses = analyses or {(None, None)}
+        # Records with the same sampling interval have the same result: check the first row. In
+        # reverse order, the first motion is the last to be assigned to its key.
+        first_motions = {motion.record.dt: motion for motion in reversed(self.motions)}
+        for dt, duration in sorted(analyses, key=str):
+            for first_motion in first_motions.values():
+                record = first_motion.record
+                if isinstance(record, LoadCase):
+                    if (settings.duration or duration) is None:
+                        raise UsageError(
+                            "the duration is required, because forces have no record; specify "
+                            "`analysis: {duration: SECONDS}` in the campaign file, or in each model"
+                        )
+                    continue
+                try:
+                    choose_steps(
+                        settings.dt or dt, settings.duration or duration, record.dt, record.duration
+                    )
+                except UsageError as error:
+                    motion_name = f"{first_motion.name} {first_motion.component}"
+                    raise UsageError(f"{motion_name}: {error}") from None
+
+    @cached_property
+    def _counts(self) -> NDArray[np.int64]:
+        """Number of runs of each building."""
+        return self.assignment.counts(len(self.buildings), self.levels.count)
+
+    @cached_property
+    def _ends(self) -> NDArray[np.int64]:
+        """Number of the last run of each building, plus 1."""
+        return np.cumsum(self._counts)
+
+    @cached_property
+    def _starts(self) -> NDArray[np.int64]:
+        """Number of the first run of each building."""
+        return self._ends - self._counts
+
+    @cached_property
+    def _cuts(self) -> NDArray[np.int64]:
+        """Number of the first run of each chunk, followed by the number of all runs. All chunks
+        need about the same estimated time."""
+        mean_samples = np.mean([_samples(motion.record) for motion in self.motions])
+        buildings = self.buildings
+        stories = (
+            buildings.rows.stories
+            if isinstance(buildings, RowBuildings)
+            else np.array([building.stories for building in buildings])
+        )
+        run_counts = np.maximum(self._counts, 1)
+        # The estimated time of a run is the time of its time steps, and a part of the time to
+        # create its building.
+        run_times = stories * mean_samples * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / run_counts
+        cumulative_time = np.cumsum(run_times * run_counts)
+        chunk_time = min(max(cumulative_time[-1] / _MIN_CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
+        end_times = np.arange(chunk_time, cumulative_time[-1], chunk_time)
+        # Determine the building at the end of each chunk, and the last run of the building in the
+        # chunk. The time in this building is counted from its first run.
+        last_building = np.searchsorted(cumulative_time, end_times)
+        run_time = run_times[last_building]
+        time_in_building = end_times - (
+            cumulative_time[last_building] - run_time * run_counts[last_building]
+        )
+        runs_in_building = np.ceil(time_in_building / run_time).astype(np.int64)
+        cuts = self._starts[last_building] + runs_in_building
+        return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
+
+    def _with_runs(self, slices: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
+        """Return buildings (by number) with a slice of their runs and with the maximum time step
+        that meets the tolerance.
+        """
+        # `draws` contains the motions of each building; each item has the number of the motion, its
+        # factor, and the number of the sample. The keys of `factors` are the index of the building
+        # in `slices` and the number of the motion.
+        sources = [self.buildings[number] for number, _ in slices]
+        draws = [self.assignment.draws(number) for number, _ in slices]
+        factors = self._factors(sources, draws)
+        result = []
+        for index, (number, run_slice) in enumerate(slices):
+            runs = []
+            for draw in draws[index]:
+                # If the motions are scaled to levels of an intensity measure, the factor of the
+                # grid or field only determines the direction of the motion (its sign). It is not
+                # zero, because the readers of grids and fields refuse zero.
+                factor = (
+                    math.copysign(1.0, draw.factor)
+                    if self.levels.ignores_motion_factor
+                    else draw.factor
+                )
+                runs += [
+                    Run(draw.motion, factor * scale, draw.sample)
+                    for scale in factors[index, draw.motion]
+                ]
+            # The time step is chosen from all runs of the building, so that it does not depend on
+            # the division into chunks.
+            max_step = self._max_step(number, sources[index], runs)
+            result.append(BuildingRuns(number, sources[index], tuple(runs[run_slice]), max_step))
+        return tuple(result)
+
+    def _max_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
+        """Return the maximum time step of a building for which the estimated errors are within the
+        tolerance of the campaign, s: None if there is none, infinity without a tolerance. It is
+        computed once for all chunks.
+        """
+        tolerance = self.settings.tolerance
+        if tolerance is None:
+            return math.inf
+        # Several threads may have runs of the same building: the first one computes the time step,
+        # the other threads wait.
+        with self._choosing:
+            is_first = number not in self._chosen
+            if is_first:
+                # Limit the memory: remove the time steps of the buildings that were added first.
+                while len(self._chosen) >= _MAX_STORED_STEPS:
+                    self._chosen.pop(next(iter(self._chosen)))
+                self._chosen[number] = Future()
+            future_step = self._chosen[number]
+        if is_first:
+            try:
+                records = {run.motion: self.motions[run.motion].record for run in runs}
+                future_step.set_result(
+                    building_step(source.subject(), records, runs, self.settings, tolerance)
+                )
+            # Waiting threads must not wait forever, so they receive any exception, even an
+            # interrupt. `result` raises it in all threads.
+            except BaseException as error:
+                future_step.set_exception(error)
+        return future_step.result()
+
+    def _factors(
+        self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
+    ) -> dict[tuple[int, int], tuple[float, ...]]:
+        """Return the scale factors of the motions of some buildings, by the index of the building
+        in `sources` and the number of the motion.
+        """
+        # Compute the spectrum of each motion once for the periods of all buildings.
+        buildings_of_motion: dict[int, list[int]] = {}
+        for index, building_draws in enumerate(draws):
+            for motion in dict.fromkeys(draw.motion for draw in building_draws):
+                buildings_of_motion.setdefault(motion, []).append(index)
+        periods = [
+            source.subject().period if self.levels.depends_on_period else math.nan
+            for source in sources
+        ]
+        factors: dict[tuple[int, int], tuple[float, ...]] = {}
+        for motion, indices in buildings_of_motion.items():
+            values_by_index = self.levels.factors(motion, [periods[index] for index in indices])
+            factors |= {
+                (index, motion): values
+                for index, values in zip(indices, values_by_index, strict=True)
+            }
+        return factors
+
+
+def _samples(record: Record) -> int:
+    """Return the number of samples of a record, or of rows of the table of a load case."""
+    if isinstance(record, LoadCase):
+        return int(record.loads[0].table.times.size)
+    return record.acceleration.size
+
+
+def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
+    """Return the plan of a campaign: its buildings, ground motions, scale factors and settings, and
+    the notes and warnings that are shown before the runs.
+
+    Raises
+    ------
+    ModelError
+        A file of factors does not contain a motion, or a building has no damage states.
+    UsageError
+        A time step does not fit a record.
+    """
+    motions, notes = inputs.motions, list[str]()
+    buildings, levels = _buildings(campaign, inputs, notes), _levels(campaign, inputs)
+    # Report records that the shortest duration of the analyses cuts off. The duration of the
+    # campaign has precedence over the durations of the models; None is no limit.
+    duration = campaign.settings.duration
+    durations = [duration or model.analysis.duration for model in inputs.models] or [duration]
+    shortest_duration = min(filter(None, durations), default=math.inf)
+    notes += cut_off((motion.record for motion in motions.motions), shortest_duration)
+    for motion in motions.motions:
+        if isinstance(motion.record, LoadCase) and inputs.models:
+            loads = motion.record.on(inputs.models[0]).excitation.tables
+            notes += table_notes(loads, shortest_duration)
+    damage = damage_of(campaign.damage, inputs.damage, buildings)
+    depends_on_residual = damage and any(
+        "residual" in states.demand for states in damage.types.values()
+    )
+    if depends_on_residual and not campaign.settings.until_rest:
+        notes.append(
+            "damage states depend on residual drifts, but the building still vibrates at the end "
+            "of the records; set until_rest of the analysis to continue until it is at rest"
+        )
+    plan = Plan(
+        name=campaign.name,
+        buildings=buildings,
+        motions=motions.motions,
+        assignment=inputs.assignment or EveryMotion(len(motions.motions)),
+        levels=levels,
+        settings=campaign.settings,
+        failures=(*motions.failures, *inputs.faults),
+        too_far_from_sites=inputs.too_far_from_sites,
+        outputs=campaign.outputs,
+        style=(
+            campaign.style,
+            str(Path(campaign.source).parent.absolute()) if campaign.style else "",
+        ),
+        rates=motions.rates,
+        pair_demand=campaign.pair_demand,
+        notes=(*notes, *motions.notes),
+        warnings=_plausibility_warnings(buildings),
+        damage=damage,
+        factors=inputs.factors.source if inputs.factors else "",
+        scaled=inputs.factors.scaled if inputs.factors else {},
+        inventory=campaign.buildings.files if isinstance(campaign.buildings, InventoryFile) else (),
+    )
+    plan.check_steps()
+    return plan
+
+
+def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
+    """Return the scale factors of the motions. The campaign file specifies the factors, levels of
+    an intensity measure from which factors are computed, or a file of factors. ModelError is raised
+    if this file does not contain a motion.
+    """
+    motions = inputs.motions.motions
+    if isinstance(campaign.intensity, Scales):
+        return campaign.intensity
+    if isinstance(campaign.intensity, MeasureLevels):
+        return replace(campaign.intensity, motions=motions)
+    assert inputs.factors is not None
+    return MotionFactors(
+        {number: inputs.factors.of(motion) for number, motion in enumerate(motions)}
+    )
+
+
+def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
+    """Return the warnings about unusual values of the buildings, such as an implausible first
+    period. All buildings of model files are created for this purpose."""
+    if isinstance(buildings, RowBuildings):
+        return tuple(unusual_rows(buildings.rows, buildings.rules.name))
+    subjects = (building.subject() for building in buildings)
+    return study_plausibility_warnings(
+        (subject.model, subject.prepared.building) for subject in subjects
+    )
+
+
+def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
+    """Return the buildings of a campaign, each with its time integration method, and append notes
+    for the user to `notes`.
+
+    The method is specified by the campaign for all buildings, or by each model. A building without
+    a specified method has the default method, which a note reports. ModelError is raised if a
+    variation of a sweep is invalid.
+    """
+    inventory, analysis = campaign.buildings, campaign.analysis
+    # All buildings of an inventory are derived by the same rules. Errors of the rules are reported
+    # at the key of the sweep, because a sweep may have changed their parameters.
+    if isinstance(inventory, InventoryFile):
+        with (campaign.sweep or ParameterSweep()).reported_at_key():
+            if analysis.method is None:
+                notes.append(f"{NO_METHOD}; using {DEFAULT_METHOD}")
+            scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
+            analysis_settings = (
+                analysis.method or DEFAULT_METHOD,
+                analysis.collapse_drift or _COLLAPSE_DRIFT,
+                bool(analysis.p_delta),
+            )
+            rules = Rules(inventory.rules, *scatter, *analysis_settings)
+            assert inputs.rows is not None
+            return RowBuildings(inputs.rows, rules)
+    if len({model.output_units for model in inputs.models}) > 1:
+        notes.append(
+            "the models specify different output units: results are written in SI units; select "
+            "others with --output-units"
+        )
+    # Warn of model files that are listed repeatedly. Variations of a model in a sweep have
+    # different labels.
+    file_counts = Counter((model.source, model.label) for model in inputs.models)
+    repeated = [source for (source, _), count in file_counts.items() if count > 1]
+    if repeated:
+        notes.append(
+            "model files listed more than once, which are run repeatedly: "
+            f"{abbreviate(list(dict.fromkeys(repeated)), _MOST_NAMES)}"
+        )
+    subjects = []
+    for model in inputs.models:
+        method = analysis.method or model.analysis.method
+        if method is None:
+            method = DEFAULT_METHOD
+            notes.append(f"{model.source}: {NO_METHOD}; using {DEFAULT_METHOD}")
+        subjects.append(Subject(model, method))
+    return model_buildings(subjects)

@@ -1,0 +1,541 @@
+"""Read campaign files: convert YAML to a checked `CampaignFile`. Files that the campaign
+file lists, such as models and records, are not opened."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+
+from tdint.errors import UsageError
+from tdint.ground_motion.choice import RecordChoice
+from tdint.methods.catalogue import parse as parse_method
+from tdint.model.building_rules import CAPACITY, RULES
+from tdint.model.keys.document import read_document
+from tdint.model.keys.fields import (
+    ANY,
+    POSITIVE,
+    POSITIVE_RATIO,
+    RATIO,
+    Bounds,
+    Choice,
+    Either,
+    EntriesOf,
+    Flag,
+    Key,
+    Keys,
+    Schema,
+    Section,
+    TextLine,
+    Value,
+)
+from tdint.studies.campaign.assigned_motions import GridFile, MeasureLevels, Scales
+from tdint.studies.campaign.chunks import CampaignSettings
+from tdint.studies.campaign.definition import (
+    AnalysisOverrides,
+    CampaignFile,
+    FactorsFile,
+    FieldFile,
+    InventoryFile,
+    ModelFiles,
+    RecordFiles,
+    SequenceFile,
+    Varied,
+    read_sweep,
+)
+from tdint.studies.campaign.load_cases import LOAD_CASES, LoadFiles, read_requested_load_cases
+from tdint.studies.campaign.motion_keys import MOTIONS, SEED, read_requested_motions
+from tdint.studies.fragility.type_states import DAMAGE, read_damage_request
+from tdint.studies.motions.intensity import (
+    GEOMETRIC_MEAN,
+    PAIRS,
+    SPECTRAL,
+    measure_at,
+    scalable_measures,
+    scaling_obstacle,
+)
+from tdint.studies.motions.pairs import PAIR_DEMANDS
+from tdint.units import GROUND_MOTION, LENGTH, parse_units
+
+_TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
+_MIN_LEVEL, _MAX_LEVEL = 1e-6, 1e6
+"""Range of intensities of ground motions, m/s^2 or m/s."""
+
+_SCATTER = Bounds(0.0, 0.5, ratio=True)
+_LENGTH = Choice(("m", "ft"), "length unit of inventories")
+_UNITS = Keys(
+    (
+        Key(
+            "length",
+            _LENGTH,
+            "length unit of the inventory; plan areas are in its square",
+            needed=True,
+            advice="give ft or m",
+        ),
+    ),
+    make=lambda _, length: LENGTH[length],
+)
+_BUILDINGS = Keys(
+    (
+        Key("models", EntriesOf(TextLine(), least=1), "model files, relative to this file"),
+        Key("inventory", TextLine(), "CSV file with a building per row, relative to this file"),
+        Key("mapping", TextLine(), "CSV file of taxonomies: the inventory is an exposure model"),
+        Key(
+            "rules",
+            Choice(tuple(RULES), "set of rules"),
+            "rules that derive the buildings from their rows",
+        ),
+        Key(
+            "classes",
+            TextLine(),
+            "CSV file with the capacity curves of classes, for rules: capacity",
+        ),
+        Key(
+            "as_published",
+            Flag(),
+            "multiply forces by the factor of oq-vmtk 1.1, for rules: capacity",
+        ),
+        Key("units", _UNITS, "units of the inventory"),
+        Key(
+            "damping",
+            Choice(("full", "mass-only"), "damping"),
+            "mass-only omits the stiffness-proportional part",
+        ),
+        Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
+        Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
+        Key("seed", SEED, "random seed of the factors"),
+    ),
+    one_of=(("models", "inventory"),),
+)
+
+_FIRST_PERIOD = "T1"  # value of `period`: the first period of each building
+
+_INTENSITY = Keys(
+    (
+        Key("scales", EntriesOf(ANY, least=1), "scale factors of all motions"),
+        Key("measure", Choice(scalable_measures(), "measure"), "intensity measure of the levels"),
+        Key(
+            "period",
+            Either((Choice((_FIRST_PERIOD,)), POSITIVE)),
+            "period of sa and sa-avg, s; by default the first period of each building",
+        ),
+        Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
+        Key("levels", EntriesOf(TextLine(), least=1), "values with units: 0.1 g, 0.2 m/s"),
+        Key(
+            "pair",
+            Choice(tuple(PAIRS), "measure of pairs"),
+            "combination of the two components of a pair",
+        ),
+        Key(
+            "factors",
+            TextLine(),
+            "CSV file of `tdint scale`, relative to this file; without `files` of the records it "
+            "also lists the records",
+        ),
+    ),
+    one_of=(("scales", "measure", "factors"),),
+)
+
+_ANALYSIS = Keys(
+    (
+        Key("method", TextLine(), "time-integration method with its parameters, for all buildings"),
+        Key(
+            "methods",
+            EntriesOf(TextLine(), least=1),
+            "several methods, in all combinations with the other values",
+        ),
+        Key(
+            "dt",
+            Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
+            "time step, s, or a list in all combinations with the other values; by default the "
+            "time step of each model, otherwise of each record",
+        ),
+        Key("duration", POSITIVE, "duration of the analysis, s"),
+        Key(
+            "tolerance",
+            _TOLERANCE,
+            "choose the time step of each building by the estimated error of its peak drifts",
+        ),
+        Key("collapse_drift", POSITIVE_RATIO, "drift ratio above which a run counts as collapsed"),
+        Key("p_delta", Flag(), "include P-delta effects"),
+        Key("until_rest", Flag(), "continue after the record until free vibration has decayed"),
+        Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
+    )
+)
+_TABLES = ("runs", "damage", "losses", "stories", "profiles")
+_OUTPUTS = Keys(
+    (
+        Key("stories", Flag(), "write the peaks of every story, stories.csv"),
+        Key(
+            "profiles",
+            Flag(),
+            "write the mean and fractiles of story peaks over the motions, profiles.csv; by "
+            "default false for inventories",
+        ),
+    )
+)
+CAMPAIGN = Keys(
+    (
+        Key("name", TextLine(), "name of the campaign; by default the name of the file"),
+        Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
+        Key(
+            "records",
+            MOTIONS,
+            "files and directories, or a grid; by default the records of the table of factors",
+        ),
+        Key(
+            "forces",
+            LOAD_CASES,
+            "forces on floors instead of records: one load case per CSV file, the ground at rest",
+        ),
+        Key(
+            "intensity",
+            _INTENSITY,
+            "scale factors or intensity levels of the motions; unscaled by default",
+        ),
+        Key("analysis", _ANALYSIS, "settings of all runs"),
+        Key("vary", Varied(), "parameters of the buildings, in all combinations of their values"),
+        Key("damage", DAMAGE, "damage states and losses of the buildings"),
+        Key(
+            "outputs",
+            Either(
+                (
+                    _OUTPUTS,
+                    EntriesOf(
+                        Choice(_TABLES, "table"), 1, short="is empty; name at least one table"
+                    ),
+                )
+            ),
+            "tables in addition to the default tables, or a list of all tables to write",
+        ),
+        Key(
+            "style",
+            TextLine(),
+            "style of the figures, as for --style: 90mm, or width=90mm,title=no",
+        ),
+    )
+)
+"""Keys of a campaign file."""
+
+
+def campaign_schema() -> Schema:
+    """Return the JSON schema (draft 7) of campaign files, for editors."""
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "tdint campaign",
+        "description": "Runs of buildings under ground motions for tdint",
+        **CAMPAIGN.schema(),
+    }
+
+
+def load_campaign(source: str | Path) -> CampaignFile:
+    """Read a campaign file. The files that it lists are not read.
+
+    Parameters
+    ----------
+    source : str or Path
+        YAML file; `-` is standard input. Relative paths in the file refer to its directory.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, is not YAML, or has errors; all errors are listed with line and
+        column.
+    """
+    origin, root = read_document(source, "campaign file", "`buildings` and `records`")
+    section = root.section(CAMPAIGN)
+    campaign = _read(section, origin.label, origin.name) if section else None
+    root.faults.raise_if_any()
+    assert campaign is not None
+    return campaign
+
+
+def _read(section: Section, label: str, name: str) -> CampaignFile:
+    """Return the definition of the campaign that the root section of a file contains. Errors are
+    recorded in the document; invalid values are replaced by defaults, so that the remaining keys
+    are also checked.
+
+    `name` is Default name of the campaign.
+    """
+    buildings_value = section.need("buildings", "give `models` or an `inventory`")
+    # The key `records` is optional if the file specifies a table of factors, which lists records.
+    intensity = section.get("intensity")
+    are_listed = intensity is not None and intensity.peek("factors") is not None
+    forces_value = section.get("forces")
+    records_value = (
+        section.get("records")
+        if are_listed or forces_value
+        else section.need("records", "give `files` or a `grid`, or `forces` for loads on floors")
+    )
+    _check_combinations(section)
+    analysis, outputs_value = section.inner("analysis"), section.get("outputs")
+    dt = analysis.get("dt")
+    buildings = (_read_buildings(buildings_value) if buildings_value else None) or ModelFiles(())
+    are_models = isinstance(buildings, ModelFiles)
+    # A list names all tables to write. A mapping adds tables to the default tables.
+    listed_tables = None
+    if outputs_value and outputs_value.is_list:
+        listed_tables = outputs_value.read()
+    has_stories = "stories" in (listed_tables or ())
+    # Profiles are written by default for model files; for inventories they would be large.
+    has_profiles = "profiles" in listed_tables if listed_tables else are_models
+    if outputs_value and not outputs_value.is_list:
+        added_tables = outputs_value.section(_OUTPUTS)
+        if added_tables:
+            has_stories = added_tables.read("stories", False)
+            has_profiles = added_tables.read("profiles", are_models)
+    motions: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles | None = None
+    if forces_value:
+        motions = read_requested_load_cases(forces_value)
+    elif records_value:
+        motions = read_requested_motions(records_value, are_listed=are_listed)
+    return CampaignFile(
+        name=section.read("name") or name,
+        source=label,
+        buildings=buildings,
+        records=motions or RecordFiles((), RecordChoice()),
+        intensity=_read_intensity(intensity) or Scales((1.0,)),
+        analysis=_read_analysis(analysis),
+        settings=CampaignSettings(
+            dt=dt.read() if dt and not dt.is_list else None,
+            **analysis.read_present("duration", "tolerance", "until_rest", "check"),
+            stories=has_stories,
+            profiles=has_profiles,
+        ),
+        sweep=read_sweep(
+            section.get("vary"),
+            analysis.get("methods"),
+            dt if dt and dt.is_list else None,
+            models=are_models,
+        ),
+        damage=read_damage_request(
+            section.get("damage"),
+            buildings.rules if isinstance(buildings, InventoryFile) else None,
+        ),
+        outputs=listed_tables,
+        style=section.read("style") or "",
+        pair_demand=_read_pair_demand(records_value),
+    )
+
+
+def _read_pair_demand(records: Value | None) -> str | None:
+    """Return the rule that combines the components of pairs (key `pair_demand` of `records`); None
+    if the file does not specify it or specifies an invalid rule, which another function reports."""
+    value = records.peek("pair_demand") if records else None
+    return value.word if value and value.word in PAIR_DEMANDS else None
+
+
+def _check_combinations(section: Section) -> None:
+    """Record errors for keys of the intensity and the analysis that have no effect with the type of
+    ground motions that the file requests."""
+    records, forces = section.get("records"), section.get("forces")
+    if forces and records:
+        forces.fault(
+            "cannot be used with `records`; remove one of them (forces together with a ground "
+            "motion are `excitation.forces` of the model file)"
+        )
+
+    def value_of(section_name: str, name: str) -> Value | None:
+        """Return the value of a key in a section; None if the key or the section is missing."""
+        value = section.get(section_name)
+        return value.peek(name) if value else None
+
+    # The events of fields, or of a grid with the key `events`, have a scale factor for each site.
+    are_events = value_of("records", "fields") or value_of("records", "events")
+    for name in ("measure", "factors"):
+        entry = value_of("intensity", name)
+        if entry and forces:
+            entry.fault(
+                "cannot be used with `forces`, which have no ground motion; use `scales` to "
+                "multiply the forces"
+            )
+        if entry and are_events:
+            entry.fault(
+                "cannot be used with events, because their files specify scale factors; use "
+                "`scales` to multiply these factors"
+            )
+    # The key `pair` of the intensity requires pairs of components. The files of a grid always
+    # contain both components, so that the key `pairs` is not needed.
+    pair, pairs = value_of("intensity", "pair"), value_of("records", "pairs")
+    has_no_pairs = pairs is None or pairs.is_word("false")
+    if pair and records and not records.peek("grid") and has_no_pairs:
+        pair.fault("has no effect without `pairs: true` of the records; add it, or remove `pair`")
+    # A duration could end a sequence before its last event has ended.
+    duration = value_of("analysis", "duration")
+    if duration and value_of("records", "sequences"):
+        duration.fault(
+            "cannot be used with `sequences`, because all events are analyzed to their end; remove "
+            "it (the key `rest` sets the time between events)"
+        )
+
+
+def _read_analysis(section: Section) -> AnalysisOverrides:
+    """Read the settings of the key `analysis` that replace settings of the models: method, collapse
+    drift and P-delta. Errors are recorded in the document."""
+    method = section.get("method")
+    parsed_method = method.parsed(parse_method) if method else None
+    if method and section.has("methods"):
+        method.fault("cannot be used with `methods`; remove one of them")
+    return AnalysisOverrides(
+        parsed_method.label if parsed_method else None,
+        **section.read_present("collapse_drift", "p_delta"),
+    )
+
+
+def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
+    """Return the model files or the inventory of the key `buildings`; None after an error, which is
+    recorded in the document."""
+    section = value.section()
+    if section is None:
+        return None
+    models, inventory = section.get("models"), section.get("inventory")
+    if models and inventory:
+        inventory.fault("cannot be used with `models`; remove one of them")
+        return None
+    if inventory:
+        return _inventory(section, inventory)
+    if models is None:
+        section.need("models", "give a list of model files, or an inventory instead")
+        return None
+    # The keys after `models` and `inventory` describe an inventory.
+    section.refuse(_BUILDINGS[2:], "can only be used with an `inventory`")
+    items = models.items("a list of model files", "is empty; give at least one model file")
+    paths = [item.file() for item in items or ()]
+    return ModelFiles(tuple(filter(None, paths)))
+
+
+def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
+    """Read the keys of an inventory; None if a required key is missing or invalid. Errors are
+    recorded in the document.
+    """
+    file = inventory.file()
+    rules = section.read("rules", next(iter(RULES)))
+    units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
+    length_unit = units.read() if units else None
+    damping, classes = section.read("damping"), section.file("classes")
+    optional_settings = section.read_present(
+        "stiffness_scatter", "damping_scatter", "seed", "as_published"
+    )
+    # Rules by capacity curves require another table and have no scatter.
+    if rules == CAPACITY:
+        section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
+        section.refuse(
+            ("damping", "stiffness_scatter", "damping_scatter", "seed"),
+            f"cannot be used with the rules {CAPACITY}; remove it",
+        )
+    else:
+        section.refuse(("classes", "as_published"), f"can only be used with the rules {CAPACITY}")
+    if file is None or rules is None or length_unit is None:
+        return None
+    return InventoryFile(
+        file,
+        rules,
+        length_unit,
+        mass_only=damping == "mass-only",
+        classes=classes,
+        mapping=section.file("mapping"),
+        **optional_settings,
+    )
+
+
+def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
+    """Return the scale factors, the levels of an intensity measure, or the file of factors that the
+    key `intensity` specifies; None if the key is missing or after an error, which is recorded in
+    the document."""
+    section = value.section() if value else None
+    if value is None or section is None:
+        return None
+    # Exactly one source of factors is allowed.
+    sources = [name for name in ("scales", "measure", "factors") if section.has(name)]
+    if len(sources) != 1:
+        value.fault(
+            "exactly one of scales, measure and factors is required"
+            + (f", got {' and '.join(sources)}" if sources else "")
+        )
+        return None
+    if sources == ["measure"]:
+        return _levels(section)
+    section.refuse(("period", "damping", "levels", "pair"), "can only be used with a `measure`")
+    if sources == ["factors"]:
+        file = section.file("factors")
+        return FactorsFile(file) if file else None
+    scales = section.get("scales")
+    items = (
+        scales.items("a list of factors", "is empty; give at least one factor") if scales else None
+    )
+    # Duplicate factors are ignored, because they would repeat the same run.
+    distinct_factors: dict[float, None] = {}
+    for item in items or ():
+        factor = item.number(ANY)
+        if factor == 0.0:
+            item.fault("a scale factor must not be zero")
+        distinct_factors[factor] = None
+    return Scales(tuple(distinct_factors))
+
+
+def _levels(section: Section) -> MeasureLevels | None:
+    """Read the levels of an intensity measure; None if the measure is invalid. Errors are recorded
+    in the document."""
+    measure_value = section.get("measure")
+    # For some measures, levels cannot be reached by scaling.
+    if measure_value and (reason := scaling_obstacle(measure_value.word)):
+        measure_value.fault(f"{measure_value.word} cannot be used for levels: {reason}")
+        return None
+    name, pair = section.read("measure"), section.read("pair", GEOMETRIC_MEAN)
+    damping = section.number("damping", default=0.05)
+    levels = section.need("levels", "give the values, such as [0.1 g, 0.2 g]")
+    empty_advice = "is empty; give at least one value"
+    level_items = levels.items("a list of values with their unit", empty_advice) if levels else None
+    if name is None:
+        return None
+    # The levels in the file have a unit, which must be a unit of the measured quantity, for example
+    # a unit of acceleration for sa. `GROUND_MOTION` contains the units of each quantity with their
+    # factors to SI units: select the quantity with this SI unit (factor 1).
+    unit = measure_at(name, damping, 1.0).unit
+    quantity = next(
+        (name for name, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"
+    )
+    values = tuple(dict.fromkeys(_level(item, quantity) for item in level_items or ()))
+
+    # The default period of a spectral measure is the first period of each building (None). Other
+    # measures do not depend on a period: any value avoids the computation of the first period.
+    period, period_value = None, section.get("period")
+    if name not in SPECTRAL:
+        period = 1.0
+        if period_value:
+            period_value.fault(
+                f"cannot be used with the measure {name}, which has no period; remove it"
+            )
+    elif period_value and not period_value.is_word(_FIRST_PERIOD):
+        seconds = period_value.number(
+            POSITIVE, expected=f"{_FIRST_PERIOD} or a positive number of seconds"
+        )
+        period = None if math.isnan(seconds) else seconds
+    return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
+
+
+def _level(value: Value, quantity: str) -> float:
+    """Return an intensity level, such as `0.1 g`, in SI units; NaN after an error, which is
+    recorded in the document. `quantity` is the quantity of the measure, such as acceleration."""
+    example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
+
+    def convert(text: str) -> float:
+        """Convert the text of a level to SI units; raise UsageError if it is invalid."""
+        try:
+            units = parse_units(text)
+        except UsageError:
+            raise UsageError(
+                f"must be a positive number with its unit, such as {example}, got {text!r}"
+            ) from None
+        # `parse_units` also accepts a unit without a number (no factor), which is not a level.
+        if units.quantity != quantity or not units.has_factor:
+            raise UsageError(
+                f"must be a number with a unit of {quantity}, such as {example}, got {text!r}"
+            )
+        if not _MIN_LEVEL <= units.scale <= _MAX_LEVEL:
+            raise UsageError(
+                f"must be from {_MIN_LEVEL:g} to {_MAX_LEVEL:g} in SI units, got {text!r}"
+            )
+        return units.scale
+
+    return value.parsed(convert) or math.nan

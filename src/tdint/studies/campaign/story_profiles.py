@@ -1,0 +1,717 @@
+"""Profiles: peaks in each story of a building under a suite of ground motions, as values of each
+motion, mean, fractiles and maximum. Also floor response spectra under a suite.
+
+The order of operations is that of design codes: maximum of each motion over time, in each story;
+mean over the motions; maximum over the stories. The two components of a pair are combined to a
+single motion, unless they count separately. Motions with collapse or without a result are counted,
+but excluded from all statistics.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import partial
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import UsageError, did_you_mean
+from tdint.ground_motion.horizontals import motion_names
+from tdint.model.limits import Limit, LimitCheck, check_demands, check_limits, isolator_limits
+from tdint.model.status import DONE, FALLEN
+from tdint.number_parsing import abbreviate
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.response.runs.run import integrate_case
+from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.response.spectra.floor_motions import FloorSpectrum, floor_numbers, floor_spectra
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.motions.intensity import SPECTRAL, measure_at
+from tdint.studies.motions.pairs import PairRule, combine
+from tdint.studies.store.result_store import Store
+from tdint.system import on_threads
+from tdint.units import Quantity
+
+DRIFT_RATIO = "peak_drift_ratio"
+_NUMBERED_LEVEL = ("level", "")
+"""Name and unit of levels that are numbered, because each motion has individual scale factors."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Statistics of a quantity over the motions, in each of n stories: mean, median, 16 % and 84 %
+    fractiles, and maximum. Each array has the shape (n,); it is NaN if there is no motion."""
+
+    mean: Array
+    median: Array
+    p16: Array
+    p84: Array
+    max: Array
+
+    @classmethod
+    def of(cls, values: Array) -> Statistics:
+        """Return the statistics of values of shape (motions, n). Fractiles are interpolated
+        linearly between the sorted values."""
+        if not len(values):
+            return cls(*(np.full(values.shape[1], math.nan) for _ in fields(cls)))
+        p16, median, p84 = np.percentile(values, (16.0, 50.0, 84.0), axis=0)
+        return cls(np.mean(values, axis=0), median, p16, p84, np.max(values, axis=0))
+
+    @classmethod
+    def errors(cls, values: Array, errors: Array) -> Statistics:
+        """Return the maximum errors of the statistics that result from errors of the values.
+
+        All statistics increase with the values, so that their error is maximum if all errors have
+        the same sign.
+
+        Parameters
+        ----------
+        values, errors : ndarray, shape (motions, n)
+            Values in n stories and their estimated absolute errors.
+
+        Returns
+        -------
+        Statistics
+            Error of each statistic, in the attribute of the statistic.
+        """
+
+        def statistics_of(samples: Array) -> Array:
+            """Return the statistics of samples in the order of the fields of the class."""
+            return np.array(list(vars(cls.of(samples)).values()))
+
+        return cls(*_maximum_error(statistics_of, values, errors))
+
+
+def _maximum_error(
+    increasing_function: Callable[[Array], Array], values: Array, errors: Array
+) -> Array:
+    """Return the maximum error of a function that increases with each of its values: the error if
+    all values are increased, or all are decreased, by their errors.
+    """
+    result = increasing_function(values)
+    increase = increasing_function(values + errors) - result
+    decrease = result - increasing_function(values - errors)
+    return np.asarray(np.maximum(increase, decrease))
+
+
+@dataclass(frozen=True)
+class SuiteLevel:
+    """Outcome of the runs of a building under a suite at a single level of intensity.
+
+    Attributes
+    ----------
+    scale : float
+        Scale factor of all motions; NaN if motions have different factors.
+    level : float
+        Value of the intensity measure, SI units. If each motion has several individual factors,
+        number of the factor, from 1. NaN if the level is a factor (`scale`).
+    completed : list of list of Run
+        Runs of each motion without collapse: one run, or two for a pair.
+    pairs : int
+        Number of motions that are pairs of components, including collapsed and failed runs.
+    collapsed, failed : int
+        Number of motions with collapse, and number of motions without a result.
+    measure : tuple of str
+        Name and unit of the level.
+    pair_demand : str
+        Rule that combines the components of pairs (`tdint.studies.motions.pairs`); empty if the
+        suite has no pairs.
+    """
+
+    scale: float
+    level: float
+    completed: list[list[Run]]
+    pairs: int
+    collapsed: int
+    failed: int
+    measure: tuple[str, str]
+    pair_demand: str
+
+    @property
+    def level_text(self) -> str:
+        """Text of the level, such as `scale 2` or `sa(T1) 2.94 m/s^2`."""
+        return level_text(self.scale, self.level, self.measure)
+
+    @property
+    def runs(self) -> int:
+        """Number of motions; a pair is one motion."""
+        return len(self.completed) + self.collapsed + self.failed
+
+
+@dataclass(frozen=True)
+class Profile(SuiteLevel):
+    """Peaks of a building under a suite at a single level of intensity.
+
+    Attributes
+    ----------
+    motions : tuple of str
+        Motions of completed runs.
+    height : ndarray, shape (n,)
+        Story heights, m; NaN if not specified.
+    peaks : mapping of str to ndarray, shape (motions, n)
+        Maximum absolute values of each quantity of `tdint.response.runs.outcome.STORY_QUANTITIES`,
+        by its name.
+    peak_errors : mapping of str to ndarray, shape (motions, n)
+        Their estimated errors, NaN if missing; empty if not requested.
+    isolators : tuple of int
+        Stories with isolators, from 1.
+    """
+
+    building: str
+    motions: tuple[str, ...]
+    height: Array
+    peaks: Mapping[str, Array]
+    peak_errors: Mapping[str, Array]
+    limits: tuple[Limit, ...] = ()
+    isolators: tuple[int, ...] = ()
+
+    def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
+        """Compare the mean demands over the motions with limits: by default all limits of the
+        model, otherwise a drift limit or a performance level of the model.
+
+        The mean is computed in each story, and the comparison uses the story with the maximum ratio
+        of mean demand to limit, as in design codes. A building that collapsed or failed under a
+        motion does not meet any limit. Without a completed run, the result is empty.
+
+        Raises
+        ------
+        UsageError
+            No story has a height, or the model does not have the performance level.
+        """
+        return check_demands(
+            self.limits,
+            limit,
+            self.peaks,
+            self.height,
+            self.motions,
+            name=self.building,
+            has_failure=bool(self.collapsed or self.failed),
+        )
+
+    @property
+    def isolator_check(self) -> LimitCheck | None:
+        """Comparison that reports the displacement of the isolators; its limit is infinite. None
+        without isolators."""
+        limits = isolator_limits(self.isolators, len(self.height))
+        return next(iter(check_limits(limits, self.peaks, self.height, self.motions)), None)
+
+    def statistics(self, quantity: Quantity) -> Statistics:
+        """Return the statistics of a quantity of `STORY_QUANTITIES` in each story, SI units."""
+        return Statistics.of(self.peaks[quantity.name])
+
+    def errors(self, quantity: Quantity) -> Statistics | None:
+        """Return the errors of the statistics of a quantity in each story, which result from the
+        estimated errors of the runs; None if these errors were not estimated. The uncertainty due
+        to the selection of motions is not included."""
+        if not self.peak_errors:
+            return None
+        return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Ratio of a quantity of a building to the quantity of the baseline at the same level, in each
+    story that both buildings have.
+
+    Attributes
+    ----------
+    scale : float
+        Scale factor of all motions; NaN if motions have different factors.
+    level : float
+        Value of the intensity measure or number of the level; NaN if the level is a factor.
+    mean, median, max : ndarray, shape (1 + stories,)
+        Ratio of the maximum over all stories, then ratio of each story from the ground up; NaN if
+        the baseline has no value, or zero.
+    """
+
+    building: str
+    baseline: str
+    scale: float
+    level: float
+    quantity: Quantity
+    mean: Array
+    median: Array
+    max: Array
+
+
+def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
+    """Raise UsageError if a baseline is not one of the buildings, or is the only building."""
+    names = list(dict.fromkeys(buildings))
+    if baseline not in names:
+        suggestion = did_you_mean(baseline, names)
+        raise UsageError(
+            f"building {baseline!r} not found{suggestion}; available buildings: "
+            f"{abbreviate(names, 10)}"
+        )
+    if len(names) == 1:
+        raise UsageError(f"no other building to compare with {baseline!r}; add a building")
+
+
+def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
+    """Divide the statistics of each building by the statistics of a baseline building, at each
+    level of intensity.
+
+    Returns
+    -------
+    list of Ratios
+        One item for each other building, level and quantity of `STORY_QUANTITIES`. Levels at which
+        the baseline has no profile are omitted.
+
+    Raises
+    ------
+    UsageError
+        The baseline does not exist, or is the only building.
+    """
+    check_baseline(baseline, (profile.building for profile in profiles))
+
+    def level_key(profile: Profile) -> tuple[str, str]:
+        """Return a key that is equal for profiles at the same level. It consists of texts, because
+        scale or level may be NaN, which is not equal to NaN."""
+        return repr(profile.scale), repr(profile.level)
+
+    baseline_profiles = {
+        level_key(profile): profile for profile in profiles if profile.building == baseline
+    }
+    result = []
+    for compared in profiles:
+        baseline_profile = baseline_profiles.get(level_key(compared))
+        if baseline_profile is None or compared.building == baseline:
+            continue
+        for quantity in STORY_QUANTITIES:
+            compared_statistics = compared.statistics(quantity)
+            base_statistics = baseline_profile.statistics(quantity)
+            result.append(
+                Ratios(
+                    compared.building,
+                    baseline,
+                    compared.scale,
+                    compared.level,
+                    quantity,
+                    mean=_story_ratios(compared_statistics.mean, base_statistics.mean),
+                    median=_story_ratios(compared_statistics.median, base_statistics.median),
+                    max=_story_ratios(compared_statistics.max, base_statistics.max),
+                )
+            )
+    return result
+
+
+def _story_ratios(compared_values: Array, base_values: Array) -> Array:
+    """Divide the values of the stories of a building by the values of the baseline building: the
+    ratio of the maxima over all stories, then the ratio of each story that both buildings have. NaN
+    if the value of the baseline is zero or missing.
+    """
+    common_count = min(compared_values.size, base_values.size)
+    # The maxima may occur in different stories of the two buildings. Without any finite value, the
+    # maximum is -inf (`initial`), so that the ratio is unknown.
+    compared_max, base_max = (
+        np.max(values[np.isfinite(values)], initial=-math.inf)
+        for values in (compared_values, base_values)
+    )
+    numerator = np.concatenate([[compared_max], compared_values[:common_count]])
+    denominator = np.concatenate([[base_max], base_values[:common_count]])
+    is_known = (denominator > 0.0) & np.isfinite(numerator)
+    result = np.full(numerator.size, math.nan)
+    return np.asarray(np.divide(numerator, denominator, out=result, where=is_known))
+
+
+def profiles(store: Store) -> Iterator[Profile]:
+    """Yield the profiles of all buildings of a campaign, for each building in the order of its
+    levels.
+
+    The values of a single building are in memory at a time. If the store contains no peaks of
+    stories, there are no profiles.
+    """
+    if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
+        return
+    # Query the tables before the loop, because there may be a million buildings.
+    records = store.records()
+    story_counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
+    rules, has_errors = SuiteRules.of(store), store.checked
+    names = motion_names([name for name, _, _ in records.values()])
+    name_of_record = dict(zip(records, names, strict=True))
+    file_of_record = {number: name for number, (name, _, _) in records.items()}
+    for number, (name, _) in store.buildings().items():
+        values_by_run = _story_values(store, number, has_errors)
+        for level in rules.levels_of(store, number):
+            # `runs` are the runs of a motion. A pair in two files has the common part of their
+            # names, a single component the name of its file.
+            motions = tuple(
+                (name_of_record if len(runs) > 1 else file_of_record)[runs[0].motion]
+                for runs in level.completed
+            )
+            height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
+            yield Profile(
+                **vars(level),
+                building=name,
+                motions=motions,
+                height=height,
+                peaks=peaks,
+                peak_errors=errors,
+                limits=store.limits(number).limits,
+                isolators=store.limits(number).isolators,
+            )
+
+
+def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Array]:
+    """Read the peaks of the stories in all runs of a building: for each run and story from the
+    ground up, the height, the quantities of `STORY_QUANTITIES` and, if estimated, their errors.
+    """
+    quantities = [quantity.column for quantity in STORY_QUANTITIES]
+    errors = [f"{quantity}_error" for quantity in quantities] if has_errors else []
+    columns = ", ".join(("height_m", *quantities, *errors))
+    query = (
+        f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY "
+        "1, 2, 3, story"
+    )
+    rows_by_run: dict[Run, list[list[float]]] = defaultdict(list)
+    for record, scale, sample, *values in store.connection.execute(query, (building,)):
+        rows_by_run[Run(record, scale, sample)].append(values)
+    return {run: np.array(rows, dtype=np.float64) for run, rows in rows_by_run.items()}
+
+
+def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
+    """Return the text of an intensity level.
+
+    The text is `scale 2` if all motions have the same factor. Otherwise it is the intensity measure
+    and its value, such as `sa(T1) 2.94 m/s^2`, or the number of the level, `level 2`, if motions
+    have individual factors. It is empty if both `scale` and `level` are unknown.
+
+    Parameters
+    ----------
+    measure : tuple of (str, str)
+        Name and unit of the intensity measure; `level` without a unit for numbered levels.
+    """
+    if not math.isnan(scale):
+        return f"scale {scale:g}"
+    name, unit = measure
+    return "" if math.isnan(level) else f"{name} {level:.4g} {unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class SuiteRules:
+    """Rules that group the runs of a building by intensity level and ground motion.
+
+    Attributes
+    ----------
+    values : sequence of float
+        Values of the levels of an intensity measure; empty without a measure.
+    has_several_levels : bool
+        True if each motion has several levels that are not common factors of all motions
+        (`has_levels`).
+    measure : tuple of str
+        Name and unit of the levels.
+    """
+
+    pairs: PairRule
+    values: Sequence[float]
+    has_several_levels: bool
+    measure: tuple[str, str]
+
+    @classmethod
+    def of(cls, store: Store) -> SuiteRules:
+        """Return the rules of a campaign from its store."""
+        settings = store.parameters()
+        # `levels` ranks the runs of a motion by absolute scale factor. Sort the values in the same
+        # way, so that the rank of a run is the index of its level.
+        values = sorted(settings.get("levels", ()), key=abs)
+        measure = _NUMBERED_LEVEL
+        if values:
+            name, period = settings["measure"], settings["period"]
+            unit = measure_at(name, SA_DAMPING, 1.0).unit
+            measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
+        return cls(store.pair_rule(), values, has_levels(store), measure)
+
+    def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
+        """Group the runs of a building by intensity level, and yield the levels in ascending order
+        of the absolute scale factors.
+        """
+        query = (
+            "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
+            "record, scale, sample"
+        )
+        rows = store.connection.execute(query, (building,))
+        return self.levels({Run(*run): status for *run, status in rows})
+
+    def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
+        """Group runs of a building by intensity level, and yield the levels in ascending order.
+
+        The scale factors of each motion are ranked by their magnitude (without sign). The smallest
+        factors of all motions are the first level, and so on.
+        """
+        runs_of_rank: dict[int, list[Run]] = defaultdict(list)
+        # Motions may have different factors for the same level. The level of a run is therefore the
+        # rank of its factor.
+        for run, rank in level_ranks(status).items():
+            runs_of_rank[rank].append(run)
+        for rank, level_runs in sorted(runs_of_rank.items()):
+            runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
+            for run in level_runs:
+                runs_of_motion[self.pairs.motion(run.motion), run.sample].append(run)
+            # A motion failed or collapsed if the run of one of its components did. A motion with a
+            # failed and a collapsed component counts as failed.
+            completed: list[list[Run]] = []
+            collapsed_count = failed_count = 0
+            for runs in runs_of_motion.values():
+                statuses = [status[run] for run in runs]
+                if any(item not in (DONE, *FALLEN) for item in statuses):
+                    failed_count += 1
+                elif any(item in FALLEN for item in statuses):
+                    collapsed_count += 1
+                else:
+                    completed.append(runs)
+            scale, level = self._scale_and_level(rank, {run.scale for run in level_runs})
+            yield SuiteLevel(
+                scale=scale,
+                level=level,
+                completed=completed,
+                pairs=sum(len(runs) > 1 for runs in runs_of_motion.values()),
+                collapsed=collapsed_count,
+                failed=failed_count,
+                measure=self.measure,
+                pair_demand=self.pairs.demand_if_pairs,
+            )
+
+    def _scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
+        """Return the attributes `scale` and `level` of the `SuiteLevel` for a rank. An attribute
+        that does not describe the level is NaN.
+
+        `rank` is the number of the level, from 0, in ascending order of the absolute scale factors.
+        """
+        # With an intensity measure, the rank is the index of its value. Otherwise, levels are
+        # numbered from 1 if the motions have individual factors.
+        is_common_scale = len(scales) == 1 and not self.has_several_levels
+        scale = next(iter(scales)) if is_common_scale else math.nan
+        if self.values:
+            return scale, self.values[rank]
+        return scale, rank + 1.0 if self.has_several_levels else math.nan
+
+
+def has_levels(store: Store) -> bool:
+    """Return True if a campaign has levels that are not common scale factors of all motions.
+
+    Such levels are values of an intensity measure, several factors of a motion, or several factors
+    of motions at sites, which already have individual factors.
+    """
+    settings = store.parameters()
+    # The settings contain the SHA-256 of a grid or of ground motion fields if the campaign has them
+    # (`has_sites`).
+    has_several_factors = any(len(values) > 1 for values in settings.get("factors", {}).values())
+    has_several_scales = len(settings.get("scales", ())) > 1
+    has_sites = "grid_sha256" in settings or "field_sha256" in settings
+    return "levels" in settings or has_several_factors or (has_sites and has_several_scales)
+
+
+def _peaks(
+    level: SuiteLevel, values_of_run: Mapping[Run, Array], stories: int, checked: bool
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Return the story heights (m; NaN if no run is completed), and the peaks of the completed runs
+    of a level and their errors (empty if not estimated), shape (motions, stories), by the name of
+    the quantity. The values of each run are those of `_story_values`.
+    """
+    if not level.completed:
+        no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY_QUANTITIES}
+        return np.full(stories, math.nan), no_values, no_values if checked else {}
+    # Residual drifts are signed: use absolute values. `motion_values` is a list with an array of
+    # shape (components, stories, columns) for each motion: one component, or two for a pair.
+    motion_values = [np.abs([values_of_run[run] for run in runs]) for runs in level.completed]
+    heights = motion_values[0][0, :, 0]
+    quantities = [values[:, :, 1:_FIRST_ERROR] for values in motion_values]
+    errors = [values[:, :, _FIRST_ERROR:] for values in motion_values]
+    # Combine the components of each motion (maximum or mean); this removes the first axis. `peaks`
+    # has the shape (stories, quantities, motions).
+    combine_components = partial(combine, demand=level.pair_demand)
+    peaks = np.stack([combine_components(values) for values in quantities], axis=-1)
+    if not checked:
+        return heights, _transpose_by_quantity(peaks), {}
+    # `peak_errors` is a list with an array of shape (stories, quantities) for each motion.
+    peak_errors = [
+        _maximum_error(combine_components, *values_and_errors)
+        for values_and_errors in zip(quantities, errors, strict=True)
+    ]
+    return (
+        heights,
+        _transpose_by_quantity(peaks),
+        _transpose_by_quantity(np.stack(peak_errors, axis=-1)),
+    )
+
+
+def _transpose_by_quantity(values: Array) -> dict[str, Array]:
+    """Return the values of each quantity of `STORY_QUANTITIES`, by name, as an array of shape
+    (motions, stories).
+
+    `values` is an array of shape (stories, quantities, motions).
+    """
+    return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY_QUANTITIES)}
+
+
+_FIRST_ERROR = 1 + len(STORY_QUANTITIES)
+"""Index of the first error in the columns of a story, after its height and its quantities."""
+
+
+def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
+    """Return the number of the intensity level of each run, from 0.
+
+    The number is the rank of the absolute scale factor of the run among the runs with the same
+    motion and sample. A level is not identified by the factor, because motions may have different
+    factors at the same level.
+    """
+    runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
+    for run in runs:
+        runs_of_motion[run.motion, run.sample].append(run)
+    ranks: dict[Run, int] = {}
+    for motion_runs in runs_of_motion.values():
+        ascending = sorted(motion_runs, key=lambda run: abs(run.scale))
+        ranks |= {run: rank for rank, run in enumerate(ascending)}
+    return ranks
+
+
+# ---- Floor response spectra under a suite: spectra of each run, mean and envelope over the motions
+
+
+@dataclass(frozen=True)
+class FloorChoice:
+    """Requested floor spectra: names of the floors (numbers, or `roof`), periods (s) and damping
+    ratios of the oscillators on the floors."""
+
+    floors: tuple[str, ...]
+    periods: Array
+    damping: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class RunFloors:
+    """Floor spectra of a run.
+
+    Attributes
+    ----------
+    spectra : tuple of FloorSpectrum
+        Spectra by floor, then damping ratio.
+    """
+
+    building: int
+    run: Run
+    spectra: tuple[FloorSpectrum, ...]
+
+
+@dataclass(frozen=True)
+class FloorSuite(SuiteLevel):
+    """Pseudo-accelerations on a floor of a building under a suite at a single level.
+
+    Attributes
+    ----------
+    damping : float
+        Damping ratio of the oscillators on the floor.
+    psa : ndarray, shape (motions, k)
+        Pseudo-acceleration of each completed motion, m/s^2; demand of a pair at each period.
+    """
+
+    building: str
+    floor: int
+    damping: float
+    periods: Array
+    psa: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean over the motions."""
+        return np.asarray(np.mean(self.psa, axis=0))
+
+    @property
+    def envelope(self) -> Array:
+        """Maximum over the motions."""
+        return np.asarray(np.max(self.psa, axis=0))
+
+
+def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
+    """Return the floor spectra of all completed runs of a campaign. The store contains no response
+    histories, so each run is repeated with the stored time step.
+
+    Returns
+    -------
+    list of RunFloors
+        Floor spectra in the order of the buildings and their runs.
+
+    Raises
+    ------
+    UsageError
+        A building does not have one of the floors.
+    """
+    run_rows = store.connection.execute(
+        "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY "
+        "1, 2, 3, 4"
+    ).fetchall()
+    result: list[RunFloors] = []
+    # Create each building once, and integrate its runs in parallel.
+    buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
+    for building, record, scale, sample, dt in run_rows:
+        buildings[building].append((Run(record, scale, sample), dt))
+    for building, runs in buildings.items():
+        subject = plan.buildings[building].subject()
+        # Raise the error of an invalid floor before the runs.
+        floor_numbers(choice.floors, plan.buildings[building].stories)
+        result += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
+    return sorted(result, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
+
+
+def _spectra(
+    plan: Plan,
+    building: int,
+    subject: Subject,
+    choice: FloorChoice,
+    run_and_step: tuple[Run, float],
+) -> RunFloors:
+    """Return the floor spectra of a run.
+
+    `run_and_step` is the run and its time step, s.
+    """
+    run, dt = run_and_step
+    case = subject.case(plan.motions[run.motion].record, run.scale)
+    response = integrate_case(case, replace(plan.settings, dt=dt, check=False), history=True)
+    return RunFloors(
+        building, run, floor_spectra(response, choice.floors, choice.periods, choice.damping)
+    )
+
+
+def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
+    """Yield the floor spectra under a suite: one object for each building, level, floor and damping
+    ratio. Levels without completed runs are omitted.
+
+    Parameters
+    ----------
+    run_floors : sequence of RunFloors
+        Floor spectra of all completed runs of the campaign.
+    """
+    spectra_by_building: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
+    for floor_run in run_floors:
+        spectra_by_building[floor_run.building][floor_run.run] = floor_run.spectra
+    names, rules = store.buildings(), SuiteRules.of(store)
+    for number, spectra_of_run in spectra_by_building.items():
+        # Collapsed and failed runs have no response history and are excluded.
+        for level in rules.levels_of(store, number):
+            if not level.completed:
+                continue
+            # All runs have the spectra of the same floors and damping ratios in the same order:
+            # take these from the first run, and the pseudo-accelerations from all runs.
+            for index, floor_spectrum in enumerate(spectra_of_run[level.completed[0][0]]):
+                spectrum, name = floor_spectrum.spectrum, names[number][0]
+                psa = np.array(
+                    [
+                        combine(
+                            np.array([spectra_of_run[run][index].spectrum.psa for run in runs]),
+                            level.pair_demand,
+                        )
+                        for runs in level.completed
+                    ]
+                )
+                yield FloorSuite(
+                    **vars(level),
+                    building=name,
+                    floor=floor_spectrum.floor,
+                    damping=spectrum.damping,
+                    periods=spectrum.periods,
+                    psa=psa,
+                )

@@ -1,0 +1,326 @@
+"""Figures of suites: demands over the height, and floor spectra.
+
+A single building has a thin line for each ground motion. Several buildings are plotted next to each
+other, each in the color of its name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tdint.arrays import Array
+from tdint.number_parsing import abbreviate, pluralize
+from tdint.output.figures.floor_spectra import set_floor_axes
+from tdint.output.figures.legends import legend_columns
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    INK,
+    MARK,
+    FirstPeriods,
+    is_narrow,
+    mark_first_periods,
+    scaled_unit,
+    titled,
+)
+from tdint.studies.campaign.story_profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
+from tdint.studies.motions.pairs import MEAN
+from tdint.studies.motions.scaling_figures import GRAY
+from tdint.units import SI, OutputUnits
+
+_MAX_PANELS = 6  # maximum number of panels of floor spectra
+
+_MAX_LOST_BUILDINGS = 2  # maximum number of buildings in the note on collapsed and failed runs
+_MAX_ROWS = 4
+"""Maximum number of levels, which have one row of panels each."""
+
+
+def profile_picture(
+    profiles: Sequence[Profile],
+    units: OutputUnits = SI,
+    *,
+    limit: float | None = None,
+    title: str = "",
+    member: str = "motion",
+) -> Figure:
+    """Plot the profiles of buildings, with one row of panels for each level.
+
+    Parameters
+    ----------
+    limit : float, optional
+        Limit of the drift ratio, plotted as a line.
+    title : str
+        First line of the title for several buildings; the name of a single building replaces it.
+    member : str
+        Noun for a motion of a profile: `motion` (the default), or `run` for runs that differ in
+        other ways.
+    """
+    units = units.in_figures
+    # Each scale factor or level has a row; only the first rows are plotted. The keys are texts,
+    # because a missing value is nan, and two nan are not equal.
+    rows: dict[tuple[str, str], list[Profile]] = {}
+    for profile in profiles:
+        rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
+    shown = list(rows.values())[:_MAX_ROWS]
+    # In one column of a page, the height is reduced with the width: the rows are higher. A figure
+    # with several rows is smaller, because a page reduces a tall figure with its text.
+    is_tall = len(shown) > 1 and not is_narrow()
+    width, row_height = (6.8, 2.3) if is_tall else (8.0, 5.4 if is_narrow() else 3.6)
+    figure = Figure(figsize=(width, 0.9 + row_height * len(shown)), layout="constrained")
+    panels = figure.subplots(len(shown), 3, squeeze=False)
+    plot_styles = building_styles(profile.building for profile in profiles)
+    for axes, row in zip(panels, shown, strict=True):
+        by_length = _by_length(row)
+        for profile in row:
+            peaks = profile.peaks
+            drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
+            accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
+            for panel, values in zip(
+                axes, (drifts, accelerations, peaks["peak_shear"]), strict=True
+            ):
+                if len(values):
+                    line = partial(_line, panel, by_floor=values is accelerations)
+                    _draw_motions(
+                        panel, values, line, plot_styles[profile.building], "largest", member
+                    )
+        level = row[0].level_text if len(rows) > 1 else ""
+        _finish_row(axes, row, units, None if by_length else limit, level)
+        axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
+    _add_common_legend(figure, panels[:, 0])
+    subject = (
+        profiles[0].building if len(plot_styles) == 1 else title or f"{len(plot_styles)} buildings"
+    )
+    omission = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
+    return titled(figure, f"{subject}\n{_motions_text(shown[0][0], member)}{omission}")
+
+
+def _motions_text(profile: Profile, member: str) -> str:
+    """Return the number of ground motions of a profile and the demand of pairs for a title, for
+    example `11 pairs, the larger component of each`.
+    """
+    runs, pairs = profile.runs, profile.pairs
+    is_mean = profile.pair_demand == MEAN
+    demand = "mean of both components" if is_mean else "larger component"
+    if 0 < pairs < runs:
+        return f"{pluralize(runs, member)}, of {pluralize(pairs, 'pair')} the {demand}"
+    if pairs:
+        text = f"{pluralize(pairs, 'pair')}, the {demand}"
+        return text if is_mean else f"{text} of each"
+    text = pluralize(runs, member)
+    if profile.pair_demand:
+        text += ", the components of pairs counted separately"
+    return text
+
+
+def draw_drift_profiles(
+    axes: Any, profiles: Sequence[Profile], units: OutputUnits, member: str
+) -> None:
+    """Plot the drifts of buildings over their stories in a single panel, for all levels."""
+    by_length = _by_length(profiles)
+    plot_styles = building_styles(profile.building for profile in profiles)
+    levels = len({profile.level_text for profile in profiles})
+    for number, profile in enumerate(profiles):
+        peaks = profile.peaks
+        drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
+        plot_style = plot_styles[profile.building]
+        if levels > 1:
+            plot_style = (COLORS[number % len(COLORS)], f"{plot_style[1]}{profile.level_text}, ")
+        if len(drifts):
+            line = partial(_line, axes, by_floor=False)
+            _draw_motions(axes, drifts, line, plot_style, "largest", member)
+    axes.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
+    axes.set_ylim(0.5, max(profile.height.size for profile in profiles) + 0.5)
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.set_xlim(left=0.0)
+
+
+def _by_length(profiles: Sequence[Profile]) -> bool:
+    """Return True if the drift ratios of a building are unknown, because its stories have no
+    heights. The figure then shows drifts as lengths."""
+    return any(
+        profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in profiles
+    )
+
+
+def building_styles(names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Return the color and the label of each building, by the name of the building.
+
+    The label is the name with a comma, for the start of a legend entry; empty for a single
+    building. The colors follow from the alphabetical order, so that the order of files has no
+    effect.
+    """
+    buildings = sorted(dict.fromkeys(names))
+    if len(buildings) == 1:
+        return {buildings[0]: (INK, "")}
+    return {name: (COLORS[i % len(COLORS)], f"{name}, ") for i, name in enumerate(buildings)}
+
+
+def _add_common_legend(figure: Figure, panels: Iterable[Any]) -> None:
+    """Add a legend below all panels that contains each label once."""
+    handle_of_label: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        handle_of_label |= dict(zip(labels, handles, strict=True))
+    labels = list(handle_of_label)
+    columns = legend_columns(labels, 4, figure.get_figwidth())
+    legend = figure.legend(
+        list(handle_of_label.values()), labels, loc="outside lower center", ncols=columns
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
+def _draw_motions(
+    axes: Any,
+    rows: Array,
+    line: Callable[..., Any],
+    plot_style: tuple[str, str],
+    largest: str,
+    member: str = "motion",
+) -> None:
+    """Plot the values of each ground motion as thin gray lines, and their mean and maximum. For
+    several buildings, single ground motions are not plotted.
+
+    `line` plots a row of values with a line style. The plot style is the color and label of the
+    building (`building_styles`); the label of a single building is empty. The label of the maximum
+    is `largest` or `envelope`; the noun for a motion is `motion` or `run`.
+    """
+    color, name = plot_style
+    if not name:
+        for row in rows:
+            line(row, color=GRAY, linewidth=0.7, zorder=1.5)
+        noun = "ground motion" if member == "motion" else member
+        axes.plot([], [], color=GRAY, linewidth=0.7, label=f"one {noun}")
+    line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
+    style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
+    line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
+
+
+def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
+    """Plot values over the height of a building: values of floors as a line through points, or
+    values of stories as steps.
+    """
+    # Story i extends from i - 0.5 to i + 0.5; its floor is at i + 0.5.
+    if by_floor:
+        axes.plot(values, np.arange(values.size) + 1.5, **style)
+        return
+    # Each story has two points, at its lower and upper edge.
+    # `repeat` doubles all edges of the stories; the outermost edges are needed only once.
+    edges = np.repeat(np.arange(values.size + 1) + 0.5, 2)[1:-1]
+    axes.plot(np.repeat(values, 2), edges, **style)
+
+
+def _finish_row(
+    axes: Sequence[Any],
+    profiles: Sequence[Profile],
+    units: OutputUnits,
+    limit: float | None,
+    level: str,
+) -> None:
+    """Add limits, ticks and labels to a row of panels with the lines of all motions (drifts, floor
+    accelerations, shears in N), and state the numbers of collapsed and failed runs.
+
+    `limit` is the marked limit of the drift ratio. `level` is empty if there is a single intensity
+    level.
+    """
+    drifts, accelerations, shears = axes
+    if limit is not None:
+        drifts.axvline(
+            100.0 * limit,
+            color=MARK,
+            linestyle=DASHES[2],
+            label=f"limit {100.0 * limit:g} %",
+            zorder=4,
+        )
+    accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
+    # The unit of the forces follows from their maximum.
+    lines = [line for line in shears.get_lines() if len(line.get_xdata())]
+    largest = max((float(np.max(line.get_xdata())) for line in lines), default=0.0)
+    factor, unit = scaled_unit(largest, "N", units)
+    for line in lines:
+        line.set_xdata(np.asarray(line.get_xdata()) * factor)
+    shears.relim()
+    shears.autoscale_view()
+    shears.set_xlabel(f"story shear ({unit})")
+    drifts.set_ylabel(f"{level}\nstory" if level else "story")
+    # Each building has its number, because a sum over buildings is not a number of motions.
+    lost = {
+        profile.building: f"{profile.collapsed + profile.failed} of {profile.runs}"
+        for profile in profiles
+        if profile.collapsed + profile.failed
+    }
+    if lost:
+        names = len({profile.building for profile in profiles}) > 1
+        counts = [f"{count} ({name})" if names else count for name, count in lost.items()]
+        text = f"{abbreviate(counts, _MAX_LOST_BUILDINGS)} collapsed or failed: not drawn"
+        drifts.set_title(text, loc="left", fontsize=8.0, parse_math=False)
+    max_stories = max(profile.height.size for profile in profiles)
+    for panel in axes:
+        panel.set_ylim(0.5, max_stories + 0.5)
+        panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+        # In one column of a page, more numbers would touch each other.
+        most = 2 if is_narrow() else 5
+        panel.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
+        panel.set_xlim(left=0.0)
+        panel.tick_params(labelleft=panel is drifts)
+        # Panels without lines, because no run has a result, have no scale.
+        if not any(profile.motions for profile in profiles):
+            panel.set_xticks([])
+
+
+def floor_suite_picture(
+    suites: Sequence[FloorSuite], units: OutputUnits = SI, periods: FirstPeriods = ()
+) -> Figure:
+    """Plot the floor spectra of a suite.
+
+    Each floor, scale factor and damping ratio has a panel. A single building has thin gray lines
+    for ground motions, and mean and envelope. Several buildings have means and envelopes in their
+    colors.
+
+    Parameters
+    ----------
+    periods : sequence of (str, float)
+        Names and first periods of the buildings, s, which are marked; none by default.
+    """
+    units = units.in_figures
+    panels: dict[tuple[object, ...], list[FloorSuite]] = {}
+    for suite in suites:
+        # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
+        key = (suite.floor, repr(suite.scale), repr(suite.level), suite.damping)
+        panels.setdefault(key, []).append(suite)
+    shown = list(panels.values())[:_MAX_PANELS]
+    columns = min(len(shown), 2)
+    rows = math.ceil(len(shown) / columns)
+    figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    plot_styles = building_styles(suite.building for suite in suites)
+    several_scales = len({repr(suite.scale) for suite in suites}) > 1
+    for axes, panel_suites in zip(grid.ravel(), shown, strict=False):
+        for suite in panel_suites:
+            psa = units.of(suite.psa, "m/s^2")
+            line = partial(axes.plot, suite.periods)  # function that plots values over the periods
+            _draw_motions(axes, psa, line, plot_styles[suite.building], "envelope")
+        set_floor_axes(axes, units)
+        mark_first_periods(axes, periods)
+        first = panel_suites[0]
+        level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
+        damping = f"{100.0 * first.damping:g} % damping"
+        axes.set_title(
+            ", ".join(filter(None, [f"floor {first.floor}", level, damping])), fontsize=9.0
+        )
+    for axes in grid.ravel()[len(shown) :]:
+        axes.set_visible(False)
+    _add_common_legend(figure, grid.ravel())
+    subject = suites[0].building if len(plot_styles) == 1 else f"{len(plot_styles)} buildings"
+    title = f"{subject}, {pluralize(suites[0].runs, 'motion')}\n"
+    title += "spectra of absolute floor accelerations"
+    if len(panels) > len(shown):
+        title += f"; the first {len(shown)} of {len(panels)} panels"
+    return titled(figure, title)

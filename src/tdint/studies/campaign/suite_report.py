@@ -1,0 +1,496 @@
+"""HTML report of a campaign: the runs of buildings under a suite of ground motions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.errors import RecordError
+from tdint.ground_motion.horizontals import Horizontals, find_horizontals
+from tdint.ground_motion.reading.suites import GroundMotion
+from tdint.ground_motion.record import Record
+from tdint.number_parsing import number_text, pluralize
+from tdint.output import figures
+from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
+from tdint.output.spectrum_text import spectrum_text
+from tdint.output.tables.table import Cell, Table
+from tdint.response.spectra.target import read_target
+from tdint.studies.campaign import suite_figures
+from tdint.studies.campaign.assigned_motions import MotionFactors
+from tdint.studies.campaign.campaign_summary import campaign_summary
+from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
+from tdint.studies.campaign.load_case_report import load_case_chapter
+from tdint.studies.motions import scaling_figures
+from tdint.studies.motions.intensity import GEOMETRIC_MEAN
+from tdint.studies.motions.pairs import PairRule, describe_demand
+from tdint.studies.motions.scaling import Scaling
+from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.output.figures.style import FirstPeriods
+    from tdint.response.runs.batch import Subject
+    from tdint.studies.campaign.plan import Plan
+    from tdint.studies.campaign.story_profiles import FloorSuite, Profile
+    from tdint.studies.store.result_store import Store
+
+from tdint.output.report import (
+    ERRORS,
+    MAX_MOTIONS,
+    assumptions,
+    method_text,
+    model_chapter,
+    motion_chapter,
+)
+
+_MAX_MODELS = 8
+"""Maximum number of buildings that list their stories."""
+
+_MAX_DAMAGE_ROWS = 60
+"""Maximum number of rows in tables of damage."""
+
+_SUITE_COLUMNS = (
+    "residual_drift",
+    "peak_shear",
+    "peak_total_shear",
+    "peak_absolute_acceleration",
+    "peak_damper_force",
+)
+
+
+def suite_page(
+    plan: Plan,
+    store: Store,
+    profiles: Sequence[Profile],
+    page_text: PageText,
+    *,
+    limit: float | None = None,
+    ratios: Table | None = None,
+    floors: Sequence[FloorSuite] = (),
+    units: OutputUnits = SI,
+) -> bytes:
+    """Return the report of a campaign whose store contains all runs of the plan.
+
+    `profiles` are the statistics over the ground motions, for each building and intensity level.
+    `limit` is the limit of the drift ratio, which the figure shows. `ratios` are the responses of
+    the buildings divided by those of a baseline building.
+    """
+    content, units = campaign_summary(store), page_units(units)
+    runs = content["runs"]
+    status_text = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
+    limit_text = "" if limit is None else f", limit {100.0 * limit:g} %"
+    profile_figure = Picture(
+        lambda: suite_figures.profile_picture(profiles, units, limit=limit, title=plan.name),
+        f"Drifts, floor accelerations, story shears: ground motions, mean, maximum{limit_text}",
+    )
+    periods = _first_periods(store)
+    spectra = Picture(
+        lambda: suite_figures.floor_suite_picture(floors, units, periods),
+        "Floor spectra: mean, envelope",
+    )
+    # Only the first buildings are described, because the report must remain readable.
+    subjects = {building.name: building.subject() for building in plan.buildings[:_MAX_MODELS]}
+    # Warnings about the scaling and the records are printed at the top. Notes with the same text
+    # are omitted.
+    scaling_parts, scaling_warnings = _scaling(plan, units, periods)
+    record_warnings = [
+        f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings
+    ]
+    # `warned` contains the warnings without the file of the record.
+    warned = tuple(text.partition(": ")[2] for text in record_warnings)
+    notes = [note for note in plan.notes if not note.endswith(warned)]
+    chapters = [
+        Chapter("Result", (list(page_text.sentences), *((profile_figure,) if profiles else ()))),
+        Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
+        Chapter("Ratios to the baseline", (_ratio_rows(ratios),) if ratios else ()),
+        *(_statistics_chapter(profile, units, subjects) for profile in profiles),
+        _runs_chapter(store),
+        Chapter("Damage", _damage(store)),
+        Chapter("Floor spectra", (spectra,) if floors else ()),
+        *(model_chapter(subject.model, units) for subject in subjects.values()),
+        load_case_chapter(plan, units)
+        or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
+        _suite_assumptions(plan, store, [*subjects.values()]),
+        Chapter("Notes", (once(notes),)),
+    ]
+    campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
+    inputs = [*(page_text.inputs or content["inputs"]), campaign]
+    page_text = replace(
+        page_text,
+        warnings=[*plan.warnings, *page_text.warnings, *scaling_warnings, *record_warnings],
+        inputs=inputs,
+        verdict=page_text.verdict or _headlines(store, profiles),
+    )
+    about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
+    return page(plan.name, about, chapters, page_text)
+
+
+def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) -> Chapter:
+    """Return the chapter of the assumptions of a campaign: methods, time steps, errors and rules.
+
+    `store` is the store of the campaign, with the time steps and the estimated errors of all runs.
+    """
+    methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
+    step, accuracy = _steps_and_errors(store)
+    free_vibration = (
+        ("runs continue after the end of the record until free vibration has decayed",)
+        if plan.settings.until_rest
+        else ()
+    )
+    return assumptions(
+        f"{methods}, {step}", [accuracy, *free_vibration, *_pair_rule(store), _SUITE]
+    )
+
+
+def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
+    """Return the headlines of a campaign without limits: lost runs and the largest drift ratio.
+
+    `profiles` contains the statistics over the ground motions; their headlines already state lost
+    motions.
+    """
+    headlines: list[tuple[bool | None, str]] = []
+    statuses = store.statuses()
+    lost = {status: count for status, count in statuses.items() if status != "done"}
+    if lost and not profiles:
+        listed = ", ".join(f"{count} {status}" for status, count in lost.items())
+        runs = pluralize(sum(statuses.values()), "run")
+        headlines.append((False, f"{sum(lost.values())} of {runs} collapsed or failed: {listed}."))
+    query = (
+        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_story, "
+        "u.status FROM run_rows u JOIN buildings b ON b.id = u.building JOIN records r ON r.id = "
+        "u.record WHERE u.peak_drift_ratio IS NOT NULL ORDER BY u.peak_drift_ratio DESC LIMIT 1"
+    )
+    for building, record, component, scale, ratio, story, status in store.connection.execute(query):
+        under = f"{figures.style.record_name(record)} {component}".strip()
+        ended = "" if status == "done" else f", status {status}"
+        headlines.append(
+            (
+                None,
+                f"Largest drift ratio {number_text(100.0 * ratio)} % ({building}, story {story}, "
+                f"{under} times {number_text(scale)}{ended}).",
+            )
+        )
+    return headlines
+
+
+def _steps_and_errors(store: Store) -> tuple[str, str]:
+    """Return two clauses for the assumptions in the report of a campaign: the time steps of the
+    runs; the maximum energy imbalance of a run, and the maximum estimated error of the drifts if
+    errors were estimated.
+    """
+    query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
+    low, high, energy = store.connection.execute(query).fetchone()
+    step = (
+        f"time steps of {low:.6g} s" if low == high else f"time steps of {low:.6g} to {high:.6g} s"
+    )
+    imbalance = ""
+    if energy is not None:
+        imbalance = (
+            f"the largest energy imbalance of a run is {number_text(100.0 * energy, 2)} % of its "
+            "input energy"
+        )
+    if not store.checked:
+        not_estimated = "the error of the time integration was not estimated (--check)"
+        return step, "; ".join(filter(None, (not_estimated, imbalance)))
+    query = "SELECT max(peak_drift_m_error / peak_drift_m) FROM run_rows"
+    (error,) = store.connection.execute(query).fetchone()
+    estimated = ""
+    if error is not None:
+        estimated = (
+            f"the largest estimated error of a maximum drift is {number_text(100.0 * error, 2)} %"
+        )
+    # Either clause is empty if no run has a result.
+    return step, "; ".join(filter(None, (estimated, imbalance)))
+
+
+def _first_periods(store: Store) -> list[tuple[str, float]]:
+    """Return the names and the first periods, s, of the buildings of a campaign."""
+    periods = [(name, store.period(number)) for number, (name, _) in store.buildings().items()]
+    return [(name, period) for name, period in periods if period is not None]
+
+
+def _statistics_chapter(
+    profile: Profile, units: OutputUnits, subjects: Mapping[str, Subject]
+) -> Chapter:
+    """Return the chapter of means and maxima of a building over the ground motions at a single
+    intensity level; estimated errors are added if the runs have error estimates.
+
+    Total shears are omitted if the model (`subjects`, by name) has neither P-delta nor dashpots.
+    """
+    subject = subjects.get(profile.building)
+    suite_columns: tuple[str, ...] = _SUITE_COLUMNS
+    if subject and not (subject.model.p_delta or subject.model.has_dashpots):
+        suite_columns = tuple(name for name in suite_columns if name != "peak_total_shear")
+    has_heights = not np.isnan(profile.height).any()
+    # Isolators have no height, so their drifts in length units are listed in addition to the
+    # ratios.
+    drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
+    parts: list[Part] = [profile_table(profile, (*drifts, *suite_columns), units)]
+    if profile.peak_errors:
+        parts += [ERRORS, profile_error_table(profile, ("peak_drift", *suite_columns))]
+    building = ", ".join(filter(None, [profile.building, profile.level_text]))
+    return Chapter(f"Statistics over the ground motions: {building}", parts)
+
+
+def _runs_chapter(store: Store) -> Chapter:
+    """Return the chapter that lists the individual runs of a campaign.
+
+    Collapsed and failed runs are first. The completed runs follow in the order of decreasing drift
+    ratio, and finally the completed runs without a drift ratio, in the order of decreasing drift.
+    The list shows which ground motions dominate the mean and which
+    caused collapse.
+    """
+    # `u.status = 'done'` is 0 or 1, so that the completed runs are last.
+    query = (
+        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, "
+        "u.peak_drift_story, (SELECT max(s.ductility) FROM story_rows s WHERE (s.building, "
+        "s.record, s.scale, s.sample) = (u.building, u.record, u.scale, u.sample)), u.status FROM "
+        "run_rows u JOIN buildings b ON b.id = u.building JOIN records r ON r.id = u.record ORDER "
+        "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
+    )
+    rows = store.connection.execute(query).fetchall()
+    numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "largest_ductility")
+    columns = ("building", "record", "component", *numbers, "status")
+    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers}
+    meanings["peak_drift_m"] = {"unit": "m"}
+    shown_rows = rows[:MAX_MOTIONS]
+    table = Table(columns, shown_rows, meanings)
+    # The drift ratio is shown if any run has it. The drift is shown as a length only if a run has
+    # no drift ratio, because the stories of its building have no heights.
+    ratio, length = columns.index("peak_drift_ratio"), columns.index("peak_drift_m")
+    omitted = []
+    if all(row[ratio] is None for row in shown_rows):
+        omitted.append("peak_drift_ratio")
+    elif all(row[ratio] is not None or row[length] is None for row in shown_rows):
+        omitted.append("peak_drift_m")
+    # The name of a single building is omitted.
+    if len({row[columns.index("building")] for row in rows}) <= 1:
+        omitted.append("building")
+    table = table.chosen([name for name in columns if name not in omitted])
+    omission = ""
+    if len(rows) > MAX_MOTIONS:
+        omission = f"The first {MAX_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
+    return Chapter("Individual ground motions, largest drift first", (table, omission))
+
+
+def _ratio_rows(ratios: Table) -> Table:
+    """Return a table of ratios to a baseline building, prepared for a report.
+
+    Rows without any number are omitted, and names of quantities contain spaces instead of
+    underscores.
+    """
+    first_ratio = ratios.columns.index("quantity") + 1
+    rows = [
+        row
+        for row in ratios.rows
+        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[first_ratio:])
+    ]
+    return replace(ratios, rows=rows).with_values(
+        "quantity", lambda quantity: str(quantity).replace("_", " ")
+    )
+
+
+def _damage(store: Store) -> tuple[Part, ...]:
+    """Return the tables of damage and loss by building type; empty without damage states."""
+    if not store.damage():
+        return ()
+    from tdint.studies.fragility.damage_tables import loss_table, type_table
+
+    # The rule for pairs is one of the assumptions, so its column is omitted.
+    losses = loss_table(store)
+    losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
+    losses = replace(losses, rows=losses.rows[:_MAX_DAMAGE_ROWS])
+    states = _with_state_columns(type_table(store))
+    states = replace(states, rows=states.rows[:_MAX_DAMAGE_ROWS])
+    loss_text = ""
+    if losses.rows:
+        loss_text = (
+            "Mean loss ratios with their standard errors, and standard deviations of the loss:"
+        )
+    omission = ""
+    # A table with the maximum number of rows has probably been cut off above.
+    if _MAX_DAMAGE_ROWS in (len(states.rows), len(losses.rows)):
+        omission = "The first rows; damage-types.csv and losses.csv list all."
+    return (
+        "Mean probabilities of the damage states, by building type and level:",
+        states,
+        loss_text,
+        losses,
+        omission,
+    )
+
+
+def _with_state_columns(table: Table) -> Table:
+    """Return the probabilities of damage states with a column per state, from the rows of
+    damage-types.csv (one per type, level, event and state).
+    """
+    keys: list[str] = [name for name in ("type", "level", "event") if name in table.columns]
+    indices = [table.columns.index(name) for name in (*keys, "state", "probability")]
+    probabilities: dict[tuple[Cell, ...], dict[str, Cell]] = {}
+    states: dict[str, None] = {}  # an ordered set
+    for row in table.rows:
+        *key, state, probability = (row[i] for i in indices)
+        states[str(state)] = None
+        probabilities.setdefault(tuple(key), {})[str(state)] = probability
+    meanings = {name: table.meanings[name] for name in keys}
+    meanings |= dict.fromkeys(states, table.meanings["probability"])
+    rows = [
+        (*key, *(by_state.get(state) for state in states))
+        for key, by_state in probabilities.items()
+    ]
+    return Table((*keys, *states), rows, meanings)
+
+
+def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
+    """Return for each intensity level its unscaled records with their scale factors, smallest
+    factors first. Levels that are equal for several buildings are returned once.
+    """
+    factors: dict[tuple[int, int, int], list[float]] = {}
+    for building, motion, scale, sample, *_ in store.runs():
+        factors.setdefault((building, motion, sample), []).append(scale)
+    levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
+    for (building, motion, _), scales in factors.items():
+        # Levels are ranks, because each ground motion can have its own scale factors: the smallest
+        # factor of each ground motion belongs to the first level.
+        for rank, scale in enumerate(sorted(scales, key=abs)):
+            levels.setdefault((building, rank), []).append((motion, scale))
+    return [
+        [(plan.motions[motion].record, scale) for motion, scale in level]
+        for level in dict.fromkeys(map(tuple, levels.values()))
+    ]
+
+
+_RULES = {
+    "value": "each ground motion to this value",
+    "mean": "least squares of ln Sa, each ground motion separately",
+    "asce7": "ASCE 7-16, 16.2.3.2",
+    "ec8": "EN 1998-1:2004, 3.2.3.1.2",
+    "p695": "FEMA P-695, A.8",
+}
+
+
+def _scaling(
+    plan: Plan, units: OutputUnits, periods: FirstPeriods
+) -> tuple[tuple[Part, ...], list[str]]:
+    """Return the description of the scaling of ground motions in a campaign (sentence and figure;
+    none without scale factors), and the warnings of `tdint scale`.
+
+    The data are from the JSON file that `tdint scale` writes next to the scale factors. The figure
+    of the scaled spectra, for a target spectrum, marks the first periods of the buildings.
+    """
+    if not plan.factors:
+        return (), []
+    if not plan.scaled:
+        return (
+            f"Scale factors: {plan.factors}; the method of scaling is unknown, because there is no "
+            "JSON file of `tdint scale` next to the factors.",
+        ), []
+    # `settings` contains the target or intensity measure, the rule, the period range, the damping
+    # ratio and the treatment of pairs.
+    settings = plan.scaled["settings"]
+    parts: list[Part] = [_scaling_text(plan.factors, settings)]
+    if settings["target"] and isinstance(plan.levels, MotionFactors):
+        scaling = _scaled_suite(plan, plan.levels, settings)
+        if scaling is not None:
+            parts.append(
+                Picture(
+                    partial(scaling_figures.suite_picture, scaling, units, periods),
+                    "Scaled ground motions and target spectrum",
+                )
+            )
+    return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
+
+
+def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
+    """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio."""
+    facts = [
+        f"Scale factors: {factors}, computed by tdint scale",
+        f"rule {settings['rule']} ({_RULES[settings['rule']]})",
+    ]
+    if settings["target"]:
+        facts.append(f"target {spectrum_text(settings['target'])}")
+    elif settings["measure"]:
+        value = f"{settings['value']:.4g} {settings['unit']}".strip()
+        facts.append(f"target {settings['measure']} = {value}")
+    if settings["periods_s"]:
+        facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
+    facts.append(f"{100.0 * settings['damping']:g} % damping")
+    if settings["pairs"]:
+        facts.append(f"pairs represented by {scaling_figures.pair_text(settings['pairs'])}")
+    if settings["least_average_over_target"] is not None:
+        ratio = 100.0 * settings["least_average_over_target"]
+        facts.append(f"the minimum ratio of average to target is {ratio:.3g} %")
+    return f"{'; '.join(facts)}."
+
+
+def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]) -> Scaling | None:
+    """Return the scaled suite for its figure; None if a ground motion has several factors.
+
+    Several factors define several suites, and the figure shows only one.
+    """
+    motions = _scaled_motions(plan, levels, paired=bool(settings["pairs"]))
+    if any(len(factors) > 1 for _, factors in motions):
+        return None
+    # For rules that check the average, the figure also shows the average and 90 % of the target.
+    # The average of pairs is not drawn for single components.
+    minimum_ratio = settings["least_average_over_target"]
+    if settings["pairs"] and any(isinstance(motion, Record) for motion, _ in motions):
+        minimum_ratio = None
+    return Scaling(
+        tuple(motion for motion, _ in motions),
+        np.array([factors[0] for _, factors in motions]),
+        settings["rule"],
+        settings["pairs"] or GEOMETRIC_MEAN,
+        settings["damping"],
+        target=read_target(settings["target"]),
+        periods=np.geomspace(*settings["periods_s"]),
+        least=None if minimum_ratio is None else (minimum_ratio, math.nan),
+    )
+
+
+def _scaled_motions(
+    plan: Plan, levels: MotionFactors, *, paired: bool
+) -> list[tuple[GroundMotion, tuple[float, ...]]]:
+    """Return the ground motions of a scaled suite, single components or pairs, with their scale
+    factors.
+
+    With `paired`, the two components of a recording that were read as single records are joined to
+    a pair. Each item of `plan.motions` is a component; its attribute `ground_motion` is the object
+    that was read: a single record, or the pair that contains the component.
+    """
+    # `partners` contains the index of the first component by the index of the second component.
+    # None is the default rule for the demands of pairs, which has no effect on the partners.
+    partners = PairRule.from_motions(plan.motions, None).partners if paired else {}
+    # `pairs` contains the joined pairs by the index of their first component. Components that do
+    # not fit together, for example with different sampling intervals, remain single motions.
+    pairs: dict[int, Horizontals] = {}
+    for second, first in partners.items():
+        recorded = [plan.motions[first].ground_motion, plan.motions[second].ground_motion]
+        records = [motion for motion in recorded if isinstance(motion, Record)]
+        if len(records) == 2:
+            with suppress(RecordError):
+                pairs[first] = find_horizontals(records)
+    # The two components of a pair that was read from one file have the same `ground_motion`. Its
+    # identity is the key, so that the result contains each pair a single time.
+    motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
+    for index, item in enumerate(plan.motions):
+        if partners.get(index) in pairs:
+            continue  # the second component of a joined pair
+        motion = pairs.get(index, item.ground_motion)
+        motions[id(item.ground_motion)] = motion, tuple(levels.by_motion[index])
+    return list(motions.values())
+
+
+# Every report of a suite states this assumption.
+_SUITE = "means are over the ground motions without collapse"
+
+
+def _pair_rule(store: Store) -> list[str]:
+    """Return a clause on the demand of the two components of a pair; empty without pairs."""
+    rule = store.pair_rule()
+    return [f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []

@@ -1,0 +1,519 @@
+"""Tables of the damage in a campaign: damage by run, damage by building type, and losses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from itertools import chain
+from typing import Any, BinaryIO
+
+import numpy as np
+from scipy.special import betainc
+
+from tdint.arrays import Array
+from tdint.errors import UsageError
+from tdint.model.damage_states import COST, DEMANDS, DamageStates
+from tdint.output.tables.runs import BUILDING_COLUMNS, SAMPLE
+from tdint.output.tables.table import Column, Table, cell_text, describe, names
+from tdint.studies.campaign.campaign_tables import (
+    EVENT,
+    copied_cells,
+    copied_columns,
+    with_pair_demand,
+    write_rows,
+)
+from tdint.studies.fragility.building_damage import (
+    TypeDamage,
+    building_damages,
+    group_damages,
+    stored_states,
+)
+from tdint.studies.store.result_store import Store
+from tdint.units import SI, OutputUnits, suffix
+
+_STATUS = Column("status", "text", "status", "status of the run")
+_STATE = Column(
+    "state",
+    "text",
+    "state",
+    "damage state by comparison with the median thresholds, none below the first; collapsed or "
+    "failed-story if the run ended so; empty without a result",
+)
+TYPE = Column(
+    "type",
+    "text",
+    "type",
+    "building type: Hazus type with design level, or name of the model",
+)
+LEVEL = Column(
+    "level",
+    "1",
+    "level",
+    "value of the intensity measure in SI units, or scale factor of the ground motions, or number "
+    "of the scale factor if each ground motion has its own factors",
+)
+COUNTS = (
+    Column("buildings", "1", "buildings", "number of buildings of the type"),
+    Column(
+        "runs",
+        "1",
+        "runs",
+        "number of runs; a pair counts as one unless its components count separately",
+    ),
+    Column(
+        "failed",
+        "1",
+        "failed",
+        "number of runs without a result; they are excluded from the other columns",
+    ),
+)
+LOSS = Column("loss_ratio", "1", "loss", "mean loss ratio")
+TYPES = (
+    TYPE,
+    LEVEL,
+    *COUNTS,
+    Column(
+        "state",
+        "text",
+        "state",
+        "none, a damage state or a type of collapse; their probabilities sum to 1",
+    ),
+    Column("probability", "1", "probability", "mean probability over runs and buildings"),
+    Column(
+        "probability_error",
+        "1",
+        "probability_error",
+        "standard error of probability over the ground motions",
+    ),
+)
+"""Columns of damage-types.csv."""
+
+_MONEY = (
+    Column(
+        "value",
+        "1",
+        "value",
+        "value of the buildings with a result: sum of cost times number in the inventory",
+    ),
+    Column("loss", "1", "money", "mean total loss of these buildings, in the unit of cost"),
+    Column("loss_error", "1", "money_error", "standard error of loss over the ground motions"),
+)
+"""Columns of an inventory with costs."""
+
+LOSSES = (
+    TYPE,
+    Column("building", "text", "building", "name of the building; empty for the complete type"),
+    *TYPES[1:5],
+    LOSS,
+    Column(
+        "loss_ratio_error",
+        "1",
+        "loss_error",
+        "standard error of loss_ratio over the ground motions",
+    ),
+    Column(
+        "loss_ratio_sd",
+        "1",
+        "loss_sd",
+        "standard deviation of the loss ratio of one building under one ground motion",
+    ),
+)
+"""Columns of losses.csv."""
+
+
+def demand_column(states: DamageStates) -> Column:
+    """Return the column of the demand that determines the damage state, such as the peak drift
+    ratio."""
+    demand = DEMANDS[states.demand]
+    return Column(
+        f"{states.demand}{suffix(demand.unit)}",
+        demand.unit,
+        "demand",
+        f"{demand.meaning}; it determines the damage state",
+    )
+
+
+def probability_name(outcome: str) -> str:
+    """Return the name of the column with the probability of an outcome, a damage state or a type of
+    collapse."""
+    return f"probability_{outcome.replace('-', '_')}"
+
+
+def damage_columns(states: DamageStates) -> tuple[Column, ...]:
+    """Return the columns of damage.csv, the damage in each run of a campaign.
+
+    The names of the states and the demand are the same for all building types of a campaign;
+    `states` are the states of any type.
+    """
+    outcomes = (
+        Column(
+            probability_name(name),
+            "1",
+            "probability",
+            f"probability of {name}; empty without a result",
+        )
+        for name in states.outcomes
+    )
+    head = (*BUILDING_COLUMNS, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
+    return (*head, *outcomes, *((LOSS,) if states.losses else ()))
+
+
+def damage_table_columns(store: Store) -> tuple[Column, ...]:
+    """Return the columns of damage.csv of a campaign, followed by the columns of its inventory."""
+    columns = damage_columns(next(iter(stored_states(store).values())))
+    return (*columns, *copied_columns(store, names(columns)))
+
+
+def damage_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of damage.csv: state and probabilities of each run, in the order of runs.csv.
+
+    The columns are those of `damage_table_columns`.
+    """
+    records = {
+        number: (cell_text(name), cell_text(component))
+        for number, (name, component, _) in store.records().items()
+    }
+    inventory_cells = copied_cells(store)
+    for damage in building_damages(store):
+        building, type_name = cell_text(damage.building), cell_text(damage.type)
+        # A row of `values_of_runs` contains the probabilities of all outcomes of a run and, if
+        # there are losses, its loss ratio.
+        loss_columns = [damage.loss] if damage.states.losses else []
+        values_of_runs = np.column_stack([damage.probability, *loss_columns]).tolist()
+        cells_of_runs = zip(
+            damage.keys,
+            damage.status,
+            damage.demand.tolist(),
+            damage.state,
+            values_of_runs,
+            strict=True,
+        )
+        for (record, scale, sample), status, demand, state, values in cells_of_runs:
+            results = [scale, sample, type_name, status, demand, state, *values]
+            copied = inventory_cells(damage.number, sample)
+            yield [building, *records[record], *results, *copied]
+
+
+def damage_summary(store: Store) -> dict[str, Any]:
+    """Return the part of the JSON file of a campaign about damage: the damage states of each
+    building type in SI units, and the descriptions of the columns of its tables."""
+    types = stored_states(store)
+    columns = {
+        "damage.csv": damage_table_columns(store),
+        "damage-types.csv": type_columns(store),
+        "losses.csv": loss_columns(store),
+    }
+    return {
+        "types": {name: asdict(states) for name, states in types.items()},
+        **{file: {"columns": describe(file_columns)} for file, file_columns in columns.items()},
+    }
+
+
+def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write damage.csv, the damage in each run of a campaign, to a stream."""
+    write_rows(damage_table_columns(store), damage_rows(store), stream, units)
+
+
+def type_columns(store: Store) -> tuple[Column, ...]:
+    """Return the columns of damage-types.csv, the damage of each building type.
+
+    The column of the event is included if the campaign has ground motion fields.
+    """
+    return with_pair_demand(store, (*TYPES, *((EVENT,) if store.events() else ())))
+
+
+def has_costs(store: Store) -> bool:
+    """Return True if the inventory has costs of buildings."""
+    return COST in [title.lower() for title in store.inventory_columns()]
+
+
+def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
+    """Return the columns of losses.csv, the mean losses of buildings and groups of buildings.
+
+    If `by` is the name of a column of the inventory, this column is included.
+    """
+    group_column = Column(
+        by or "",
+        "text",
+        "part",
+        f"value of column {by} of the inventory; the row applies to all types of these buildings",
+    )
+    columns = (
+        *LOSSES[:2],
+        *((group_column,) if by else ()),
+        *LOSSES[2:],
+        *(_MONEY if has_costs(store) else ()),
+        *((EVENT,) if store.events() else ()),
+    )
+    return with_pair_demand(store, columns)
+
+
+def write_types(store: Store, stream: BinaryIO) -> None:
+    """Write damage-types.csv, the probabilities of damage states by building type, to a stream."""
+    write_rows(type_columns(store), _type_rows(store), stream)
+
+
+def type_table(store: Store) -> Table:
+    """Return damage-types.csv as a table for a report."""
+    return Table.of(type_columns(store), _type_rows(store))
+
+
+def _type_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of damage-types.csv: one per type, event, level and outcome, which is a damage
+    state or a type of collapse."""
+    pair_demand = _pair_demand(store)
+    for group in group_damages(store):
+        probabilities = group.probability.value.tolist()
+        errors = group.probability.error.tolist()
+        for state, probability, error in zip(
+            group.states.outcomes, probabilities, errors, strict=True
+        ):
+            head = [cell_text(group.type), group.level, *_counts(group), cell_text(state)]
+            yield [*head, probability, error, *_event(group), *pair_demand]
+
+
+def check_column(store: Store, by: str) -> None:
+    """Raise UsageError if the inventory has no column with the name `by`, regardless of case."""
+    if by.lower() not in [title.lower() for title in store.inventory_columns()]:
+        available = ", ".join(store.inventory_columns()) or "none"
+        raise UsageError(
+            f"--by {by}: column not found in the inventory; available columns: {available}"
+        )
+
+
+def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
+    """Write losses.csv, the mean losses of groups of buildings and of each building, to a stream.
+
+    The groups are: all buildings (if there are costs, or with `by`), all buildings of each type,
+    and all buildings with each value of the column `by`.
+
+    Parameters
+    ----------
+    by : str, optional
+        Column of the inventory, such as `district`.
+
+    Raises
+    ------
+    UsageError
+        The inventory has no column `by`.
+    """
+    if by is not None:
+        check_column(store, by)
+    write_rows(loss_columns(store, by), _loss_rows(store, by), stream)
+
+
+def loss_table(store: Store) -> Table:
+    """Return losses.csv as a table for a report; it has no rows if the states have no losses."""
+    has_losses = any(states.losses for states in stored_states(store).values())
+    return Table.of(loss_columns(store), _loss_rows(store) if has_losses else ())
+
+
+def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
+    """Yield the rows of losses.csv: all buildings, each type, each value of the inventory column
+    `by`, and each building."""
+    costs, pair_demand = has_costs(store), _pair_demand(store)
+    # The total over all types is meaningful if there are costs, or for comparison with the groups.
+    groups = chain(
+        group_damages(store, by="") if costs or by else (),
+        group_damages(store),
+        group_damages(store, by=by) if by else (),
+        group_damages(store, by_building=True),
+    )
+    for group in groups:
+        head = [cell_text(group.type), cell_text(group.building)]
+        if by:
+            head.append(cell_text(group.inventory_entry))
+        loss_ratio = (float(group.loss.value[0]), float(group.loss.error[0]), group.loss_sd)
+        loss: tuple[float, ...] = ()
+        if costs:
+            loss = (group.value, float(group.money.value[0]), float(group.money.error[0]))
+        yield [
+            *head,
+            group.level,
+            *_counts(group),
+            *loss_ratio,
+            *loss,
+            *_event(group),
+            *pair_demand,
+        ]
+
+
+def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
+    """Return the columns of exceedance.csv, the annual rates of exceedance of losses.
+
+    The loss is an amount of money if the inventory has costs, otherwise a loss ratio. If `by` is
+    the name of a column of the inventory, this column is included.
+    """
+    loss = _MONEY[1] if has_costs(store) else LOSS
+    group_meaning = f"column {by} of the inventory; empty for all buildings"
+    columns = (
+        *((Column(by, "text", "part", group_meaning),) if by else ()),
+        LEVEL,
+        EVENT,
+        Column("rate", "1", "rate", "annual rate of the event"),
+        loss,
+        Column(
+            f"{loss.name}_error",
+            "1",
+            "error",
+            f"standard error of {loss.name} over the ground motions",
+        ),
+        *(
+            Column(
+                f"{loss.name}_sd_{name}",
+                "1",
+                name,
+                f"standard deviation of {loss.name} in the event, {assumption}",
+            )
+            for name, assumption in _CORRELATIONS
+        ),
+        Column(
+            "exceedance_rate",
+            "1",
+            "exceedance",
+            "annual rate of exceedance of the loss, from the mean losses of the events",
+        ),
+        *(
+            Column(
+                f"exceedance_rate_{name}",
+                "1",
+                name,
+                "annual rate of exceedance of the loss, with its scatter in each event (beta "
+                f"distributions), {assumption}",
+            )
+            for name, assumption in _CORRELATIONS
+        ),
+        Column(
+            "annual_loss",
+            "1",
+            "annual",
+            "rate times loss; the sum over the events is the average annual loss",
+        ),
+        Column(
+            "cumulative_annual_loss",
+            "1",
+            "cumulative",
+            "sum of annual_loss from the first row to this row",
+        ),
+    )
+    return with_pair_demand(store, columns)
+
+
+_CORRELATIONS = (
+    ("independent", "losses of buildings independent"),
+    ("correlated", "losses of buildings fully correlated"),
+)
+"""Assumptions on the correlation of losses: end of the column name, and description; in the order
+of `TypeDamage.scatter`."""
+
+
+def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> Array:
+    """Return the probability that each of several losses, which have beta distributions between 0
+    and `maxima`, reaches or exceeds `loss`.
+    """
+    mean, relative_loss = means / maxima, loss / maxima
+    # A beta distribution with this mean has a variance below mean (1 - mean). The factor keeps a
+    # and b above 0.
+    variance = np.minimum((deviations / maxima) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
+    # A loss without scatter, except for rounding, is equal to its mean.
+    is_certain = variance <= 1e-12 * mean**2
+    # The parameters a and b of the beta distribution follow from its mean a / (a + b) and its
+    # variance mean (1 - mean) / (a + b + 1).
+    a_plus_b = mean * (1.0 - mean) / np.where(is_certain, 1.0, variance) - 1.0
+    a, b = (np.where(is_certain, 1.0, a_plus_b * fraction) for fraction in (mean, 1.0 - mean))
+    probability = 1.0 - betainc(a, b, np.minimum(relative_loss, 1.0))
+    return np.asarray(np.where(is_certain, means >= loss, probability))
+
+
+def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
+    """Write exceedance.csv, the annual rates of exceedance of losses, to a stream.
+
+    The rows are the events in the order of decreasing mean loss. They are listed for all buildings
+    and, if `by` is a column of the inventory, for the buildings with each value in the column.
+    """
+    write_rows(exceedance_columns(store, by), _exceedance_rows(store, by), stream)
+
+
+def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
+    """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss. In
+    addition to the curve for all buildings, each value of the column `by` of the inventory has a
+    curve.
+    """
+    costs, pair_demand = has_costs(store), _pair_demand(store)
+    # There is a loss curve for each group of buildings and each level. Its points are the events;
+    # events without a result are omitted.
+    curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
+    for group in chain(group_damages(store, by=""), group_damages(store, by=by) if by else ()):
+        mean_loss = float((group.money if costs else group.loss).value[0])
+        if not math.isnan(mean_loss):
+            key = group.inventory_entry, group.level
+            curves.setdefault(key, []).append((mean_loss, group))
+    for (inventory_entry, level), curve in curves.items():
+        curve.sort(key=lambda loss_and_event: -loss_and_event[0])
+        group_cell = [cell_text(inventory_entry)] if by else []
+        for event, cells in _curve_cells(curve, store.rates(), costs=costs):
+            yield [*group_cell, level, cell_text(event), *cells, *pair_demand]
+
+
+def _curve_cells(
+    curve: Sequence[tuple[float, TypeDamage]], rates: Mapping[str, float], *, costs: bool
+) -> Iterator[tuple[str, list[float]]]:
+    """Yield each event of a loss curve (by decreasing mean loss) with its cells in exceedance.csv,
+    from `rate` to `cumulative_annual_loss`. Losses are amounts of money (`costs`) or loss ratios.
+    """
+    event_rates = np.array([rates[event.event] for _, event in curve])
+    means = np.array([mean_loss for mean_loss, _ in curve])
+    # The maximum loss is the loss in the most severe damage state. It is a divisor in `_exceeding`.
+    # If the losses of all states are zero, mean and deviation are zero as well, and every positive
+    # divisor gives the same result.
+    maxima = np.array(
+        [
+            (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)
+            for _, event in curve
+        ]
+    )
+    annual_losses = event_rates * means
+    for index, (mean_loss, event) in enumerate(curve):
+        # The exceedance rate with this scatter is computed for independent and for fully correlated
+        # buildings.
+        rates_with_scatter = []
+        for assumption in range(len(_CORRELATIONS)):
+            deviations = np.array([other.scatter[assumption] for _, other in curve])
+            probabilities = _exceeding(mean_loss, means, deviations, maxima)
+            rates_with_scatter.append(float(event_rates @ probabilities))
+        error = float((event.money if costs else event.loss).error[0])
+        # The events before this event have larger mean losses, so the rate of exceedance is the sum
+        # of the rates up to this event.
+        exceedance_rate = float(np.sum(event_rates[: index + 1]))
+        cumulative_annual_loss = float(np.sum(annual_losses[: index + 1]))
+        yield (
+            event.event,
+            [
+                event_rates[index],
+                mean_loss,
+                error,
+                *event.scatter,
+                exceedance_rate,
+                *rates_with_scatter,
+                annual_losses[index],
+                cumulative_annual_loss,
+            ],
+        )
+
+
+def _pair_demand(store: Store) -> tuple[str, ...]:
+    """Return a tuple with the cell of the column `pair_demand` (the rule for the demand of a pair);
+    an empty tuple if the campaign has no pairs."""
+    pair_demand = store.pair_rule().demand_if_pairs
+    return (pair_demand,) if pair_demand else ()
+
+
+def _counts(group: TypeDamage) -> tuple[int, ...]:
+    """Return the cells of the columns `COUNTS`: numbers of buildings, runs and failed runs."""
+    return group.buildings, group.runs, group.failed
+
+
+def _event(group: TypeDamage) -> tuple[str, ...]:
+    """Return a tuple with the cell of the column `event`; an empty tuple without events."""
+    return (cell_text(group.event),) if group.event else ()

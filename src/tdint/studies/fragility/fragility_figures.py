@@ -1,0 +1,334 @@
+"""Figures of fragility functions with observations and 95 % confidence bands, and of cloud
+analyses with regression lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdint.arrays import Array
+from tdint.number_parsing import pluralize
+from tdint.output.figures.legends import legend_columns
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    MARKERS,
+    is_narrow,
+    line_style,
+    plain_logarithmic,
+    titled,
+)
+from tdint.studies.fragility.fragility_function import CloudPoints, Fragility, Points
+from tdint.studies.motions.scaling_figures import (
+    GRAY,
+    add_gravity_axis,
+    measure_label,
+)
+
+_POINTS = 300  # points of a fragility function
+_TYPES_PER_ROW = 4  # panels of building types per row
+# Maximum number of fragility functions in a single panel. A function with a modeling dispersion has
+# two curves: without and with this dispersion. For more functions, the curves with the modeling
+# dispersion are in a second panel.
+_MAX_IN_PANEL = 2
+_END_DEVIATIONS = 2.6  # standard deviations from the maximum median to the end of the axis
+_NAMES = {
+    "stripes": "Fragility of stripes, maximum likelihood",
+    "ida": "Fragility of capacities",
+    "cloud": "Cloud and its fragility, maximum likelihood",
+}
+
+
+def fragility_picture(functions: Sequence[Fragility]) -> Figure:
+    """Plot fragility functions of the same fit and intensity measure with their observations and
+    confidence bands.
+
+    A cloud analysis has a second panel with its regression. If more than `_MAX_IN_PANEL` functions
+    have a modeling dispersion, the functions with this dispersion have a separate panel.
+    """
+    cloud = functions[0].cloud
+    crowded = (
+        cloud is None
+        and len(functions) > _MAX_IN_PANEL
+        and any(function.modeling_dispersion for function in functions)
+    )
+    stacked = crowded and is_narrow()
+    figure = Figure(
+        figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6),
+        layout="constrained",
+    )
+    if crowded:
+        first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
+        draw_functions(first, functions, total=False)
+        end = _axis_end(functions)
+        im = np.linspace(0.0, end, _POINTS)[1:]
+        for i, function in enumerate(functions):
+            label = _label(function, function.beta_total)
+            second.plot(
+                im,
+                function.probability(im, total=True),
+                **line_style(i),
+                linewidth=1.8,
+                label=label,
+            )
+        second.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
+        add_gravity_axis(second, functions[0].unit, horizontal=True)
+        _name_functions(
+            second, functions, rf"with $\beta_{{model}}$ = {functions[0].modeling_dispersion:.2g}"
+        )
+        if stacked:
+            second.set_ylabel(first.get_ylabel())
+    elif cloud is None:
+        draw_functions(figure.subplots(), functions)
+    else:
+        left, right = figure.subplots(1, 2)
+        _draw_cloud(left, cloud, functions)
+        draw_functions(right, functions)
+    function = functions[0]
+    title = _NAMES[function.fit]
+    censored = {function.censored for function in functions}
+    if function.fit == "ida":
+        title += ", maximum likelihood" if any(censored) else ", method of moments"
+    number = function.motions if function.fit == "stripes" else function.runs
+    title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'record')}"
+    if any(censored):
+        # The number of censored observations can differ between the functions.
+        title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
+    return titled(figure, title)
+
+
+def types_picture(functions: Sequence[Fragility]) -> Figure:
+    """Plot fragility functions of building types, with a panel per type and a curve per state."""
+    types = {
+        name: [function for function in functions if function.type == name]
+        for name in dict.fromkeys(f.type for f in functions)
+    }
+    states = list(
+        dict.fromkeys(
+            function.state
+            for function in sorted(functions, key=lambda function: function.threshold)
+        )
+    )
+    columns = min(len(types), _TYPES_PER_ROW)
+    rows = math.ceil(len(types) / columns)
+    size = (max(2.5 * columns, 5.0) + 0.6, 2.0 * rows + 1.3)
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    for axes in grid.flat[len(types) :]:
+        axes.set_visible(False)
+    # With a common intensity measure, only the lowest panels have a label.
+    has_common_measure = len({function.im for function in functions}) == 1
+    for index, (axes, name) in enumerate(zip(grid.flat, types, strict=False)):
+        _draw_type(axes, types[name], states)
+        axes.set_title(name, fontsize="medium")
+        if index % columns == 0:
+            axes.set_ylabel("probability")
+        if not has_common_measure or index >= len(types) - columns:
+            axes.set_xlabel(_im_label(types[name][0]))
+    lines = [axes.plot([], [], **line_style(i), linewidth=1.8)[0] for i in range(len(states))]
+    figure.legend(
+        lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
+    )
+    return titled(
+        figure,
+        "Probability of damage states and observed fractions, 95 % confidence over the motions",
+    )
+
+
+def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
+    """Plot the fragility functions of a building type with observations and confidence bands. The
+    position of a state in `states` determines the style of its curve."""
+    end = _axis_end(functions)
+    im = np.linspace(0.0, end, _POINTS)[1:]
+    for function in functions:
+        i = states.index(function.state)
+        style = line_style(i)
+        _draw_band(axes, function, im, style, alpha=0.08, linewidth=0.4)
+        axes.plot(
+            im,
+            function.probability(im, total=function.modeling_dispersion > 0.0),
+            linewidth=1.6,
+            **style,
+        )
+        _draw_counted(
+            axes,
+            function,
+            end,
+            color=style["color"],
+            marker=MARKERS[i % len(MARKERS)],
+            markersize=3.5,
+        )
+    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
+
+
+def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
+    """Plot fragility functions of the same intensity measure with observations and confidence
+    bands, and with dotted lines that include the modeling dispersion if `total`."""
+    end = _axis_end(functions)
+    im = np.linspace(0.0, end, _POINTS)[1:]
+    for i, function in enumerate(functions):
+        plot_style = line_style(i)
+        color = plot_style["color"]
+        _draw_band(
+            axes,
+            function,
+            im,
+            plot_style,
+            alpha=0.18 if len(functions) == 1 else 0.08,
+            linewidth=0.5,
+        )
+        axes.plot(im, function.probability(im), **plot_style, linewidth=1.8, label=_label(function))
+        if function.modeling_dispersion and total:
+            probability = function.probability(im, total=True)
+            label = rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
+            axes.plot(im, probability, color=color, linestyle=":", linewidth=1.2, label=label)
+        _draw_counted(
+            axes, function, end, color=color, marker=MARKERS[i % len(MARKERS)], markersize=4.5
+        )
+    if any(np.isfinite(function.covariance).all() for function in functions):
+        axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
+    axes.set(
+        xlim=(0.0, end),
+        ylim=(-0.01, 1.01),
+        xlabel=_im_label(functions[0]),
+        ylabel="probability of exceedance",
+    )
+    add_gravity_axis(axes, functions[0].unit, horizontal=True)
+    _name_functions(axes, functions)
+
+
+def _draw_band(
+    axes: Any,
+    function: Fragility,
+    im: Array,
+    plot_style: dict[str, Any],
+    alpha: float,
+    linewidth: float,
+) -> None:
+    """Plot the confidence band of a fragility function, unless its covariance is unknown."""
+    if np.isfinite(function.covariance).all():
+        low, high = function.band(im)
+        axes.fill_between(im, low, high, color=plot_style["color"], alpha=alpha, linewidth=0.0)
+        for edge in (low, high):
+            axes.plot(im, edge, **plot_style, linewidth=linewidth)
+
+
+def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
+    """Add the legend of the fragility functions to a panel. The first line of its title is `which`.
+
+    "exceedance of" is omitted for functions without a threshold of the demand.
+    """
+    exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
+    title = "\n".join(filter(None, (which, exceeded))) or None
+    axes.legend(
+        loc="lower right",
+        frameon=True,
+        framealpha=0.85,
+        edgecolor="none",
+        title=title,
+        alignment="left",
+    )
+
+
+def _draw_counted(axes: Any, function: Fragility, end: float, **plot_style: Any) -> None:
+    """Plot the observed fractions to which a fragility function was fitted, up to the intensity
+    `end`.
+
+    They are the fractions at intensity levels, the cumulative distribution of capacities, or the
+    fractions of the runs of a cloud in bins of the intensity.
+    """
+    points, counted = function.points, function.counted
+    if points is None and counted is not None:
+        points = Points(counted.im, counted.fraction)
+    if points is not None:
+        shown = points.im <= end
+        axes.plot(
+            points.im[shown],
+            points.fraction[shown],
+            linestyle="none",
+            markerfacecolor="white",
+            zorder=4,
+            **plot_style,
+        )
+
+
+def _axis_end(functions: Sequence[Fragility]) -> float:
+    """Return the end of the intensity axis of fragility functions: the largest intensity where a
+    probability is nearly 1, but for each function at most two times the maximum observed intensity,
+    or two times the median if the median is larger.
+    """
+    ends = []
+    for function in functions:
+        observed = function.points or function.cloud
+        curve_end = function.theta * math.exp(_END_DEVIATIONS * function.beta)
+        max_observed = float(np.max(observed.im)) if observed and observed.im.size else curve_end
+        ends.append(min(curve_end, 2.0 * max(max_observed, function.theta)))
+    return max(ends)
+
+
+def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
+    """Plot the runs of a cloud analysis and their regression line on logarithmic axes.
+
+    Dashed lines have a distance of a standard deviation of the residuals from the regression line.
+    Horizontal lines mark the thresholds of `functions`.
+    """
+    measured = ~(cloud.censored | cloud.below)
+    axes.scatter(
+        cloud.im[measured],
+        cloud.edp[measured],
+        s=14,
+        facecolor=GRAY,
+        edgecolor="0.45",
+        linewidth=0.5,
+        label="runs",
+    )
+    hollow = {"s": 22, "facecolor": "white", "edgecolor": "0.35", "linewidth": 0.8}
+    for limited, marker, label in (
+        (cloud.censored, "^", "above the limit"),
+        (cloud.below, "v", "below the lightest state"),
+    ):
+        if limited.any():
+            axes.scatter(
+                cloud.im[limited], cloud.edp[limited], marker=marker, label=label, **hollow
+            )
+    im = np.geomspace(np.min(cloud.im), np.max(cloud.im), 50)
+    line = np.exp(cloud.intercept) * im**cloud.slope
+    axes.plot(im, line, color=COLORS[0], linewidth=1.8, label=f"slope {cloud.slope:.3g}")
+    for factor in (math.exp(-cloud.sigma), math.exp(cloud.sigma)):
+        last = axes.plot(im, factor * line, color=COLORS[0], linestyle=DASHES[1])[0]
+    last.set_label(rf"$\pm\sigma$ = {cloud.sigma:.3g}")
+    for i, function in enumerate(functions):
+        axes.axhline(function.threshold, **line_style(i), linewidth=0.9)
+    plain_logarithmic(axes)
+    edges = [*cloud.edp.tolist(), *(function.threshold for function in functions)]
+    axes.set(
+        ylim=(min(edges) / 1.6, 1.6 * max(edges)), xlabel=_im_label(functions[0]), ylabel="demand"
+    )
+    axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _im_label(function: Fragility) -> str:
+    """Return the label of the intensity axis: the measure and its unit."""
+    return measure_label(function.im, function.unit)
+
+
+def _label(function: Fragility, beta_total: float | None = None) -> str:
+    """Return the legend entry of a fragility function: demand threshold, initial damage if known,
+    median theta and dispersion beta, or `beta_total`, which includes the modeling dispersion.
+
+    The initial damage is the drift ratio that a previous earthquake has caused, in percent.
+    """
+    threshold = f"{function.threshold_text}: " if function.threshold_text else ""
+    if not math.isnan(function.damage):
+        state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
+        threshold += f"{state}, "
+    beta = (
+        rf"$\beta$ = {function.beta:.2f}"
+        if beta_total is None
+        else rf"$\beta_{{total}}$ = {beta_total:.2f}"
+    )
+    return rf"{threshold}$\theta$ = {function.theta:.3g}, {beta}"

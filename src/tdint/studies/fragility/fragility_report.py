@@ -1,0 +1,346 @@
+"""HTML report of fragility functions."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tdint.errors import TdintError
+from tdint.model.config.model_file import load_model
+from tdint.number_parsing import number_text, pluralize
+from tdint.output.page import Chapter, PageText, Part, Picture, page
+from tdint.output.report import (
+    first_period,
+    method_text,
+    simplifications,
+)
+from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
+from tdint.studies.fragility.study_summary import study_summary
+from tdint.studies.motions.pairs import describe_demand
+from tdint.studies.motions.scaling_figures import measure_words
+from tdint.units import SI
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+_TWO_SIDED = 1.96  # standard errors of a two-sided 95 % interval of a normal distribution
+
+SOURCES = {
+    IDA: "capacities: mean and standard deviation of the logarithms of the capacities, maximum "
+    "likelihood with censored capacities (Baker 2015, Earthquake Spectra 31, 579-599)",
+    STRIPES: "stripes: maximum likelihood of the numbers of exceedances at each intensity level "
+    "(Baker 2015, Earthquake Spectra 31, 579-599)",
+    CLOUD: "cloud: linear regression of ln demand on ln intensity with constant scatter, maximum "
+    "likelihood with censored demands (Jalayer and Cornell 2009, Earthquake Engineering and "
+    "Structural Dynamics 38, 951-972)",
+}
+"""Descriptions of the fits with their publications."""
+
+_NAMES = {IDA: "capacities"}
+"""Names of fits in sentences, if they differ from the key."""
+
+LOGNORMAL = (
+    "A fragility function is the probability of exceedance over the intensity: the lognormal "
+    "distribution function with the median theta and the standard deviation beta of the logarithm."
+)
+RANK_AND_FIT = (
+    "Theta follows from all capacities (their geometric mean, if none is censored), so that it "
+    "differs from the median by rank."
+)
+INTERVALS = (
+    "Intervals contain 95 %: theta times exp(-1.96 e) to exp(1.96 e) with the standard error e of "
+    "ln theta, and beta plus or minus 1.96 standard errors. Standard errors are computed by "
+    "omitting ground motions in turn (jackknife) if the table states the ground motions of several "
+    "runs; otherwise they follow from the information matrix."
+)
+
+
+# ---- Fragility functions
+
+
+MOST_CAPACITIES = 60
+"""Maximum number of motions in the table of capacities; capacities.csv lists all."""
+MOST_THRESHOLDS = 4
+"""Maximum number of drift ratios in the table of capacities, so that the table fits the page."""
+
+
+def initial_damage(damage: float) -> str:
+    """Return the text for the state of a building before a ground motion, such as `damaged to 2 %`.
+
+    `damage` is the drift ratio of the damage by a main shock; 0 results in `intact`.
+    """
+    return f"damaged to {100.0 * damage:g} %" if damage else "intact"
+
+
+def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Table:
+    """Return the fitted parameters of fragility functions with their 95 % intervals.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions; their thresholds are drift ratios or other demands.
+    damaged : bool
+        True to list the state of the building before the motion.
+    """
+    unit = functions[0].unit or "1"
+    # In `columns` and `rows`, a tuple times a flag is the tuple if the flag is True, and an empty
+    # tuple (no column, no cell) if it is False.
+    has_total_beta = any(function.modeling_dispersion for function in functions)
+    has_types = any(function.type for function in functions)
+    # The number of runs is a column only if ground motions have several runs.
+    has_several_runs = any(
+        function.motions and function.runs != function.motions for function in functions
+    )
+    parameters = ("theta", "theta_low", "theta_high", "beta", "beta_low", "beta_high")
+    columns = (
+        *(("type", "damage_state") * has_types),
+        *(("state",) * damaged),
+        "threshold",
+        *parameters,
+        *(("total_beta",) * has_total_beta),
+        "motions",
+        *(("runs",) * has_several_runs),
+        "censored",
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for function in functions:
+        factor = math.exp(_TWO_SIDED * function.theta_error)
+        half_width = _TWO_SIDED * function.beta_error
+        rows.append(
+            (
+                *((function.type, function.state) * has_types),
+                *((initial_damage(function.damage),) * damaged),
+                function.threshold_text,
+                function.theta,
+                function.theta / factor,
+                function.theta * factor,
+                function.beta,
+                max(function.beta - half_width, 0.0),
+                function.beta + half_width,
+                *((function.beta_total,) * has_total_beta),
+                function.motions or function.runs,
+                *((function.runs,) * has_several_runs),
+                function.censored,
+            )
+        )
+    meanings = {name: {"meaning": "", "unit": unit} for name in parameters[:3]}
+    dimensionless = (*parameters[3:], "total_beta", "motions", "runs", "censored")
+    meanings |= {name: {"meaning": "", "unit": "1"} for name in dimensionless}
+    return Table(columns, rows, meanings)
+
+
+def fragility_page(
+    functions: Sequence[Fragility],
+    draw: Callable[[Sequence[Fragility]], Figure],
+    source: str,
+    page_text: PageText,
+) -> bytes:
+    """Return the report of fragility functions.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions of a single fit; at least one.
+    source : str
+        Table or directory with the observations.
+    page_text : PageText
+        Warnings, notes (`sentences`), inputs and head of the report.
+    """
+    study = study_summary(Path(source))
+    # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
+    functions = [replace(function, is_drift_ratio=bool(study)) for function in functions]
+    stated_measure = measure_words(functions[0].im)
+    measure = stated_measure or "intensity measure"
+    fits = list(dict.fromkeys(function.fit for function in functions))
+    pairs = functions[0].pair_demand
+    counted = f" Pairs: {describe_demand(pairs)} (pair_demand: {pairs})." if pairs else ""
+    # The headline states the functions, unless there are too many for a headline.
+    verdict: list[tuple[bool | None, str]] = []
+    if len(functions) <= MOST_THRESHOLDS:
+        verdict = [(None, _median_text(function)) for function in functions]
+    fitted = fit_table_of(functions, damaged=_damaged(functions))
+    chapters = [
+        Chapter(
+            "Result",
+            (
+                list(page_text.sentences),
+                Picture(partial(draw, functions), f"Probability of exceedance over {measure}"),
+            ),
+        ),
+        Chapter("Fitted parameters", (LOGNORMAL, fitted)),
+        Chapter("Fractions of exceedances and fitted function", _count_table(functions)),
+        Chapter("Observations", (*_observations(functions), *_study_parts(source, study))),
+        Chapter(
+            "Methods and assumptions",
+            (
+                [
+                    *(f"Fit of {SOURCES[fit]}." for fit in fits),
+                    INTERVALS,
+                    f"Intensity measure: {stated_measure or f'not stated in {source}'}.{counted}",
+                    *_dispersion(functions),
+                    *(simplifications() if study else ()),
+                ],
+            ),
+        ),
+    ]
+    about = f"Fragility functions fitted to {source}: {pluralize(len(functions), 'function')}."
+    return page("Fragility functions", about, chapters, replace(page_text, verdict=verdict))
+
+
+def _damaged(functions: Sequence[Fragility]) -> bool:
+    """Return True if the fragility functions are for several initial damages of the building.
+
+    The damage of functions without initial damage is nan.
+    """
+    return len({function.damage for function in functions if function.damage >= 0.0}) > 1
+
+
+def _median_text(function: Fragility) -> str:
+    """Return a sentence on the median and the dispersion of a fragility function, with the 95 %
+    interval of the median if its standard error is known."""
+    parts = [f"{function.type}, {function.state}"] if function.type else []
+    if math.isfinite(function.threshold):
+        demand = "drift ratio" if function.is_drift_ratio else "threshold"
+        parts.append(f"{demand} {function.threshold_text}")
+    if function.damage >= 0.0:
+        parts.append(initial_damage(function.damage))
+    name = f"{', '.join(parts)}: " if parts else ""
+    unit = f" {function.unit}" if function.unit else ""
+    text = f"{name}median {measure_words(function.im) or 'intensity'} "
+    text += f"{number_text(function.theta)}{unit}"
+    if math.isfinite(function.theta_error):
+        factor = math.exp(_TWO_SIDED * function.theta_error)
+        ends = (number_text(function.theta / factor), number_text(function.theta * factor))
+        text += f" (95 %: {ends[0]} to {ends[1]}{unit})"
+    elif function.extrapolated:
+        text += " (extrapolated)"
+    text = f"{text}, beta {number_text(function.beta, 3)}."
+    return f"{text[0].upper()}{text[1:]}"
+
+
+def _dispersion(functions: Sequence[Fragility]) -> list[str]:
+    """Return a statement on the dispersion due to the uncertainty of the model."""
+    modeling = functions[0].modeling_dispersion
+    if not modeling:
+        return [
+            "beta is the record-to-record dispersion; the uncertainty of the model is not included."
+        ]
+    return [
+        f"total beta includes a modeling dispersion of {number_text(modeling, 3)}: the root of the "
+        "sum of squares."
+    ]
+
+
+def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
+    """Return a sentence and a table that compares each fragility function with the runs in bins of
+    the intensity.
+
+    For each bin, the column `counted` is the fraction of the runs that exceed the limit, and the
+    column `fitted` is the value of the function. Without counted runs, the result is empty.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    for function in functions:
+        if counted := function.counted:
+            for i in range(len(counted.im)):
+                values = (counted.im[i], counted.runs[i], counted.fraction[i], counted.fitted[i])
+                rows.append((function.exceeded, *map(float, values)))
+    columns = ("function", "intensity", "runs", "counted", "fitted")
+    unit = functions[0].unit or "1"
+    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[2:]}
+    meanings |= {"intensity": {"meaning": "", "unit": unit}, "function": {"unit": TEXT}}
+    if not rows:
+        return ()
+    text = (
+        "Fractions of the runs in ranges of the intensity that exceed the limit, and the values of "
+        "the function at the geometric mean of the intensities of these runs:"
+    )
+    return text, Table(columns, rows[:MOST_CAPACITIES], meanings)
+
+
+_MOST_RECORDS = 60
+"""Maximum number of records in the table of a study."""
+
+
+def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
+    """Return the part of the report on the study that the observations are from: building, method,
+    errors and records.
+
+    `content` is the JSON summary of the study; empty for a table that tdint has not written.
+    """
+    if not content:
+        return (
+            [
+                f"{source} is not a table of a study of tdint: building, ground motions, scale "
+                "factors, method of the analyses and their errors are not known to this report."
+            ],
+        )
+    settings = content.get("settings", {})
+    facts = []
+    if isinstance(model := settings.get("model"), dict):
+        facts.append(f"Building: {_building(model)} (SHA-256 {model['sha256'][:16]}...).")
+    elif content.get("name"):
+        facts.append(f"Campaign: {content['name']}.")
+    if isinstance(method := settings.get("method"), str):
+        facts.append(f"Time integration: {method_text(method)}.")
+    facts.append(
+        "The errors of the time integration were estimated."
+        if settings.get("check")
+        else "The error of the time integration was not estimated (--check)."
+    )
+    if scales := settings.get("scales"):
+        facts.append(f"Scale factors: {', '.join(f'{scale:g}' for scale in scales)}.")
+    else:
+        facts.append("Each record was scaled to the levels of its runs by one factor per level.")
+    columns = ("record", "component", "dt_s", "samples", "pga_m_s2")
+    keys = ("file", *columns[1:])
+    rows = [tuple(record[key] for key in keys) for record in content["records"]]
+    units = {"dt_s": "s", "samples": "1", "pga_m_s2": "m/s^2"}
+    meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
+    table = Table(columns, rows[:_MOST_RECORDS], meanings).in_units(SI.in_figures)
+    omission = ""
+    if len(rows) > _MOST_RECORDS:
+        omission = f"The first {_MOST_RECORDS} of {len(rows)} records."
+    return (facts, "Records of the study, unscaled:", table, omission)
+
+
+def _building(model: Mapping[str, Any]) -> str:
+    """Return a clause with the name, the file and the first period of the building of a study.
+
+    A model file that changed since the study, or that is missing, is stated by its name only.
+    `model` contains the name (`file`) and the SHA-256 (`sha256`) of the file from the JSON summary.
+    """
+    file = Path(model["file"])
+    with suppress(OSError, TdintError):
+        if hashlib.sha256(file.read_bytes()).hexdigest() == model["sha256"]:
+            building = load_model(file)
+            return (
+                f"{building.name}, {pluralize(len(building.stories), 'story')}, first period "
+                f"{number_text(first_period(building))} s, {file.name}"
+            )
+    return str(model["file"])
+
+
+def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
+    """Return sentences on the number of observations of each fit, and on runs without a result."""
+    points = []
+    # Functions with the same observations are listed once.
+    for fit, runs, motions, censored in dict.fromkeys(
+        (function.fit, function.runs, function.motions, function.censored) for function in functions
+    ):
+        motions_text = f" under {pluralize(motions, 'ground motion')}" if motions else ""
+        points.append(
+            f"{_NAMES.get(fit, fit)}: {pluralize(runs, 'observation')}{motions_text}, "
+            f"{censored} censored"
+        )
+    failed = max(function.failed for function in functions)
+    if failed:
+        points.append(f"{pluralize(failed, 'run')} without a result are omitted")
+    return ([f"{text[0].upper()}{text[1:]}." for text in points],)

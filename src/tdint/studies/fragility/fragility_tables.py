@@ -1,0 +1,275 @@
+"""Tables of fragility functions, and of the comparison of intensity measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdint.output.tables.table import (
+    PAIR_DEMAND,
+    Cell,
+    Column,
+    Table,
+)
+from tdint.studies.fragility.fragility_function import BINS, Fragility
+from tdint.studies.fragility.measure_comparison import MeasureFit
+from tdint.studies.ida.ida_tables import DAMAGE
+
+if TYPE_CHECKING:
+    pass
+
+FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
+FRAGILITY_STATES = (
+    Column(
+        "type",
+        "text",
+        "type",
+        "building type: class, Hazus type with design level, or name of the model",
+    ),
+    Column("state", "text", "state", "damage state that is reached or exceeded"),
+)
+"""First columns of functions by type; their errors are over the ground motions."""
+
+FRAGILITY_BUILDING = (
+    Column("building", "text", "type", "name of the building"),
+    FRAGILITY_STATES[1],
+)
+"""First columns of functions by building."""
+
+FRAGILITY = (
+    Column("threshold", "1", "threshold", "threshold of the demand"),
+    Column("fit", "text", "fit", "stripes, ida or cloud"),
+    Column("theta", "1", "theta", "median intensity"),
+    Column(
+        "beta",
+        "1",
+        "beta",
+        "standard deviation of the logarithm of the intensity (record-to-record variability)",
+    ),
+    Column(
+        "theta_error",
+        "1",
+        "theta_error",
+        "standard error of ln theta, which is the relative standard error of theta; a jackknife "
+        "estimate over ground motions (or events) if they are known; empty if the median is "
+        "extrapolated or less than three ground motions determine it",
+    ),
+    Column("beta_error", "1", "beta_error", "standard error of beta, by the same method"),
+    Column(
+        "motions",
+        "1",
+        "motions",
+        "number of ground motions, both components of a recording being one; number of events if "
+        "the runs have events; if the table states neither, of its rows or of the largest stripe",
+    ),
+    Column("runs", "1", "runs", "number of runs, capacities or counted records"),
+    Column("censored", "1", "censored", "number of runs with only a lower bound of the value"),
+    Column("im", "text", "im", "intensity measure, if the table states it"),
+    Column("unit", "text", "unit", "unit of the intensity measure, if the table states it"),
+)
+_SEEN = (
+    "; for damage states with dispersion s, each run is used three times, with its demand times "
+    "exp(-1.2247 s), 1 and exp(1.2247 s); demands above the heaviest or below the lightest state "
+    "are censored"
+)
+CLOUD = (
+    Column(
+        "b0",
+        "1",
+        lambda function: _regression_value(function, "intercept"),
+        f"cloud analysis: intercept of the regression of ln EDP on ln IM{_SEEN}",
+    ),
+    Column(
+        "b1",
+        "1",
+        lambda function: _regression_value(function, "slope"),
+        "cloud analysis: slope of the regression of ln EDP on ln IM",
+    ),
+    Column(
+        "sigma",
+        "1",
+        lambda function: _regression_value(function, "sigma"),
+        "cloud analysis: standard deviation of ln EDP about the regression line",
+    ),
+    Column(
+        "below",
+        "1",
+        lambda function: _regression_value(function, "light"),
+        "cloud analysis: number of runs that count only as below all states",
+    ),
+)
+"""Columns of the regression line of a cloud analysis."""
+
+
+def _regression_value(function: Fragility, name: str) -> float:
+    """Return an attribute of the regression line of a fragility function from a cloud analysis.
+
+    `name` is `intercept`, `slope`, `sigma` or `light` (number of demands below all states). The
+    result is nan for functions that were fitted in another way.
+    """
+    return getattr(function.cloud, name, np.nan)
+
+
+def _bound(bound: int, parameter: str) -> Column:
+    """Return the column of a parameter of a fragility function that was fitted with the failed
+    runs.
+
+    `bound` is 0: all failed runs count as exceeding the threshold; 1: as not exceeding it.
+    """
+    name_end, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[bound]
+    return Column(
+        f"{parameter}_failed_{name_end}",
+        "1",
+        lambda function: getattr(function.bounds[bound], parameter, np.nan),
+        f"{parameter} if all failed runs are counted as {meaning}; empty if it cannot be estimated",
+    )
+
+
+FAILED = (
+    Column("failed", "1", "failed", "number of runs without a result, which the fit omits"),
+    *(_bound(bound, parameter) for bound in (0, 1) for parameter in ("theta", "beta")),
+)
+"""Columns of fits in which some runs have no result."""
+
+_COUNTS = {
+    "im": ("im", "geometric mean of the intensities in bin {}, from the lowest"),
+    "runs": ("runs", "number of runs in bin {}"),
+    "share": ("fraction", "fraction of the runs in bin {} that exceed the threshold"),
+    "fitted": ("fitted", "fraction in bin {} by the fitted function"),
+    "bound": ("bound", "difference of both fractions in bin {} above which a warning is printed"),
+}
+"""Attribute of `Counted` and meaning of each column of a bin, by the end of the column name."""
+
+
+def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float]:
+    """Return a function of a fragility function, which returns an attribute of `Counted` in one of
+    the bins of the intensity, in which the runs of a fit are counted.
+    """
+
+    def value(function: Fragility) -> float:
+        """Return the value in the bin; nan if the fragility function has fewer bins."""
+        values = getattr(function.counted, attribute, ())
+        return float(values[bin_index]) if bin_index < len(values) else np.nan
+
+    return value
+
+
+COUNTED = tuple(
+    Column(
+        f"bin_{bin_index + 1}_{name}",
+        "1",
+        _value_in_bin(bin_index, attribute),
+        meaning.format(bin_index + 1),
+    )
+    for bin_index in range(BINS)
+    for name, (attribute, meaning) in _COUNTS.items()
+)
+"""Last columns: counts in bins of the intensity."""
+
+FRAGILITY_TOTAL = Column(
+    "beta_total",
+    "1",
+    "beta_total",
+    "beta including the modeling dispersion (--modeling-dispersion)",
+)
+
+
+def fragility_table(
+    functions: Sequence[Fragility],
+    *,
+    total: bool = False,
+    states: Sequence[Column] = FRAGILITY_STATES,
+) -> Table:
+    """Return the table of fragility functions, with one row per function.
+
+    The columns of the regression line, of failed runs and of the counts in bins are omitted if no
+    function has these values.
+
+    Parameters
+    ----------
+    total : bool
+        True to add the standard deviation with the modeling dispersion; false by default.
+    states : sequence of Column
+        First columns of functions of damage states; by default the building type and the state.
+    """
+    has_damage = any(not math.isnan(function.damage) for function in functions)
+    # The fits of functions by type have no bounds for failed runs.
+    has_failed_runs = any(function.failed and not function.type for function in functions)
+    bin_counts = [function.counted.im.size for function in functions if function.counted]
+    columns = [
+        *(states if any(function.type for function in functions) else ()),
+        *((FRAGILITY_DAMAGE,) if has_damage else ()),
+        *FRAGILITY,
+        *(CLOUD if any(function.cloud for function in functions) else ()),
+        *(FAILED if has_failed_runs else ()),
+        *((FRAGILITY_TOTAL,) if total else ()),
+        # Each bin has len(_COUNTS) columns; bins that no function has are omitted.
+        *COUNTED[: len(_COUNTS) * max(bin_counts, default=0)],
+        *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
+    ]
+    return Table.of_results(columns, functions)
+
+
+COMPARED = (
+    Column("im", "text", "im", "intensity measure, as specified"),
+    Column("unit", "text", "unit", "unit of the intensity measure"),
+    Column("runs", "1", "runs", "number of completed runs in the regression"),
+    Column(
+        "left_out",
+        "1",
+        "left_out",
+        "number of omitted runs: collapsed, without a result, or without the intensity measure",
+    ),
+    Column("slope", "1", "slope", "slope of the regression of ln drift ratio on ln IM"),
+    Column(
+        "slope_error",
+        "1",
+        "slope_error",
+        "standard error of slope (jackknife over ground motions or events)",
+    ),
+    Column(
+        "beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the regression"
+    ),
+    Column("proficiency", "1", "proficiency", "beta divided by slope"),
+    Column("r_squared", "1", "r_squared", "squared correlation of the logarithms"),
+)
+DEPENDENCE = (
+    Column(
+        "characteristic",
+        "text",
+        "characteristic",
+        "characteristic of the ground motions on which the residuals may depend",
+    ),
+    Column(
+        "residual_slope",
+        "1",
+        "slope",
+        "sufficiency: slope of the residuals as a function of the characteristic",
+    ),
+    Column(
+        "p_value",
+        "1",
+        "p_value",
+        "probability of a slope of this size if the residuals do not depend on the characteristic",
+    ),
+)
+
+
+def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
+    """Return the table that compares intensity measures as predictors of the drift ratio.
+
+    It has one row per intensity measure and characteristic of the ground motions, such as the
+    magnitude, that may explain the residuals. Without characteristics, an intensity measure has a
+    single row with empty cells at the end.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    for fit in fits:
+        fit_cells = tuple(column.of(fit) for column in COMPARED)
+        for dependence in fit.dependences:
+            rows.append((*fit_cells, *(column.of(dependence) for column in DEPENDENCE)))
+        if not fit.dependences:
+            rows.append((*fit_cells, *(None for _ in DEPENDENCE)))
+    return Table.of((*COMPARED, *DEPENDENCE), rows)

@@ -1,0 +1,193 @@
+"""Figures of incremental dynamic analyses, with fractiles and capacities."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdint.number_parsing import pluralize
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    changed,
+    record_name,
+    titled,
+)
+from tdint.studies.ida.ida import IdaStudy
+from tdint.studies.ida.ida_curve import IdaCurve, fractiles
+from tdint.studies.motions.intensity import (
+    MotionIntensity,
+)
+from tdint.studies.motions.pairs import SEPARATE, motions_text
+from tdint.studies.motions.scaling_figures import (
+    MIN_MOTIONS,
+    add_gravity_axis,
+    measure_label,
+    single_style,
+)
+
+# ---- Collapse
+
+_FRACTIONS = (0.16, 0.5, 0.84)  # probabilities of the fractiles of IDA curves
+_DRIFTS = 240  # number of points of a curve, which is smooth at a width of 180 mm
+_IM_MARGIN = 1.1  # upper end of the intensity axis divided by the maximum capacity
+_DRIFT_MARGIN = 1.04  # end of flat lines divided by the maximum drift
+
+
+def ida_picture(study: IdaStudy) -> Figure:
+    """Plot an incremental dynamic analysis: intensity over maximum drift ratio.
+
+    The axis has the unit of the intensities of `study`, which `IdaStudy.in_units` converts.
+    """
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    draw_ida(figure.subplots(), study)
+    records = [curve.record for curve in study.states[0].curves]
+    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
+    subject = (
+        motions_text(len(records), paired)
+        if len(records) > 1
+        else f"{record_name(records[0].source)} {records[0].component}"
+    )
+    title = (
+        f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, "
+        f"{study.method}"
+    )
+    # The damping ratio is stated for spectral accelerations, but not for PGA (the period 0).
+    if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
+        title += f", {100.0 * study.measure.damping:g} % damping of Sa"
+    return titled(figure, title)
+
+
+def draw_ida(axes: Any, study: IdaStudy) -> None:
+    """Plot the curves of an incremental dynamic analysis with their fractiles and capacities.
+
+    Runs without a result are marked by crosses at the right edge. `study` has a state for each
+    level of initial damage.
+    """
+    # The drift axis ends at the collapse drift if a building collapses or nearly collapses.
+    limit = study.model.collapse_drift
+    curves = study.motion_curves
+    largest = max((run.drift_ratio for curve in curves for run in curve.stable), default=0.0)
+    if 0.0 < largest <= 0.5 * limit and all(curve.collapse.censored for curve in curves):
+        limit = largest
+    states = study.states
+    count = len(states[0].motion_curves)
+    plot_style = single_style(count > 1 or len(states) > 1)
+    axes.plot(
+        [], [], label=pluralize(count, "motion" if study.partners else "record"), **plot_style
+    )
+    for curve in study.motion_curves:
+        _draw_curve(axes, curve, limit, plot_style)
+    for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):
+        _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
+    for state in states:
+        _draw_capacities(axes, state, limit)
+    # The drift ratio of a failed run is unknown.
+    failed_levels = [
+        run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)
+    ]
+    if failed_levels:
+        axes.plot(
+            [100.0 * limit] * len(failed_levels),
+            failed_levels,
+            "x",
+            color="0.4",
+            label="run without a result",
+            clip_on=False,
+        )
+    capacities = (curve.collapse.capacity for curve in study.motion_curves)
+    stable = (run.im for curve in study.motion_curves for run in curve.stable)
+    highest = max((*filter(math.isfinite, capacities), *stable), default=0.0)
+    axes.set(xlim=(0.0, 100.0 * _DRIFT_MARGIN * limit))
+    axes.set(ylim=(0.0, _IM_MARGIN * (highest or 1.0)))
+    axes.set(
+        xlabel="maximum drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
+    )
+    add_gravity_axis(axes, study.measure.unit)
+    axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
+
+
+def _draw_curve(axes: Any, curve: IdaCurve, limit: float, plot_style: dict[str, Any]) -> None:
+    """Plot the curve of a ground motion: intensity over maximum drift ratio in percent.
+
+    The curve leads from the origin, or from the residual drift of a damaged building, through the
+    runs without collapse. At the capacity, it continues horizontally to the right edge (`limit`).
+    """
+    drift = [curve.residual_drift_ratio, *(run.drift_ratio for run in curve.stable)]
+    im = [0.0, *(run.im for run in curve.stable)]
+    if not curve.collapse.censored and curve.stable:
+        drift += [drift[-1], _DRIFT_MARGIN * limit]
+        im += [curve.collapse.capacity] * 2
+    axes.plot(100.0 * np.array(drift), im, zorder=1, **plot_style)
+
+
+def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
+    """Plot the fractiles of the curves for a state of initial damage; only the median if there are
+    `several` states.
+
+    Fewer than `MIN_MOTIONS` curves have no fractiles; they are drawn in the color of the state if
+    there are several states.
+    """
+    damage = study.motion_curves[0].damage
+    state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
+    if len(study.motion_curves) < MIN_MOTIONS:
+        for i, curve in enumerate(study.motion_curves if several else ()):
+            # The curves of a state have the same style and one legend entry.
+            style = {"color": color, "linewidth": 1.6, "label": "" if i else state}
+            _draw_curve(axes, curve, limit, style)
+        return
+    drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
+    rows = fractiles(study.motion_curves, drifts, _FRACTIONS)
+    # In reverse order, the legend lists the median first; both dashed lines have one entry.
+    for fraction, row in reversed(list(zip(_FRACTIONS, rows, strict=True))):
+        is_median = fraction == 0.5
+        if not np.isfinite(row).any() or (several and not is_median):
+            continue
+        if is_median:
+            style = {"linewidth": 2.2, "label": f"median, {state}" if several else "median"}
+        else:
+            label = "16 % and 84 %" if fraction == _FRACTIONS[0] else None
+            style = {"linestyle": DASHES[1], "linewidth": 1.4, "label": label}
+        start = [] if damage else [0.0]  # a damaged building does not start at the origin
+        axes.plot([*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, **style)
+
+
+def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
+    """Mark the capacity of each curve, or the last level of a curve without collapse, at a drift
+    ratio of at most `limit`. A curve without a run that is free of collapse has no mark, because
+    the capacity has no drift."""
+    # Points (drift ratio in percent, intensity) of each type of mark: marker, filling and label.
+    collapse = ("o", COLORS[1], "capacity against collapse")
+    resurrection = ("D", "white", "capacity, no collapse at a higher level")
+    censored = ("^", "white", "does not collapse up to here")
+    groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {
+        collapse: [],
+        resurrection: [],
+        censored: [],
+    }
+    for curve in study.motion_curves:
+        if curve.stable:
+            drift = min(curve.stable[-1].drift_ratio, limit)
+            mark = resurrection if curve.resurrection else collapse
+            if curve.collapse.censored:
+                mark = censored
+            groups[mark].append((100.0 * drift, curve.collapse.capacity))
+    for (marker, face, label), points in groups.items():
+        if points:
+            x, y = zip(*points, strict=True)
+            # Each type of mark has one legend entry for all states.
+            legend_label = None if label in axes.get_legend_handles_labels()[1] else label
+            axes.scatter(
+                x,
+                y,
+                s=26,
+                marker=marker,
+                facecolor=face,
+                edgecolor=COLORS[1],
+                linewidth=1.1,
+                zorder=4,
+                label=legend_label,
+            )

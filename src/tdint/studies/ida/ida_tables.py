@@ -1,0 +1,220 @@
+"""Tables of incremental dynamic analyses: curves and capacities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.ground_motion.record import component_names
+from tdint.output.tables.table import (
+    NAMED_RECORD_COLUMNS,
+    PAIR_DEMAND,
+    Column,
+    Table,
+    error_columns,
+    numbered,
+)
+from tdint.studies.ida.ida import IdaStudy
+from tdint.studies.ida.ida_curve import Capacity, IdaCurve, PairCurve
+
+if TYPE_CHECKING:
+    pass
+
+
+_RECORD = (
+    *NAMED_RECORD_COLUMNS,
+    Column(
+        "im_name",
+        "text",
+        "study.im_name",
+        "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv, arias, cav",
+    ),
+    Column("unit", "text", "study.measure.unit", "unit of the intensity measure"),
+)
+"""First columns of the tables of an incremental dynamic analysis."""
+
+
+def _run_values(name: str) -> Callable[[Any], Any]:
+    """Return a function of a `_CurveRows` (an IDA curve), which returns the attribute `name` of all
+    runs of the curve as an array, shape (runs,)."""
+    return lambda curve: curve.run_values(name)
+
+
+IDA = (
+    *_RECORD,
+    Column("level", "1", numbered("curve.runs"), "number of the intensity level, from the lowest"),
+    Column("im", "1", _run_values("im"), "intensity"),
+    Column("scale", "1", _run_values("scale"), "scale factor of the record"),
+    Column("status", "text", _run_values("status"), "status of the run"),
+    Column(
+        "peak_drift_ratio",
+        "1",
+        _run_values("drift_ratio"),
+        "maximum over the stories of peak drift divided by story height",
+    ),
+    Column(
+        "peak_absolute_acceleration_m_s2",
+        "m/s^2",
+        _run_values("acceleration"),
+        "maximum absolute acceleration over the floors",
+    ),
+    Column(
+        "residual_drift_ratio",
+        "1",
+        _run_values("residual_drift_ratio"),
+        "maximum over the stories of residual drift divided by story height",
+    ),
+)
+_DEMANDS = ("drift_ratio", "acceleration", "residual_drift_ratio")
+IDA_ERRORS = tuple(
+    replace(column, value=_run_values(f"{name}_error"))
+    for column, name in zip(error_columns(IDA[-3:]), _DEMANDS, strict=True)
+)
+"""Additional columns of a study with error estimates."""
+
+DAMAGE = Column(
+    "damage",
+    "1",
+    "curve.damage",
+    "drift ratio of the damage by the main shock; 0: intact",
+)
+INTENSITIES = ("im", "capacity", "lower", "upper")
+"""Columns in the unit of the column `unit`."""
+
+CAPACITIES = (
+    *_RECORD,
+    Column(
+        "threshold",
+        "1",
+        "capacity.threshold",
+        "drift ratio; the largest threshold is the collapse drift and represents collapse",
+    ),
+    Column(
+        "capacity",
+        "1",
+        "capacity.capacity",
+        "lowest intensity at which the threshold is exceeded; if censored, a lower bound",
+    ),
+    Column("lower", "1", "capacity.lower", "next lower intensity level with a run"),
+    Column(
+        "upper",
+        "1",
+        "capacity.upper",
+        "next higher intensity level with a run; empty if censored",
+    ),
+    Column(
+        "censored",
+        "text",
+        "capacity.censored",
+        "true if the threshold was not exceeded up to the largest level",
+    ),
+    Column(
+        "resurrection",
+        "text",
+        "curve.resurrection",
+        "true if the building did not collapse at a level above the first collapse: 1.25 or 1.5 "
+        "times its intensity, or a level of the search",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class _CurveRows:
+    """Source of the rows of the runs of a curve, or of the row of one of its capacities.
+
+    Attributes
+    ----------
+    capacity : Capacity | None
+        Capacity of the row; None for rows of runs.
+    """
+
+    record: str
+    component: str
+    study: IdaStudy
+    curve: IdaCurve
+    capacity: Capacity | None = None
+
+    def run_values(self, name: str) -> Any:
+        """Return an attribute of all runs, shape (runs,)."""
+        return np.array([getattr(run, name) for run in self.curve.runs])
+
+
+def ida_table(study: IdaStudy) -> Table:
+    """Return the table of the results of an incremental dynamic analysis, with one row per run.
+
+    The rows are in the order of the records, and of the intensity levels of each record from the
+    lowest.
+    """
+    columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
+    return _with_unit(Table.of_results(columns, _curves(study)), study.measure.unit)
+
+
+def capacity_table(study: IdaStudy) -> Table:
+    """Return the table of the capacities of an incremental dynamic analysis, with one row per
+    ground motion and drift threshold.
+
+    A capacity is the lowest intensity that exceeds the threshold.
+
+    The two horizontal components of a pair are one ground motion unless they count separately.
+    """
+    # The rule for the demand of a pair is a column only if the study has pairs.
+    pair_demand = (replace(PAIR_DEMAND, value="study.pair_demand"),) if study.partners else ()
+    columns = (*_with_damage(CAPACITIES, study), *pair_demand)
+    capacities = (
+        replace(curve, capacity=curve.curve.capacity(threshold))
+        for curve in _motion_curves(study)
+        for threshold in study.thresholds
+    )
+    return _with_unit(Table.of_results(columns, capacities), study.measure.unit)
+
+
+def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
+    """Return the columns of a table of an IDA study, preceded by the damage column if the building
+    was damaged by a main shock in some of the curves."""
+    return (DAMAGE, *columns) if any(curve.damage for curve in study.curves) else columns
+
+
+def _with_unit(table: Table, unit: str) -> Table:
+    """Return the table with the unit of the intensities in the descriptions of their columns. The
+    names of these columns do not contain the unit."""
+    units = {
+        name: {**table.meanings[name], "unit": unit}
+        for name in INTENSITIES
+        if name in table.meanings
+    }
+    return replace(table, meanings=table.meanings | units)
+
+
+def motion_rows(study: IdaStudy) -> Iterator[tuple[str, str, IdaCurve]]:
+    """Yield the file, the names of the components (`HNE+HNN` for a pair) and the IDA curve of each
+    ground motion, as in the table of capacities."""
+    for row in _motion_curves(study):
+        yield row.record, row.component, row.curve
+
+
+def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
+    """Yield the IDA curve of each ground motion with its file and component.
+
+    A pair that counts as a single ground motion has the file name of its first component and the
+    names of both components.
+    """
+    # Curves are identified by `id`, because they contain arrays, which have no hash.
+    rows = {id(row.curve): row for row in _curves(study)}
+    for curve in study.motion_curves:
+        if isinstance(curve, PairCurve):
+            component_rows = [rows[id(part)] for part in curve.parts]
+            component = "+".join(row.component for row in component_rows)
+            yield replace(component_rows[0], component=component, curve=curve)
+        else:
+            yield rows[id(curve)]
+
+
+def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
+    """Yield the IDA curve of each component, with its file and the name of the component."""
+    # A single call for all curves makes the names distinct over all initial damages.
+    names = component_names([curve.record for curve in study.curves])
+    for curve, name in zip(study.curves, names, strict=True):
+        yield _CurveRows(curve.record.source, name, study, curve)

@@ -1,0 +1,589 @@
+"""Scale a suite of ground motions to a value, to a target spectrum, or by ASCE 7, EN 1998-1 or FEMA
+P-695.
+
+Both components of a pair have the same factor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tdint.arrays import Array, Numbers
+from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.reading.suites import GroundMotion, components
+from tdint.number_parsing import pluralize
+from tdint.response.arguments import AnyMotion, motion_of, numbers_of
+from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.response.spectra.target import TargetSpectrum, read_target
+from tdint.studies.motions.intensity import (
+    GEOMETRIC_MEAN,
+    IntensityMeasure,
+    MotionIntensity,
+    SpectralIntensity,
+    factor_to,
+    measure_of,
+    pga,
+    pseudo_accelerations,
+    sa,
+)
+from tdint.tabular import Tabular
+
+MIN_PAIRS = 11
+"""Minimum number of ground motions in ASCE 7-16 (16.2.2)."""
+
+_MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
+"""Relative tolerance of the minimum of the average spectrum divided by the target, and maximum
+number of periods where the average is computed. If motions match their target closely, the
+average is close to the minimum at many periods."""
+
+MIN_AVERAGE_RATIO = 0.9
+"""Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
+3.2.3.1.2(4))."""
+
+MIN_MOTIONS = 3
+"""Minimum number of ground motions in EN 1998-1:2004 (3.2.3.1.2(4)a)."""
+
+BOUNDS = (0.25, 4.0)
+"""Minimum and maximum factor in common practice, not from a code. A motion with a factor outside of
+this range does not represent its earthquake."""
+
+_LIMIT_TOLERANCE = 1e-6
+"""Relative difference up to which a factor is at a limit; equal to the tolerance of the minimum
+average."""
+
+POSSIBLE = (0.05, 20.0)
+"""Range of factors outside which wrong units of a motion are likely."""
+
+MAXIMUM_DIRECTION = "rotd100"
+"""Spectrum of a pair that ASCE 7 prescribes: maximum over all horizontal directions."""
+
+
+@dataclass(frozen=True, repr=False)
+class Scaling(Tabular):
+    """Scale factors of a suite.
+
+    Attributes
+    ----------
+    motions : tuple of Record or of Horizontals
+        The unscaled suite.
+    factors : ndarray, shape (n,)
+        Factor of each motion.
+    rule : str
+        `value`, `mean`, `asce7`, `ec8` or `p695`.
+    pair : str
+        Spectrum that represents a pair of components: a name of `PAIRS`.
+    damping : float
+        Damping ratio of spectra.
+    measure : IntensityMeasure | None
+        Intensity measure to which the motions were scaled.
+    value : float | None
+        Value of the intensity measure (SI units).
+    target : TargetSpectrum | None
+        Target spectrum to which the motions were scaled.
+    periods : ndarray, shape (k,)
+        Periods of the comparison with the target, s; None without a target.
+    least : tuple of two floats | None
+        For the rules asce7 and ec8: minimum over the periods of the average spectrum divided by the
+        target, and the period of this minimum, s.
+    chosen : tuple of int
+        For a selection: indices of the selected motions in the candidates (`tdint.select`).
+    left_out : mapping of str to int
+        For a selection: number of motions that were not considered, by reason.
+    events : tuple of str
+        For a selection with a maximum per event: event of each motion.
+    limits : tuple of two floats | None
+        For a selection: minimum and maximum factor.
+    others_at_limit : int
+        For a selection: number of motions that were not selected and would have a factor at a
+        limit.
+    unselected_spectra : ndarray, shape (m, k), or None
+        For a selection: scaled spectra at `periods` of the motions that were not selected, m/s^2.
+    """
+
+    motions: tuple[GroundMotion, ...]
+    factors: Array
+    rule: str
+    pair: str
+    damping: float
+    measure: IntensityMeasure | None = None
+    value: float | None = None
+    target: TargetSpectrum | None = None
+    periods: Array | None = None
+    least: tuple[float, float] | None = None
+    chosen: tuple[int, ...] = ()
+    left_out: dict[str, int] = field(default_factory=dict)
+    unselected_spectra: Array | None = None
+    events: tuple[str, ...] = ()
+    limits: tuple[float, float] | None = None
+    others_at_limit: int = 0
+
+    def _headline(self) -> str:
+        """Return the number of motions, the rule, and the range of the factors."""
+        low, high = np.min(self.factors), np.max(self.factors)
+        return (
+            f"of {pluralize(len(self.motions), 'motion')} by the rule {self.rule}, factors "
+            f"{low:.4g} to {high:.4g}"
+        )
+
+    def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
+        """Return the motions with an absolute scale factor outside a range.
+
+        Parameters
+        ----------
+        low, high : float
+            Minimum and maximum of the range.
+
+        Returns
+        -------
+        list of (str, float)
+            File and component of each motion outside the range, and its factor.
+        """
+        return [
+            (f"{components(motion)[0].source} {motion.component}".rstrip(), float(factor))
+            for motion, factor in zip(self.motions, self.factors, strict=True)
+            if not low <= abs(factor) <= high
+        ]
+
+    @property
+    def at_limit(self) -> list[tuple[str, float]]:
+        """Motions of a selection with a factor at one of the limits, as file and component, and
+        their factors; empty if the selection has no limits."""
+        if self.limits is None:
+            return []
+        # A factor that equals a limit except for rounding is outside the slightly reduced range.
+        low, high = self.limits
+        return self.beyond(low * (1.0 + _LIMIT_TOLERANCE), high * (1.0 - _LIMIT_TOLERANCE))
+
+    def spectra(self, periods: Array) -> Array:
+        """Return the pseudo-accelerations of the n scaled motions, m/s^2, shape (n, k).
+
+        Parameters
+        ----------
+        periods : ndarray, shape (k,)
+            Periods, s.
+        """
+        return self.factors[:, None] * suite_spectra(self.motions, periods, self.damping, self.pair)
+
+
+def suite_spectra(
+    motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
+) -> Array:
+    """Return the pseudo-accelerations of n motions at k periods, m/s^2, shape (n, k)."""
+    return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
+
+
+def suite_peaks(motions: Sequence[GroundMotion], pair: str) -> Array:
+    """Return the peak ground accelerations of n motions, m/s^2, shape (n,). `pair` is the
+    combination of the two components of a pair, a name of `PAIRS`."""
+    return np.array([pga().of(motion, pair) for motion in motions])
+
+
+def scale_to_value(
+    motions: Sequence[GroundMotion],
+    measure: IntensityMeasure,
+    value: float,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Scale each motion to a value of an intensity measure.
+
+    Parameters
+    ----------
+    pair : str
+        Combination of the components of a pair; by default the geometric mean.
+
+    Raises
+    ------
+    UsageError
+        The value is not positive.
+    RecordError
+        A motion is zero.
+    """
+    if not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
+    factors = np.array([factor_to(value, measure, measure.of(motion, pair)) for motion in motions])
+    damping = getattr(measure, "damping", SA_DAMPING)
+    return Scaling(tuple(motions), factors, "value", pair, damping, measure, value)
+
+
+def scale_to_target(
+    motions: Sequence[GroundMotion],
+    target: TargetSpectrum,
+    periods: Array,
+    *,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Scale each motion to a target spectrum by least squares of ln Sa, with equal weights of all
+    periods.
+
+    The factor is exp(mean(ln target - ln Sa)).
+
+    Parameters
+    ----------
+    periods : ndarray, shape (k,)
+        Periods, s, in the range of the target.
+    pair : str
+        Spectrum that represents a pair of components; by default the geometric mean.
+
+    Raises
+    ------
+    UsageError
+        A period is outside the range of the target.
+    """
+    target_values = target.at(periods)
+    spectra = suite_spectra(motions, periods, damping, pair)
+    factors = np.exp(np.mean(np.log(target_values) - np.log(spectra), axis=1))
+    return Scaling(tuple(motions), factors, "mean", pair, damping, target=target, periods=periods)
+
+
+def scale_asce7(
+    pairs: Sequence[GroundMotion],
+    target: TargetSpectrum,
+    periods: Array,
+    *,
+    damping: float = SA_DAMPING,
+    pair: str = MAXIMUM_DIRECTION,
+) -> Scaling:
+    """Scale at least 11 pairs by ASCE 7-16 (16.2.3.2): the average of the maximum-direction spectra
+    is at least 90 % of the target at all periods between the first and the last of `periods`.
+
+    Each pair is fitted to the target by `scale_to_target`. If the average is below 90 % of the
+    target at any period, all factors are multiplied by the smallest common factor that satisfies
+    the rule. `pair` is not used, because the rule prescribes maximum-direction spectra; all
+    functions of `scaling_function` have this argument.
+
+    Raises
+    ------
+    UsageError
+        The motions are fewer than 11 pairs, or single components; a period is outside the range of
+        the target.
+    """
+    check_rule("asce7", pairs, len(pairs), target)
+    fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
+    return raise_to_rule(fitted, "asce7")
+
+
+def scale_ec8(
+    motions: Sequence[GroundMotion],
+    target: TargetSpectrum,
+    periods: Array,
+    *,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Scale motions by EN 1998-1:2004 (3.2.3.1.2(4)).
+
+    The mean spectrum is at least 90 % of the target at all periods between the first and the last
+    of `periods`. The mean of the peak ground accelerations is not less than the target at the
+    period 0, which is ag S.
+
+    Each motion is fitted to the target by `scale_to_target`. If the mean does not satisfy the rule,
+    all factors are multiplied by the smallest common factor that does.
+
+    Raises
+    ------
+    UsageError
+        The motions are fewer than 3; a period is outside the range of the target; the target has no
+        value at the period 0.
+    """
+    check_rule("ec8", motions, len(motions), target)
+    fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
+    return raise_to_rule(fitted, "ec8")
+
+
+def check_rule(
+    rule: str, motions: Sequence[GroundMotion], count: int, target: TargetSpectrum
+) -> None:
+    """Raise UsageError if a scaling rule cannot be applied to ground motions and a target.
+
+    Parameters
+    ----------
+    rule : str
+        `mean`, `asce7` or `ec8`.
+    count : int
+        Number of motions to which the rule applies.
+
+    Raises
+    ------
+    UsageError
+        Single components or fewer than 11 pairs are used with asce7; fewer than 3 motions, or a
+        target without a value at the period 0, are used with ec8; the rule is unknown.
+    """
+    scaling_function(rule)  # raises the error of an unknown rule
+    if rule == "asce7":
+        _check_pairs(motions, rule)
+        if count < MIN_PAIRS:
+            raise UsageError(
+                f"the rule asce7 requires at least {MIN_PAIRS} pairs of components (ASCE 7-16, "
+                f"16.2.2), got {count}; add pairs, or use the rule mean"
+            )
+    if rule == "ec8" and target.zero is None:
+        raise UsageError(
+            f"{target.source}: the rule ec8 requires the target at the period 0; add it to the "
+            "table"
+        )
+    if rule == "ec8" and count < MIN_MOTIONS:
+        raise UsageError(
+            f"the rule ec8 requires at least {MIN_MOTIONS} ground motions (EN 1998-1:2004, "
+            f"3.2.3.1.2(4)), got {count}; add ground motions, or use the rule mean"
+        )
+
+
+def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
+    """Multiply all factors of a suite by the smallest common factor that satisfies a rule, and
+    return the scaled suite.
+
+    Parameters
+    ----------
+    fitted : Scaling
+        The suite with the factor of each motion.
+    rule : str
+        `mean` (without a common factor), `asce7` or `ec8`; `check_rule` has accepted the suite.
+
+    Returns
+    -------
+    Scaling
+        The suite with the increased factors, and the resulting minimum average (`least`).
+    """
+    if rule == "mean":
+        return fitted
+    peak_factor = 1.0
+    if rule == "ec8":
+        assert fitted.target is not None
+        assert fitted.target.zero is not None
+        peaks = fitted.factors * suite_peaks(fitted.motions, fitted.pair)
+        peak_factor = fitted.target.zero / float(np.mean(peaks))
+    minimum_ratio, period = _minimum_average(fitted)
+    common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / minimum_ratio)
+    return replace(
+        fitted,
+        factors=common_factor * fitted.factors,
+        rule=rule,
+        least=(common_factor * minimum_ratio, period),
+    )
+
+
+def _minimum_average(fitted: Scaling) -> tuple[float, float]:
+    """Return the minimum of the average spectrum of a suite divided by the target, over the range
+    of the periods, and the period of the minimum, s.
+
+    The minimum may be between the specified periods. A lower bound between two periods follows from
+    the maximum slope on logarithmic axes (Piyavskii 1972; Shubert 1972). Intervals with a bound
+    below the current minimum are halved. The slope of a spectrum is at most about 1 / (2 damping),
+    as in the resonance curve of an oscillator; the slope of the branches of a code spectrum is at
+    most 2.
+    """
+    target, periods = fitted.target, fitted.periods
+    assert target is not None
+    assert periods is not None
+    max_slope = 0.5 / fitted.damping + 2.0
+    first_period, last_period = float(np.min(periods)), float(np.max(periods))
+    # The first periods are the specified periods and the periods of the target, which may be
+    # corners of its spectrum.
+    corner_periods = target.periods[
+        (target.periods > first_period) & (target.periods < last_period)
+    ]
+    # `ln_period` and `ln_ratio` are the sorted logarithms of the evaluated periods and of the
+    # average divided by the target. Each pass evaluates the new periods, and halves the intervals
+    # that may contain a ratio below the current minimum. The loop ends without such an interval, or
+    # at the maximum number of periods; the intervals are then too short for a relevant change.
+    ln_period, ln_ratio = np.empty(0), np.empty(0)
+    new_ln_periods = np.log(np.unique([*periods, *corner_periods]))
+    while new_ln_periods.size and ln_period.size < _MAX_PERIODS:
+        new_periods = np.exp(new_ln_periods).clip(first_period, last_period)
+        new_ln_ratios = np.log(
+            np.mean(fitted.spectra(new_periods), axis=0) / target.at(new_periods)
+        )
+        order = np.argsort(np.concatenate([ln_period, new_ln_periods]))
+        ln_period = np.concatenate([ln_period, new_ln_periods])[order]
+        ln_ratio = np.concatenate([ln_ratio, new_ln_ratios])[order]
+        # The two lines with the maximum slope through the ends of an interval intersect at its
+        # lower bound.
+        lower_bound = 0.5 * (ln_ratio[1:] + ln_ratio[:-1] - max_slope * np.diff(ln_period))
+        can_be_lower = lower_bound < np.min(ln_ratio) - _MIN_TOLERANCE
+        new_ln_periods = 0.5 * (ln_period[1:] + ln_period[:-1])[can_be_lower]
+    index = int(np.argmin(ln_ratio))
+    return float(np.exp(ln_ratio[index])), float(np.exp(ln_period[index]))
+
+
+def scale_p695(
+    pairs: Sequence[GroundMotion],
+    period: float | None = None,
+    value: float | None = None,
+    *,
+    damping: float = SA_DAMPING,
+) -> Scaling:
+    """Normalize pairs by their peak velocities and scale the set, as in FEMA P-695 (A.8).
+
+    The factor of a pair is median(PGV) / PGV, where PGV is the geometric mean of its components. If
+    a period and a value (pseudo-acceleration, m/s^2) are specified, all factors are multiplied by a
+    common factor, so that the median Sa of all components at that period equals the value.
+
+    Raises
+    ------
+    UsageError
+        The motions are single components; a value is specified without a period, or is not
+        positive.
+    RecordError
+        A motion is zero.
+    """
+    _check_pairs(pairs, "p695")
+    if (period is None) != (value is None):
+        raise UsageError(
+            "scaling of a set by the rule p695 requires both a period and a pseudo-acceleration, "
+            f"or neither; got period {period} and value {value}"
+        )
+    # According to FEMA P-695, this removes the variation of the pairs due to magnitude and
+    # distance.
+    velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
+    factors = np.median(velocities) / velocities
+    if period is None or value is None:
+        return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
+    if not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"Sa({period:g} s): the value must be positive, got {value:g}")
+    measure = sa(period, damping)
+    # Multiply all normalized factors by a common factor, so that the median Sa of all components
+    # equals the value. This preserves the differences between the motions.
+    values = [
+        factor * measure.of(record)
+        for pair, factor in zip(pairs, factors, strict=True)
+        for record in components(pair)
+    ]
+    factors = factors * (value / float(np.median(values)))
+    return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
+
+
+def scale(
+    motions: Sequence[AnyMotion],
+    measure: IntensityMeasure | str | None = None,
+    value: float | None = None,
+    *,
+    target: TargetSpectrum | str | None = None,
+    rule: str = "mean",
+    periods: Numbers | None = None,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+) -> Scaling:
+    """Compute factors that scale ground motions to a value of an intensity measure or to a target
+    spectrum.
+
+    Parameters
+    ----------
+    motions : sequence
+        Records, paths or traces. A tuple of two, or a result of `read_horizontals`, is a pair with
+        the same factor.
+    measure : IntensityMeasure or str
+        `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
+    value : float
+        Value of the measure, m/s^2 or m/s.
+    target : TargetSpectrum or str
+        Alternative to a value: a file with a spectrum, or the text of a design spectrum
+        (`tdint.response.spectra.target.read_target`).
+    rule : str
+        Rule for a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`. For
+        pairs without a target: `p695`, with an optional measure `sa(T)` and value.
+    periods : sequence of float, optional
+        Periods of the comparison with the target, s; by default 100 logarithmically spaced periods
+        over the range of the target.
+    damping : float
+        Damping ratio of the spectra; default 0.05.
+    pair : str
+        Spectrum that represents a pair: a name of `tdint.studies.motions.intensity.PAIRS`.
+
+    Returns
+    -------
+    Scaling
+        Factors and their effects.
+
+    Raises
+    ------
+    UsageError
+        Neither a value nor a target is given, or both; the measure or rule is unknown; periods are
+        outside the range of the target.
+    RecordError
+        A motion is invalid or zero.
+    """
+    suite = [motion_of(motion) for motion in motions]
+    intensity_measure = measure_of(measure, damping) if isinstance(measure, str) else measure
+    if target is not None:
+        if intensity_measure is not None or value is not None:
+            raise UsageError("a target and a value cannot be used together; remove one of them")
+        spectrum, compared_periods = target_at(target, periods)
+        return scaling_function(rule)(suite, spectrum, compared_periods, damping=damping, pair=pair)
+    if rule == "p695":
+        measure_periods = (
+            intensity_measure.periods if isinstance(intensity_measure, SpectralIntensity) else ()
+        )
+        # The rule requires Sa at a single period; the period (0.0,) is PGA.
+        if intensity_measure is not None and (
+            len(measure_periods) != 1 or measure_periods == (0.0,)
+        ):
+            raise UsageError(
+                "the rule p695 scales a set to a value of sa(T) at one period T, got "
+                f"{intensity_measure.name}; specify, for example, sa(1) for a period of 1 s, or "
+                "omit measure and value"
+            )
+        return scale_p695(
+            suite, measure_periods[0] if measure_periods else None, value, damping=damping
+        )
+    if intensity_measure is None or value is None:
+        raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
+    return scale_to_value(suite, intensity_measure, value, pair)
+
+
+_PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets
+_SCALING_RULES: dict[str, Callable[..., Scaling]] = {
+    "mean": scale_to_target,
+    "asce7": scale_asce7,
+    "ec8": scale_ec8,
+}
+
+
+def target_at(
+    target: TargetSpectrum | str, periods: Numbers | None
+) -> tuple[TargetSpectrum, Array]:
+    """Return a target spectrum and the periods of the comparison of motions with this target.
+
+    Parameters
+    ----------
+    target : TargetSpectrum or str
+        Target spectrum, or the text that specifies it (`read_target`), for example a file.
+    periods : sequence of float | None
+        Periods, s; None: 100 logarithmically spaced periods over the range of the target.
+    """
+    target_spectrum = read_target(target) if isinstance(target, str) else target
+    if periods is not None:
+        return target_spectrum, numbers_of(periods, "periods")
+    first, last = float(target_spectrum.periods[0]), float(target_spectrum.periods[-1])
+    return target_spectrum, np.geomspace(first, last, _PERIOD_COUNT)
+
+
+def scaling_function(rule: str) -> Callable[..., Scaling]:
+    """Return the function that scales motions to a target by a rule. Its signature is (motions,
+    target, periods, damping=, pair=) -> Scaling.
+
+    Raises
+    ------
+    UsageError
+        The rule is unknown.
+    """
+    if rule not in _SCALING_RULES:
+        raise UsageError(
+            f"unknown rule {rule!r:.60}; the rules for a target are {', '.join(_SCALING_RULES)}"
+        )
+    return _SCALING_RULES[rule]
+
+
+def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:
+    """Raise UsageError if a motion is a single component. `rule` is the name of the rule that
+    requires pairs, for the message."""
+    if not all(isinstance(pair, Horizontals) for pair in pairs):
+        raise UsageError(
+            f"the rule {rule} requires pairs of horizontal components, but a motion is a single "
+            "component; use pairs, or another rule"
+        )

@@ -1,0 +1,275 @@
+"""Figures of scaled suites, and labels of intensity measures that figures of suites share."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tdint.arrays import Array
+from tdint.ground_motion.reading.suites import components
+from tdint.ground_motion.record import Record
+from tdint.number_parsing import number_text, pluralize
+from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, draw_median
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    FirstPeriods,
+    changed,
+    mark_first_periods,
+    minor_ticks,
+    plain_logarithmic,
+    plain_numbers,
+    record_name,
+    titled,
+)
+from tdint.output.spectrum_text import spectrum_text
+from tdint.studies.motions.intensity import (
+    GEOMETRIC_MEAN,
+    PAIRS,
+    SpectralIntensity,
+)
+from tdint.studies.motions.scaling import MIN_AVERAGE_RATIO, Scaling, suite_spectra
+from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
+
+# ---- Parts that several figures of suites share: median, fractiles and intensity measures
+#
+# For example, the figure of a scaled suite shows the spectrum of each ground motion as a gray line,
+# and the median, the fractiles and the target as lines in color.
+
+GRAY = "0.72"
+"""Color of the line of a single record in a suite."""
+
+_PAIR_PREFIXES = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
+_MEASURE_NAMES = {
+    "sa": "Sa",
+    "sa-avg": "Sa_avg",
+    "pga": "PGA",
+    "pgv": "PGV",
+    "arias": "Arias intensity",
+    "cav": "CAV",
+}
+
+
+MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
+_PERIODS = (0.05, 5.0, 120)
+"""First period (s), last period (s) and number of periods of the spectra of a scaled suite."""
+_MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling interval
+_PAIR_TEXTS = {
+    GEOMETRIC_MEAN: "geometric mean of both components",
+    "rotd50": "RotD50",
+    "rotd100": "RotD100",
+}
+
+
+def pair_text(demand: str) -> str:
+    """Return the text in figures for a measure of both components of a pair; a `demand` that is not
+    in `_PAIR_TEXTS` is returned unchanged."""
+    return _PAIR_TEXTS.get(demand, demand)
+
+
+def single_style(several: bool) -> dict[str, Any]:
+    """Return the line style of a single record as keyword arguments of matplotlib.
+
+    The line is light if the figure contains `several` records, because their median is then drawn
+    in a dark color.
+    """
+    return {"color": GRAY, "linewidth": 0.8} if several else {"color": COLORS[0], "linewidth": 1.6}
+
+
+def measure_words(name: str) -> str:
+    """Return the name of an intensity measure as in publications: Sa(1.095 s) for `sa(1.09504)`.
+
+    `name` is the name in tdint: a measure, with the period (s) in parentheses if it has one, and
+    after the treatment of pairs for pairs, as in `rotd50-sa(1.0)`.
+    """
+    # The name is [PAIR-]MEASURE[(PERIOD)]. A parameter that is not a number is not changed.
+    pair = next((pair for pair in PAIRS if name.startswith(f"{pair}-")), "")
+    measure, _, parameter = name.removeprefix(f"{pair}-").partition("(")
+    period = parameter.removesuffix(")")
+    with suppress(ValueError):
+        period = f"{_period_text(float(period))} s"
+    text = _PAIR_PREFIXES.get(pair, "") + _MEASURE_NAMES.get(measure, measure)
+    return f"{text}({period})" if period else text
+
+
+def _period_text(period: float) -> str:
+    """Return a period with four digits, and with at least two decimals: 0.90, 1.095, 12.00."""
+    text = number_text(period)
+    # A power of ten is kept.
+    return text if len(text.partition(".")[2]) > 1 or "e" in text else f"{period:.2f}"
+
+
+def measure_label(name: str, unit: str) -> str:
+    """Return the label of an intensity axis: the measure, and its unit if it is known."""
+    text = measure_words(name) or "intensity measure"
+    return f"{text} ({unit.replace('^2', '²')})" if unit else text
+
+
+def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
+    """Add a second axis in g, if the axis of a panel has another unit of acceleration.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of the existing axis. For g and for units of other quantities, no axis is added.
+    """
+    if unit == "g" or unit not in ACCELERATION:
+        return
+    g = STANDARD_GRAVITY / ACCELERATION[unit]
+    conversions = (lambda value: value / g, lambda value: value * g)
+    if horizontal:
+        axis = axes.secondary_xaxis("top", functions=conversions).xaxis
+        scale = axes.get_xscale()
+    else:
+        axis = axes.secondary_yaxis("right", functions=conversions).yaxis
+        scale = axes.get_yscale()
+    plain_numbers(axis)
+    if scale == "log":
+        minor_ticks(axis)
+    axis.set_label_text("(g)")
+
+
+def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPeriods = ()) -> Figure:
+    """Plot the response spectra of a suite of scaled ground motions, with the target of the
+    scaling. `periods` are names and first periods (s) of buildings to be marked."""
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.subplots()
+    draw_suite(axes, scaling, units)
+    if periods:
+        mark_first_periods(axes, periods)
+        axes.legend(loc="lower left")
+    target = ""
+    if scaling.target is not None:
+        source = scaling.target.source
+        target = spectrum_text(source) if scaling.target.curve else record_name(source)
+    value = ""
+    if scaling.measure is not None and scaling.value is not None:
+        unit = scaling.measure.unit
+        value = (
+            f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} "
+            f"{units.label(unit)}"
+        )
+    selected = "selected and " if scaling.chosen else ""
+    median = f", scaled to median {value}" if value else ""
+    scaling_texts = {
+        "value": f"scaled to {value}",
+        "mean": f"{selected}scaled to {target}, least squares of ln Sa",
+        "asce7": f"scaled to {target} by ASCE 7",
+        "ec8": f"scaled to {target} by EN 1998-1",
+        "p695": f"normalized by FEMA P-695{median}",
+    }
+    # Many names would not fit.
+    records = [record for motion in scaling.motions for record in components(motion)]
+    noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    subject = pluralize(len(scaling.motions), noun)
+    if len(scaling.motions) == 1:
+        subject = f"{record_name(records[0].source)} {scaling.motions[0].component}"
+    title = f"{subject}{changed(records)}, {scaling_texts[scaling.rule]}\n"
+    title += f"{100.0 * scaling.damping:g} % damping"
+    if noun == "pair" and scaling.rule != "p695":
+        title += f", {_PAIR_TEXTS[scaling.pair]}"
+    return titled(figure, title)
+
+
+def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
+    """Plot the spectra of scaled ground motions with their median, fractiles and target.
+
+    Records that were not selected are drawn in light gray.
+    """
+    # The periods include all periods of the target. The shortest period must be resolved by the
+    # samples.
+    low, high, count = _PERIODS
+    for target_periods in (scaling.periods, _target_periods(scaling)):
+        if target_periods is not None and len(target_periods) and target_periods[0] > 0.0:
+            low = min(low, 0.8 * float(target_periods[0]))
+            high = max(high, 1.25 * float(target_periods[-1]))
+    intervals = [record.dt for motion in scaling.motions for record in components(motion)]
+    periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
+    # One line for each ground motion. FEMA P-695 uses the median of all components: one line for
+    # each component.
+    quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    if quantity == "pair" and scaling.rule == "p695":
+        quantity = "component"
+        parts = [
+            factor * suite_spectra(components(motion), periods, scaling.damping, scaling.pair)
+            for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
+        ]
+        spectra = units.of(np.concatenate(parts), "m/s^2")
+    else:
+        spectra = units.of(scaling.spectra(periods), "m/s^2")
+    several = len(spectra) > 1
+    if (
+        scaling.unselected_spectra is not None
+        and scaling.periods is not None
+        and len(scaling.unselected_spectra)
+    ):
+        others = {"color": "0.8", "linewidth": 0.4}
+        axes.plot(
+            scaling.periods, units.of(scaling.unselected_spectra, "m/s^2").T, zorder=0.5, **others
+        )
+        axes.plot(
+            [],
+            [],
+            label=f"{pluralize(len(scaling.unselected_spectra), quantity)} not selected",
+            **others,
+        )
+    plot_style = single_style(several)
+    axes.plot(periods, spectra.T, zorder=1, **plot_style)
+    axes.plot([], [], label=pluralize(len(spectra), quantity), **plot_style)
+    if several:
+        draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
+    if len(spectra) >= MIN_MOTIONS:
+        draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
+    _draw_target(axes, scaling, periods, spectra, units)
+    plain_logarithmic(axes)
+    axes.set(xlim=(periods[0], periods[-1]), xlabel="period (s)")
+    axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
+    add_gravity_axis(axes, units.unit("m/s^2")[0])
+    axes.legend(loc="lower left")
+
+
+def _draw_target(
+    axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits
+) -> None:
+    """Plot the target of a scaling: a target spectrum, or the value of an intensity measure.
+
+    `spectra` are the scaled spectra in the unit of the axis, shape (motions, periods). Their
+    average is drawn if the rule of the scaling limits it.
+    """
+    red = COLORS[1]
+    if scaling.target is not None and scaling.periods is not None:
+        target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
+        axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0)
+        axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)
+        if scaling.least is not None:
+            axes.plot(
+                target.periods,
+                MIN_AVERAGE_RATIO * psa,
+                color=red,
+                linestyle=DASHES[2],
+                zorder=5,
+                label="90 % of the target",
+            )
+            style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
+            axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
+    target_periods = _target_periods(scaling)
+    if scaling.value is None or not target_periods:
+        return
+    value = units.of(scaling.value, "m/s^2")
+    value_text = f"{value:.4g} {units.label('m/s^2')}"
+    first, last = target_periods[0], target_periods[-1]
+    if len(target_periods) == 1 and first > 0.0:
+        label = f"Sa({first:.4g} s) = {value_text}"
+        axes.plot(first, value, "o", color=red, markersize=7, zorder=6, label=label)
+    elif len(target_periods) > 1:
+        label = f"Sa_avg = {value_text}"
+        axes.axvspan(first, last, color="0.95", zorder=0)
+        axes.plot([first, last], [value] * 2, color=red, zorder=5, label=label)
+
+
+def _target_periods(scaling: Scaling) -> tuple[float, ...]:
+    """Return the periods of the target intensity measure, s; empty for a target spectrum."""
+    return scaling.measure.periods if isinstance(scaling.measure, SpectralIntensity) else ()

@@ -1,0 +1,83 @@
+"""Tables of scaled suites: factors and spectra."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tdint.ground_motion.reading.suites import components
+from tdint.ground_motion.record import component_names
+from tdint.output.tables.table import (
+    NAMED_RECORD_COLUMNS,
+    PERIOD,
+    RECORD_COLUMNS,
+    Column,
+    Table,
+)
+from tdint.studies.motions.scaling import Scaling
+
+if TYPE_CHECKING:
+    pass
+
+
+FACTORS = (
+    *RECORD_COLUMNS,
+    Column(
+        "factor", "1", "factor", "scale factor of the record, equal for both components of a pair"
+    ),
+)
+
+SCALED = (
+    Column(
+        "curve",
+        "text",
+        "curve",
+        "`scaled`: scaled ground motion; `mean`: mean of the scaled ground motions; `target`",
+    ),
+    *NAMED_RECORD_COLUMNS,
+    PERIOD,
+    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
+)
+"""Columns of the spectra of a scaled suite."""
+
+
+def factor_table(scaling: Scaling) -> Table:
+    """Return the table of the scale factors of a suite, with one row per record (each component of
+    a pair has a row)."""
+    records, factors = [], []
+    for motion, factor in zip(scaling.motions, scaling.factors, strict=True):
+        for record in components(motion):  # both components of a pair have the same factor
+            records.append(record)
+            factors.append(float(factor))
+    sources = [record.source for record in records]
+    return Table.of(FACTORS, zip(sources, component_names(records), factors, strict=True))
+
+
+def scaled_table(scaling: Scaling) -> Table:
+    """Return the spectra of a scaled suite, their mean and the target, at the periods where mean
+    and target were compared.
+
+    Raises
+    ------
+    ValueError
+        The suite was not scaled to a target.
+    """
+    target, periods = scaling.target, scaling.periods
+    if target is None or periods is None:
+        raise ValueError(
+            "the suite has no target spectrum, because it was scaled to a value; scale it to a "
+            "target"
+        )
+    spectra = scaling.spectra(periods)
+    curves = [
+        ("scaled", motion.source, motion.component, psa)
+        for motion, psa in zip(scaling.motions, spectra, strict=True)
+    ]
+    # Mean and target follow after the ground motions; they have no record and component.
+    curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
+    rows = []
+    for curve, record, component, psa in curves:
+        for period, value in zip(periods.tolist(), psa.tolist(), strict=True):
+            rows.append((curve, record, component, period, value))
+    return Table.of(SCALED, rows)

@@ -1,0 +1,680 @@
+"""Select ground motions whose scaled spectra together fit a target mean and, optionally, a standard
+deviation.
+
+The score of a selection is the mean over the periods of (mean ln Sa - ln target)^2, plus half of
+(standard deviation - target value)^2. Each motion has a factor (least squares of ln Sa) within
+limits. A search adds the best motion repeatedly, then exchanges motions as long as the score
+decreases (Jayaram, Lin and Baker 2011; Baker and Lee 2018). The search is repeated from many
+starting points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array, Numbers
+from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.events import SAME_DATE, Earthquake, event_of, is_same_event
+from tdint.ground_motion.horizontals import motion_names
+from tdint.ground_motion.reading.suites import GroundMotion, components
+from tdint.number_parsing import abbreviate, pluralize
+from tdint.response.arguments import AnyMotion, motion_of
+from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.response.spectra.target import TargetSpectrum
+from tdint.studies.motions.intensity import GEOMETRIC_MEAN, pseudo_accelerations
+from tdint.studies.motions.scaling import (
+    BOUNDS,
+    MAXIMUM_DIRECTION,
+    Scaling,
+    check_rule,
+    raise_to_rule,
+    target_at,
+)
+
+_START_LIMITS, _EVALUATED_ROWS = (10, 200), 20_000
+"""Minimum and maximum number of starting points of the search. Between these limits, it is 20 000
+divided by the number of motions that can be selected. With 20 starting points, the search misses
+the best selection of five in one of six pools of 16 motions."""
+
+_SCATTER_WEIGHT = 0.5
+"""Weight of the squared error of the standard deviation; the weight of the mean is 1. Baker and Lee
+(2018) also use 1 and 2."""
+
+_MAX_TRIALS, _LIMIT_REDUCTION = 40, 0.95
+"""Maximum number of selections that are tried for factors within the limits. The upper limit of the
+factors before the common factor is multiplied by at most 0.95 after each trial: the last limit is
+about a tenth of the first."""
+
+_ROUNDING = 1e-12
+"""Relative rounding error of the product of two factors, with a margin."""
+
+_MIN_GAIN = 1e-12
+"""Minimum relative decrease of the score for an exchange; otherwise rounding errors could cause an
+infinite loop."""
+
+
+def select(
+    motions: Sequence[AnyMotion],
+    target: TargetSpectrum | str,
+    count: int,
+    *,
+    rule: str = "mean",
+    periods: Numbers | None = None,
+    damping: float = SA_DAMPING,
+    pair: str = GEOMETRIC_MEAN,
+    factors: tuple[float, float] = BOUNDS,
+    events: Sequence[object] | None = None,
+    per_event: int | None = None,
+    scatter: float | Numbers | None = None,
+) -> Scaling:
+    """Select motions whose scaled spectra together fit a target.
+
+    Parameters
+    ----------
+    motions, target, periods, damping, pair
+        As for `scale`.
+    count : int
+        Number of motions to select.
+    rule : str
+        `mean` (each motion has an individual factor within the limits), or `asce7` or `ec8`, which
+        are applied to the selected motions.
+    factors : tuple of two floats
+        Minimum and maximum factor. A motion that needs a factor outside of these limits is
+        considered with the limit. The common factor of a rule is included.
+    events : sequence, optional
+        Event of each motion, empty if unknown; by default read from the files (`events_of`).
+    per_event : int, optional
+        Maximum number of selected motions of a single event.
+    scatter : float or sequence of float, shape (k,), optional
+        Target standard deviation of ln Sa, for all periods or for each period.
+
+    Returns
+    -------
+    Scaling
+        Scaling of the selected motions. `chosen` contains their indices in `motions`, `left_out`
+        the number of motions that were not considered, by reason, and `rest` the scaled spectra of
+        the motions that were not selected.
+
+    Raises
+    ------
+    UsageError
+        There are fewer motions or events than requested; limits, standard deviation or rule are
+        invalid; `per_event` is used for motions with unknown event.
+    AnalysisError
+        No selection meets the rule with factors within the limits.
+    """
+    low, high = factors
+    _check_arguments(len(motions), count, factors, events, per_event)
+    target_spectrum, compared_periods = target_at(target, periods)
+    target_scatter = _target_scatter(scatter, compared_periods, count)
+    suite = [motion_of(motion) for motion in motions]
+    spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
+    check_rule(rule, suite, count, target_spectrum)
+    # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
+    pool, spectra, excluded_counts = _pool(suite, compared_periods, damping, spectrum_pair)
+    event_numbers, labels = _number_events(suite, events, per_event)
+    pool_events, max_per_event = event_numbers[pool], per_event or len(suite)
+    _check_pool_size(count, pool_events, event_numbers, per_event, excluded_counts)
+    ln_target, ln_spectra = np.log(target_spectrum.at(compared_periods)), np.log(spectra)
+    ln_fitted = np.mean(ln_target - ln_spectra, axis=1)  # ln of the factors without limits
+    fitted = Scaling(
+        tuple(suite[index] for index in pool),
+        np.clip(np.exp(ln_fitted), low, high),
+        "mean",
+        spectrum_pair,
+        damping,
+        target=target_spectrum,
+        periods=compared_periods,
+    )
+
+    def choose(factors: Array) -> list[int]:
+        """Return the indices, in the pool, of the best selection if the motions of the pool have
+        the given factors."""
+        # ln of the scaled spectrum divided by the target, shape (motions, periods)
+        deviations = ln_spectra + np.log(factors)[:, None] - ln_target
+        return _search(deviations, count, target_scatter, pool_events, max_per_event)
+
+    # A rule such as asce7 multiplies all factors of the selection by a common factor.
+    if rule == "mean":
+        chosen = choose(fitted.factors)
+        scaling, pool_factors = _subset(fitted, chosen), fitted.factors
+    else:
+        chosen, scaling, pool_factors = _within_limits(fitted, rule, (low, high), choose)
+    unselected = np.setdiff1d(np.arange(len(pool)), chosen)
+    is_at_limit = (ln_fitted[unselected] <= np.log(low)) | (ln_fitted[unselected] >= np.log(high))
+    return replace(
+        scaling,
+        chosen=tuple(pool[index] for index in chosen),
+        left_out=excluded_counts,
+        unselected_spectra=spectra[unselected] * pool_factors[unselected, None],
+        events=tuple(labels[pool[index]] for index in chosen) if labels else (),
+        limits=(low, high),
+        others_at_limit=int(np.sum(is_at_limit)),
+    )
+
+
+def _check_arguments(
+    motion_count: int,
+    count: int,
+    factors: tuple[float, float],
+    events: Sequence[object] | None,
+    per_event: int | None,
+) -> None:
+    """Raise UsageError if an argument of `select` is invalid.
+
+    `events` is the event of each motion; None: read from the files. `per_event` is the maximum
+    number of selected motions of a single event; None: no maximum.
+    """
+    low, high = factors
+    if not 0.0 < low <= high < np.inf:
+        raise UsageError(
+            f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
+        )
+    # `True` is an instance of `int`, but not a number of motions.
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise UsageError(
+            "the number of motions to select must be a whole number of at least 1, got "
+            f"{count!r:.60}"
+        )
+    if per_event is not None and per_event < 1:
+        raise UsageError(f"per_event must be at least 1, got {per_event}")
+    if events is not None and len(events) != motion_count:
+        raise UsageError(
+            f"events: must contain one event for each of {motion_count} motions, got {len(events)}"
+        )
+
+
+def _number_events(
+    suite: Sequence[GroundMotion], events: Sequence[object] | None, per_event: int | None
+) -> tuple[NDArray[np.int64], list[str]]:
+    """Return the number of the event of each motion, from 0, and the label of the event of each
+    motion.
+
+    Without `events` they are read from the files; an empty event is unknown. Without a maximum
+    number of motions per event, events are not needed: each motion is a separate event and the list
+    of labels is empty. UsageError is raised if the event of a motion is unknown.
+    """
+    if per_event is None:
+        return np.arange(len(suite)), []
+    labels = events_of(suite) if events is None else [str(event or "") for event in events]
+    _check_events_known(suite, labels)
+    return np.unique(labels, return_inverse=True)[1], labels
+
+
+def _check_pool_size(
+    count: int,
+    pool_events: NDArray[np.int64],
+    event_numbers: NDArray[np.int64],
+    per_event: int | None,
+    excluded_counts: Mapping[str, int],
+) -> None:
+    """Raise UsageError if fewer motions can be selected than requested.
+
+    The pool contains all motions that can be selected; `event_numbers` also those outside of the
+    pool.
+    """
+    motion_count = len(event_numbers)
+    # Of each event, at most `per_event` motions can be selected.
+    possible_by_event = np.minimum(np.bincount(pool_events), per_event or motion_count)
+    possible = int(possible_by_event.sum()) if len(pool_events) else 0
+    if possible >= count:
+        return
+    reasons = [f"{number} {reason}" for reason, number in excluded_counts.items() if number]
+    if per_event is not None:
+        event_count = pluralize(int(np.max(event_numbers)) + 1, "event")
+        reasons.append(f"at most {per_event} of an event, {event_count}")
+    explanation = f" ({', '.join(reasons)})" if reasons else ""
+    raise UsageError(
+        f"{count} motions are requested, but only {possible} of {motion_count} can be selected"
+        f"{explanation}; select fewer motions, or add motions"
+    )
+
+
+def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int) -> Array | None:
+    """Return the target standard deviation of ln Sa at each period; None if not specified.
+    UsageError is raised if a value is negative or not finite, or fewer than three motions are
+    selected.
+    """
+    if scatter is None:
+        return None
+    values = np.broadcast_to(np.asarray(scatter, float), periods.shape)
+    if count < 3 or not np.all((values >= 0.0) & np.isfinite(values)):
+        raise UsageError(
+            "a target standard deviation must be zero or a positive number, and requires a "
+            f"selection of at least three motions, got {scatter!r:.60} for {count} motions"
+        )
+    return values
+
+
+def _subset(fitted: Scaling, indices: Sequence[int]) -> Scaling:
+    """Return the scaling of a part of a suite, with unchanged factors. `indices` are the indices of
+    its motions in `fitted.motions`."""
+    motions = tuple(fitted.motions[index] for index in indices)
+    return replace(fitted, motions=motions, factors=fitted.factors[list(indices)])
+
+
+def _within_limits(
+    fitted: Scaling,
+    rule: str,
+    limits: tuple[float, float],
+    choose: Callable[[Array], list[int]],
+) -> tuple[list[int], Scaling, Array]:
+    """Return a selection with factors within the limits after the common factor of a rule (`asce7`
+    or `ec8`): the indices of the motions, their final factors, and the factors of all motions
+    before the common factor.
+
+    The common factor of a selection may raise factors above the upper limit. In this case the
+    factors of all motions are limited to a lower value, so that the search prefers stronger
+    motions, until the product of this value and the common factor is within the limit.
+
+    `fitted` contains all motions with their individual factors within the limits. `choose` returns
+    the indices of the selected motions for the factors of all motions. If no selection is found,
+    the AnalysisError reports the selection with the smallest maximum factor.
+    """
+    low, high = limits
+    upper_limit = high
+    nearest: Scaling | None = None
+    for _trial in range(_MAX_TRIALS):
+        factors = np.minimum(fitted.factors, upper_limit)
+        chosen = choose(factors)
+        scaling = raise_to_rule(_subset(replace(fitted, factors=factors), chosen), rule)
+        max_factor = float(np.max(scaling.factors))
+        if max_factor <= high * (1.0 + _ROUNDING):
+            limited = replace(scaling, factors=np.minimum(scaling.factors, high))
+            return chosen, limited, factors
+        if nearest is None or max_factor < float(np.max(nearest.factors)):
+            nearest = scaling
+        # If the upper limit is at or below the smallest individual factor, all limited factors are
+        # equal to this limit. A lower limit would only be compensated by a higher common factor.
+        if upper_limit <= float(np.min(fitted.factors)):
+            break
+        # The final factors are the limited factors times the common factor of the rule. With the
+        # limit `high` divided by the present common factor, the final factors would be at most
+        # `high` for an equal common factor. The next common factor may be larger, so that the limit
+        # is always reduced by at least 5 % (`_LIMIT_REDUCTION`).
+        common_factor = max_factor / float(np.max(factors[chosen]))
+        upper_limit = max(
+            min(high / common_factor, upper_limit * _LIMIT_REDUCTION), float(np.min(fitted.factors))
+        )
+    assert nearest is not None
+    outside_text = abbreviate(
+        [f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5
+    )
+    # Round the proposed limit up to four decimals, so that the factor is within it.
+    required_factor = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
+    raise AnalysisError(
+        f"no selection of {len(nearest.motions)} motions with factors from {low:g} to {high:g} "
+        f"meets the rule {rule}; the nearest selection needs factors up to {required_factor:g}: "
+        f"{outside_text}; set the limits to {low:g}:{required_factor:g}, or add stronger motions. "
+        f"The nearest selection: {', '.join(motion.source for motion in nearest.motions)}"
+    )
+
+
+def events_of(motions: Sequence[GroundMotion]) -> list[str]:
+    """Return the label of the earthquake (event) of each motion, from the headers of its files.
+    Motions of the same event have equal labels.
+
+    Both components of a recording belong to the same event, whether they are a pair or two files
+    with similar names.
+
+    Returns
+    -------
+    list of str
+        Name and date of the event of each motion; empty if the event is unknown.
+    """
+    groups = _EventGroups([_event_of_motion(motion) for motion in motions])
+    groups.unite_equal_events()
+    groups.unite_recordings(_recordings(motions))
+    groups.unite_similar_events()
+    return groups.labels()
+
+
+class _EventGroups:
+    """Groups of motions of the same event. Motions are identified by their indices.
+
+    The groups are a disjoint-set forest: `_parents[i]` is a motion of the same group as motion i,
+    or i if motion i represents its group.
+
+    Attributes
+    ----------
+    events : list of Earthquake
+        Event in the header of each motion.
+    """
+
+    def __init__(self, events: list[Earthquake]) -> None:
+        self.events = events
+        self._parents = list(range(len(events)))
+
+    def _root(self, motion: int) -> int:
+        """Return the motion that represents the group of a motion."""
+        parents = self._parents
+        while parents[motion] != motion:
+            # Skip one motion of the path to the root, which makes later calls faster.
+            parents[motion] = parents[parents[motion]]
+            motion = parents[motion]
+        return motion
+
+    def _unite(self, motion: int, other_motion: int) -> None:
+        """Merge the groups of two motions."""
+        representative, merged = sorted((self._root(motion), self._root(other_motion)))
+        self._parents[merged] = representative
+
+    def _unite_if_same_event(self, motion: int, other_motion: int) -> None:
+        """Merge the groups of two motions if their headers may describe the same event."""
+        if is_same_event(self.events[motion], self.events[other_motion]):
+            self._unite(motion, other_motion)
+
+    def _first_motions(self) -> dict[Earthquake, int]:
+        """Return the first motion of each distinct known event."""
+        first_motions: dict[Earthquake, int] = {}
+        for motion, event in enumerate(self.events):
+            if event.is_known:
+                first_motions.setdefault(event, motion)
+        return first_motions
+
+    def unite_equal_events(self) -> None:
+        """Merge the groups of motions with the same event in their headers."""
+        first_motions = self._first_motions()
+        for motion, event in enumerate(self.events):
+            if event.is_known:
+                self._unite(motion, first_motions[event])
+
+    def unite_recordings(self, recordings: Sequence[Sequence[str]]) -> None:
+        """Merge the groups of motions of the same recording.
+
+        `recordings`: for each motion, the names of the recordings to which its files belong
+        (`_recordings`).
+        """
+        # First motion of each recording, by the name of the recording
+        motion_of_recording: dict[str, int] = {}
+        # Files with similar names may contain several recordings. A motion with a known event is
+        # therefore united only with a motion of the same event.
+        for motion, names in enumerate(recordings):
+            if self.events[motion].is_known:
+                for name in names:
+                    first_motion = motion_of_recording.setdefault(name, motion)
+                    self._unite_if_same_event(motion, first_motion)
+        # In a second pass, motions without a known event join the group of their recording.
+        for motion, names in enumerate(recordings):
+            if not self.events[motion].is_known:
+                for name in names:
+                    self._unite(motion, motion_of_recording.setdefault(name, motion))
+
+    def unite_similar_events(self) -> None:
+        """Merge the groups of motions if their headers describe the same event differently, for
+        example with and without the time of day."""
+        events = self.events
+        # Compare each pair of distinct descriptions. A description with a time is compared only
+        # with descriptions of about the same time; in chronological order, these are its
+        # neighbors. The default in the sort key is never used: all these motions have a time.
+        described = list(self._first_motions().values())
+        dated = sorted(
+            (motion for motion in described if events[motion].time),
+            key=lambda motion: events[motion].time or datetime.min,
+        )
+        undated = [motion for motion in described if not events[motion].time]
+        for rank, motion in enumerate(dated):
+            for other_motion in dated[rank + 1 :]:
+                earlier, later = events[motion].time, events[other_motion].time
+                if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
+                    break
+                self._unite_if_same_event(motion, other_motion)
+        for rank, motion in enumerate(undated):
+            for other_motion in [*undated[rank + 1 :], *dated]:
+                self._unite_if_same_event(motion, other_motion)
+
+    def labels(self) -> list[str]:
+        """Return the label of the group of each motion, which is the label of the first motion of
+        the group with a known event; empty if no event of the group is known."""
+        label_of_group: dict[int, str] = {}
+        for motion, event in enumerate(self.events):
+            if event.is_known:
+                label_of_group.setdefault(self._root(motion), event.label)
+        groups = [self._root(motion) for motion in range(len(self.events))]
+        return [label_of_group.get(group, "") for group in groups]
+
+
+def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
+    """Return the event of each motion, which a table of the user specifies for its files.
+
+    If the two components of a recording are in two files, it is sufficient that the table contains
+    one of the files.
+
+    Parameters
+    ----------
+    event_of_file : mapping of str to str
+        The event of each file. A file is named by its path, its name or its name without suffix.
+
+    Returns
+    -------
+    list of str
+        Event of each motion; empty if the table does not contain its files.
+
+    Raises
+    ------
+    UsageError
+        The two components of a recording have different events.
+    """
+    recordings = _recordings(motions)
+    file_and_event: dict[str, tuple[str, str]] = {}
+    for motion, names in zip(motions, recordings, strict=True):
+        files = dict.fromkeys(record.source for record in components(motion))
+        for file, name in zip(files, names, strict=True):
+            keys = (file, Path(file).name, Path(file).stem)
+            event = next((event_of_file[key] for key in keys if event_of_file.get(key)), "")
+            # `name` is the recording of the file. If its other component already has an event, both
+            # events must be equal.
+            first_file, first_event = file_and_event.get(name, (file, event))
+            if event and event != first_event:
+                raise UsageError(
+                    f"{first_file} and {file} are components of one recording, but their events "
+                    f"differ: {first_event!r} and {event!r}; specify the same event for both files"
+                )
+            if event:
+                file_and_event[name] = (file, event)
+    event_of_recording = {name: event for name, (_, event) in file_and_event.items()}
+    return [
+        next((event_of_recording[name] for name in names if name in event_of_recording), "")
+        for names in recordings
+    ]
+
+
+def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
+    """Return the names of the recordings to which the files of each motion belong: one name per
+    file, equal for files of the same recording. The two components of a recording may be in one
+    file or in two files.
+    """
+    # Distinct files of each motion: one, or two for a pair in two files
+    files_by_motion = [
+        list(dict.fromkeys(record.source for record in components(motion))) for motion in motions
+    ]
+    named_files = list(dict.fromkeys(filter(None, chain.from_iterable(files_by_motion))))
+    recording_of_file = dict(zip(named_files, motion_names(named_files), strict=True))
+    # Motions that were not read from files have no name; each is a different recording.
+    return [
+        [recording_of_file.get(file, f"motion {index}") for file in files]
+        for index, files in enumerate(files_by_motion)
+    ]
+
+
+def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) -> None:
+    """Raise UsageError if the event of a motion is unknown. `events` contains the label of the
+    event of each motion, empty if unknown. The message lists the files of these motions."""
+    unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
+    if unknown:
+        raise UsageError(
+            f"per_event: the event of {pluralize(len(unknown), 'motion')} is unknown: "
+            f"{', '.join(dict.fromkeys(unknown))}; specify the events of the files (--events "
+            "FILE), or omit these files"
+        )
+
+
+def _event_of_motion(motion: GroundMotion) -> Earthquake:
+    """Return the event of a motion; for a pair, the event of the component with the most complete
+    header."""
+    # Prefer a header with date and time of day, then with a date, then with the name of the event.
+    events = [event_of(record) for record in components(motion)]
+    return max(events, key=lambda event: (event.has_clock, bool(event.time), bool(event.name)))
+
+
+def _pool(
+    motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
+) -> tuple[list[int], Array, dict[str, int]]:
+    """Return the indices of the motions that can be selected, their spectra (m/s^2, one row per
+    motion), and the number of motions that cannot be selected, by reason.
+
+    The reasons are `duplicate` (equal to another motion), `range of periods` (the sampling interval
+    is too long for a period) and `zero` (a component without motion).
+    """
+    excluded_counts = {"duplicate": 0, "range of periods": 0, "zero": 0}
+    indices, spectra, previous_hashes = [], [], set()
+    for index, motion in enumerate(motions):
+        # Compare hashes instead of samples, which would have to be stored for all motions.
+        samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
+        samples_hash = hash(samples)
+        if samples_hash in previous_hashes:
+            excluded_counts["duplicate"] += 1
+            continue
+        previous_hashes.add(samples_hash)
+        if not all(np.any(record.acceleration) for record in components(motion)):
+            excluded_counts["zero"] += 1
+            continue
+        try:
+            spectra.append(pseudo_accelerations(motion, periods, damping, pair))
+        except AnalysisError:  # a period is too short for the sampling interval
+            excluded_counts["range of periods"] += 1
+            continue
+        indices.append(index)
+    return indices, np.array(spectra).reshape(-1, len(periods)), excluded_counts
+
+
+def _search(
+    deviations: Array,
+    count: int,
+    target_scatter: Array | None,
+    events: NDArray[np.int64],
+    max_per_event: int,
+) -> list[int]:
+    """Search for the selection of `count` motions with the minimum score.
+
+    A deviation is the ln of the scaled spectrum divided by the target, for each motion (row) and
+    period. The first starting point is the best single motion; later starting points alternate
+    between half of the best selection so far and random motions.
+
+    A selection with `count` rows must exist, as `_check_pool_size` checks. A row can then always be
+    added to an incomplete selection.
+    """
+    # A fixed seed makes the selection reproducible.
+    generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
+    # scores(selection, size) returns one score per row: the score of `selection` with this row in
+    # addition, infinite if the row cannot be added. `size` is the number of rows with the addition.
+    scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
+    start_count = int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))
+    for start_number in range(start_count):
+        selection: list[int] = []
+        if start_number % 2:
+            selection = generator.permutation(best_selection)[: count // 2].tolist()
+        elif start_number:
+            while len(selection) < count:
+                # Rows that cannot be added have an infinite score. The size 2 saves time: `scores`
+                # then omits the standard deviation, which is always finite.
+                possible_rows = np.flatnonzero(np.isfinite(scores(selection, 2)))
+                selection.append(int(generator.choice(possible_rows)))
+        while len(selection) < count:
+            selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
+        # `selection` is changed in place.
+        score = _exchange_rows(selection, scores)
+        if score < best_score:
+            best_selection, best_score = sorted(selection), score
+    return best_selection
+
+
+def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Array]) -> float:
+    """Replace rows of a selection in place by better rows as long as the score decreases, and
+    return the final score. `scores` is the method `_Scores.with_row`.
+    """
+    # Each pass tries to replace every row. The first pass sets the score, which is infinite before.
+    score, is_improved = np.inf, True
+    while is_improved:
+        is_improved = False
+        for index in range(len(selection)):
+            remaining = selection[:index] + selection[index + 1 :]
+            all_scores = scores(remaining, len(selection))
+            best_row = int(np.argmin(all_scores))
+            if all_scores[best_row] < score * (1.0 - _MIN_GAIN):
+                is_improved |= best_row != selection[index]
+                selection[index], score = best_row, float(all_scores[best_row])
+    return score
+
+
+class _Scores:
+    """Compute scores of selections of motions, where a lower score is a better fit to the target.
+
+    Parameters
+    ----------
+    deviations : ndarray, shape (n, k)
+        ln of the scaled spectrum divided by the target, for each motion (row) and period.
+    target_scatter : ndarray, shape (k,), or None
+        Target standard deviation of ln Sa.
+    events : ndarray of int, shape (n,)
+        Event of each row.
+    max_per_event : int
+        Maximum number of rows of a single event.
+    """
+
+    def __init__(
+        self,
+        deviations: Array,
+        target_scatter: Array | None,
+        events: NDArray[np.int64],
+        max_per_event: int,
+    ) -> None:
+        """Store the arguments, which the class describes, and compute squares of deviations."""
+        self._deviations, self._target_scatter = deviations, target_scatter
+        self._events, self._max_per_event = events, max_per_event
+        # Squared deviations and their sums over the periods, and an array for intermediate results
+        self._squares = deviations * deviations
+        self._row_sums, self._scratch = self._squares.sum(axis=1), np.empty_like(deviations)
+
+    def with_row(self, selected: list[int], size: int) -> Array:
+        """Return, for each row, the score of the selected rows and this additional row; infinite if
+        the row cannot be added.
+
+        `size` is the number of rows including the additional row. The standard deviation is part of
+        the score only for more than two rows.
+        """
+        deviations, events = self._deviations, self._events
+        period_count = deviations.shape[1]
+        total = deviations[selected].sum(axis=0)
+        # For each row, the mean over the k periods of (mean deviation)^2 is the sum over the
+        # periods of (total + row)^2, divided by size^2 k.
+        result = (total @ total + 2.0 * (deviations @ total) + self._row_sums) / (
+            size**2 * period_count
+        )
+        if self._target_scatter is not None and size > 2:
+            # For each row and period, compute sqrt(size - 1) times the standard deviation, from
+            # (size - 1) variance = sum of squares - (total + row)^2 / size. Then subtract its
+            # target. All operations are in place, because this function takes most of the time.
+            scratch = self._scratch
+            np.add(deviations, total, out=scratch)
+            np.multiply(scratch, scratch, out=scratch)
+            np.multiply(scratch, -1.0 / size, out=scratch)
+            np.add(scratch, self._squares, out=scratch)
+            np.add(scratch, self._squares[selected].sum(axis=0), out=scratch)
+            np.sqrt(np.maximum(scratch, 0.0, out=scratch), out=scratch)
+            np.subtract(scratch, self._target_scatter * np.sqrt(size - 1.0), out=scratch)
+            scatter_errors = np.einsum("ij,ij->i", scratch, scratch)
+            result = result + _SCATTER_WEIGHT / ((size - 1) * period_count) * scatter_errors
+        # A row cannot be added if it is selected already or if its event has the maximum number.
+        result[selected] = np.inf
+        count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
+        result[count_of_event[events] >= self._max_per_event] = np.inf
+        return np.asarray(result)

@@ -1,0 +1,118 @@
+"""HTML report of a comparison with recordings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from tdint.number_parsing import abbreviate, number_text
+from tdint.output import figures
+from tdint.output.page import Chapter, PageText, Picture, page, page_units
+from tdint.output.report import (
+    assumptions,
+    first_period,
+    method_text,
+    model_chapter,
+    motion_chapter,
+)
+from tdint.output.tables.table import Table
+from tdint.studies.recordings import comparison_tables as comparison
+from tdint.units import OutputUnits
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tdint.response.runs.outcome import Response
+    from tdint.studies.recordings.compare import Comparison
+
+
+def _sensors(comparisons: Sequence[Comparison]) -> str:
+    """Return a list of the recordings at the base of the building as text, for example
+    `station.mseed HNE, station.mseed HNN`: file, and component or column."""
+    sensors = [sensor for item in comparisons for sensor in item.event.recording.base]
+    names = (
+        " ".join(
+            filter(
+                None, (figures.style.record_name(sensor.file), sensor.component or sensor.column)
+            )
+        )
+        for sensor in sensors
+    )
+    return abbreviate(list(dict.fromkeys(names)), _MOST_SENSORS)
+
+
+_MOST_SENSORS = 6
+"""Maximum number of sensors at the base that a report lists."""
+
+
+def _comparison_error(response: Response) -> str:
+    """Return a clause on the estimated error of a peak drift and on the energy imbalance."""
+    imbalance = (
+        f"the energy imbalance is {number_text(100.0 * abs(response.energy.error), 2)} % of the "
+        "input energy"
+    )
+    if response.check is None or response.check.drift_error is None:
+        return f"the error of the time integration was not estimated; {imbalance}"
+    if not math.isfinite(response.check.drift_error):
+        return (
+            f"the error of the drift of story {response.check.drift_story} is not known, because "
+            f"it moves in the run for the error estimate only; {imbalance}"
+        )
+    return (
+        "the largest estimated error of a peak drift is "
+        f"{number_text(100.0 * response.check.drift_error, 2)} %; {imbalance}"
+    )
+
+
+def comparison_page(
+    comparisons: Sequence[Comparison],
+    draw: Callable[[], Figure],
+    page_text: PageText,
+    fitted: Table | None,
+    units: OutputUnits,
+) -> bytes:
+    """Return the report of a comparison of computed and recorded responses.
+
+    Parameters
+    ----------
+    fitted : Table | None
+        Values that were fitted to one of the recordings.
+    """
+    response, units = comparisons[0].response, page_units(units)
+    integration = f"{method_text(response.method)}, time step {response.dt:.6g} s"
+    band = comparisons[0].event.recording.band
+    motions = [item.event.base for item in comparisons]
+    chapters = [
+        Chapter("Result", (list(page_text.sentences), comparison.comparison_table(comparisons))),
+        Chapter(
+            "Recorded and computed",
+            (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
+        ),
+        Chapter("Fitted", (fitted,) if fitted else ()),
+        model_chapter(response.model, units),
+        motion_chapter(
+            [[(motion, 1.0) for motion in motions]],
+            units,
+            periods=[(response.model.name, first_period(response.model))],
+        ),
+        assumptions(
+            integration,
+            (
+                _comparison_error(response),
+                f"the ground motion is that of the base, unscaled: {_sensors(comparisons)}",
+                f"recorded and computed responses are filtered from {band[0]:g} to {band[1]:g} Hz "
+                "(zero phase)"
+                if band
+                else "recorded and computed responses are not filtered",
+                "correlation, peak ratio (computed over recorded) and rms difference (over the "
+                "rms of the recording) are those of the compared histories",
+            ),
+        ),
+    ]
+    return page(
+        response.model.name,
+        f"Comparison of {response.model.name} with recordings.",
+        chapters,
+        page_text,
+    )

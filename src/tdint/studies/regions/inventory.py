@@ -1,0 +1,866 @@
+"""Derive the buildings of an inventory from a set of rules, and write their model files.
+
+An inventory is a CSV file with one building per row. Stiffness and damping can be sampled at random
+around the values of the rules.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from abc import abstractmethod
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import compress, islice, zip_longest
+from pathlib import Path
+from typing import TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array, cached_property
+from tdint.csv_table import BLOCK, CsvTable, TextColumn, number, number_error, stream_table
+from tdint.errors import ModelError, ModelFault, UsageError
+from tdint.model.building_rules import CAPACITY, RULES
+from tdint.model.capacity import (
+    DAMPING_RATIO,
+    UNIT_MASS,
+    CapacityBuilding,
+    CapacityClass,
+    CapacityFacts,
+)
+from tdint.model.definition import RayleighRatio
+from tdint.model.keys.fields import POSITIVE, RATIO, Bounds
+from tdint.model.mdof_lu import (
+    LEVELS,
+    MOST_STORIES,
+    STRUCTURES,
+    YEARS,
+    ZONES,
+    BuildingFacts,
+    DerivedBuilding,
+    Scatter,
+)
+from tdint.model.story import Story
+from tdint.model.story_laws import LAWS
+from tdint.number_parsing import pluralize
+from tdint.studies.regions.exposure import TAXONOMY, read_mapping, stream_exposure
+from tdint.tabular import ResultList
+from tdint.units import LENGTH
+
+# ---- Read an inventory. Column names are those of SimCenter's regional workflow.
+
+NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
+OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
+_COLUMNS = (*NEEDED, *OPTIONAL)
+NEEDED_WITH_CLASSES = ("id", "class", "NumberOfStories")
+_CLASS_COLUMNS = (
+    *NEEDED_WITH_CLASSES,
+    "height",
+    "mass_kg",
+    "DampingRatio",
+    "Latitude",
+    "Longitude",
+)
+_NUMBERS = {
+    "PlanArea": POSITIVE,
+    "height": POSITIVE,
+    "mass_kg": POSITIVE,
+    "DampingRatio": RATIO,
+    "Latitude": Bounds(-90.0, 90.0),
+    "Longitude": Bounds(-360.0, 360.0),
+}
+"""Allowed range of the columns in which every building may have a different number. The other
+columns contain few distinct texts, which are checked once each."""
+
+_REQUIREMENTS = (
+    f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
+)
+_DESIGN_LEVELS = (
+    {level: level for level in LEVELS}
+    | {f"{level}-code": level for level in LEVELS}
+    | {f"{level[0]}c": level for level in LEVELS}
+)
+"""Design levels by their spellings in inventories: `high`, `high-code` and `hc` are equivalent."""
+
+
+@dataclass(frozen=True, slots=True)
+class InventoryRow:
+    """Building of an inventory.
+
+    Attributes
+    ----------
+    id : str
+        Unique identifier.
+    latitude, longitude : float | None
+        Location, degrees; None if the file does not contain it.
+    columns : tuple of str
+        Names of all columns except the id, as in the file; the same object for all rows.
+    cells : str
+        Texts of these columns as a JSON list, which needs one object for each of millions of rows.
+    changes : tuple of (str, float)
+        Parameters that a sweep changes, with their values (`tdint.model.parameters.PARAMETERS`).
+    label : str
+        Name of this variation of the building.
+    """
+
+    id: str
+    facts: BuildingFacts | CapacityFacts
+    latitude: float | None = None
+    longitude: float | None = None
+    columns: tuple[str, ...] = ()
+    cells: str = "[]"
+    changes: tuple[tuple[str, float], ...] = ()
+    label: str = ""
+
+
+def read_inventory(
+    source: str,
+    length: float,
+    *,
+    mass_only: bool = False,
+    classes: Mapping[str, CapacityClass] | None = None,
+    as_published: bool = False,
+    mapping: str | None = None,
+) -> tuple[InventoryRows, list[ModelFault]]:
+    """Read the buildings of a CSV file (`-` is standard input), or of an exposure model of
+    OpenQuake. Return the valid rows, and the errors of all other rows.
+
+    Areas are in the square of the unit of lengths (m). With `mass_only`, buildings have no
+    stiffness-proportional damping. With building classes, the column `class` specifies the class of
+    a building; year, type and area are not required. `as_published` is the value of
+    `CapacityFacts.as_published` for all buildings. With `mapping`, a CSV file with the columns of
+    an inventory for each taxonomy, the source is an exposure model
+    (`tdint.studies.regions.exposure`).
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, or a required column is missing.
+    """
+    columns, needed = (
+        (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, NEEDED_WITH_CLASSES)
+    )
+    arguments = (length, mass_only, classes, as_published)
+    if mapping is None:
+        # `requirements` describes a valid file in error messages. Its list of columns is replaced,
+        # because an inventory with classes requires other columns. `read_first` loads the complete
+        # file into memory; `rows` yields its rows on demand.
+        requirements = _REQUIREMENTS.replace(", ".join(NEEDED), ", ".join(needed))
+        table, rows = stream_table(source, requirements, columns=columns, read_first=True)
+    else:
+        # The mapping table must contain all required columns except the first, which is the id of
+        # a building.
+        taxonomies = read_mapping(mapping)
+        taxonomies.need(*needed[1:])
+        _check_mapping(_Table(taxonomies, *arguments))
+        table, rows = stream_exposure(source, taxonomies, columns)
+    inventory_table = _Table(table, *arguments)
+    # `read` accepts a header without the required columns; `need` raises ModelError if a column is
+    # missing. In this order, a row that cannot be read is reported before a missing column.
+    inventory_table.read(rows)
+    table.need(*needed)
+    return _separate_valid_rows(inventory_table)
+
+
+def _check_mapping(mapping_table: _Table) -> None:
+    """Raise ModelError if a row of a mapping table does not define a building."""
+    # Read the mapping table as an inventory: rename the column `taxonomy` to `id`.
+    header = tuple("id" if name == TAXONOMY else name for name in mapping_table.table.header)
+    mapping_table = replace(
+        mapping_table, table=replace(mapping_table.table, header=header, titles=header)
+    )
+    mapping_table.read(iter(mapping_table.table.rows))
+    if faults := _separate_valid_rows(mapping_table)[1]:
+        raise ModelError(faults)
+
+
+def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
+    """Return the valid rows of a table, and the errors of the other rows in the order of the file.
+
+    The first of several rows with the same id is valid, the other rows are errors.
+    """
+    faults: list[ModelFault] = []
+    # In a table of a million rows almost all rows are valid. Only the other rows are read cell by
+    # cell, which is much slower, to list their errors.
+    valid = table.valid_rows()
+    width = len(table.table.header)
+    first_lines: dict[str, int] = {}  # line of the first building with each id
+    for index in np.flatnonzero(~valid).tolist():
+        row = _Row(table, index, faults)
+        # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
+        if index in table.overfull:
+            row.fault(
+                width,
+                "",
+                f"the row has {pluralize(table.overfull[index], 'cell')}, but the header has "
+                f"{pluralize(width, 'column')}",
+            )
+            continue
+        building = row.building()
+        # The id must be unique, because tables refer to a building by its id, and the id determines
+        # its random samples.
+        if building and building.id in first_lines:
+            row.fault(
+                table.column_indices["id"],
+                "id",
+                f"{building.id!r} is already on line {first_lines[building.id]}; use a different "
+                "id for each building",
+            )
+        elif building:
+            first_lines[building.id] = table.lines[index]
+            valid[index] = True
+    return InventoryRows(table, np.flatnonzero(valid)), sorted(
+        faults, key=lambda fault: (fault.line, fault.column)
+    )
+
+
+Item = TypeVar("Item")
+
+
+class LazySequence(Sequence[Item]):
+    """Sequence of items that are created on access, because millions of items need much memory."""
+
+    @abstractmethod
+    def make(self, number: int) -> Item:
+        """Create the item with index `number`."""
+
+    @overload
+    def __getitem__(self, index: int) -> Item: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Item]: ...
+    def __getitem__(self, index: int | slice) -> Item | list[Item]:
+        """Create the item with an index, or a list of the items of a slice."""
+        # The range converts negative indices and slices.
+        selected = range(len(self))[index]
+        if isinstance(selected, int):
+            return self.make(selected)
+        return [self.make(number) for number in selected]
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Text of an inventory by columns, with the arguments of `read_inventory`.
+
+    Attributes
+    ----------
+    length, mass_only, classes, as_published
+        Arguments of `read_inventory`.
+    columns : list of TextColumn
+        Texts of each column.
+    lines : array of int
+        Line number of each row.
+    overfull : dict of int to int
+        Number of cells of each row that has more cells than the header, by the index of the row.
+    """
+
+    table: CsvTable
+    length: float
+    mass_only: bool
+    classes: Mapping[str, CapacityClass] | None
+    as_published: bool
+    columns: list[TextColumn] = field(default_factory=list)
+    lines: array[int] = field(default_factory=lambda: array("i"))
+    overfull: dict[int, int] = field(default_factory=dict)
+
+    def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
+        """Read all rows and fill `columns`, `lines` and `overfull`.
+
+        `rows` contains the line number and cells of each row.
+        """
+        width = len(self.table.header)
+        self.columns.extend(TextColumn() for _ in range(width))
+        while block := list(islice(rows, BLOCK)):
+            for index, (line, cells) in enumerate(block, start=len(self.lines)):
+                self.lines.append(line)
+                if len(cells) > width and self.table.overfull(cells):
+                    self.overfull[index] = len(cells)
+            # Transpose the block: one tuple of texts for each column. Missing cells at the end of a
+            # row are empty, surplus cells are omitted.
+            texts = [
+                tuple(map(str.strip, column_cells))
+                for column_cells in zip_longest(*(cells for _, cells in block), fillvalue="")
+            ]
+            empty_column = ("",) * len(block)
+            texts = texts[:width] + [empty_column] * (width - len(texts))
+            for column, column_texts in zip(self.columns, texts, strict=True):
+                column.add(column_texts)
+
+    @cached_property
+    def column_indices(self) -> dict[str, int]:
+        """Indices of the columns that tdint uses, by name."""
+        names = _COLUMNS if self.classes is None else _CLASS_COLUMNS
+        return {
+            name: self.table.header.index(name.lower()) for name in names if self.table.has(name)
+        }
+
+    @cached_property
+    def carried(self) -> dict[int, str]:
+        """Indices and names of the columns that are copied to results: all except the id."""
+        named = enumerate(zip(self.table.titles, self.table.header, strict=True))
+        return {index: title for index, (title, name) in named if title and name != "id"}
+
+    @cached_property
+    def numbers(self) -> dict[str, Array]:
+        """Values of the numeric columns by name; nan for cells without a number."""
+        names = (name for name in ("NumberOfStories", *_NUMBERS) if name in self.column_indices)
+        return {name: self.columns[self.column_indices[name]].numbers() for name in names}
+
+    def valid_rows(self) -> NDArray[np.bool_]:
+        """Return a mask of the rows that contain no error."""
+        ids = self.columns[self.column_indices["id"]]
+        valid = np.ones(len(ids), dtype=bool)
+        # Ids must be unique and not empty. Ids with different hashes are different. An array of
+        # hashes requires an eighth of the memory of a set of ids, so the ids are counted only if
+        # two hashes are equal.
+        hashes = np.sort(np.fromiter(map(hash, ids), np.int64, len(ids)))
+        if (np.diff(hashes) == 0).any() or "" in ids:
+            count = Counter(ids)
+            valid = np.array([bool(name) and count[name] == 1 for name in ids])
+        valid[list(self.overfull)] = False
+        for name in self.numbers.keys() & _NUMBERS.keys():
+            is_allowed = _NUMBERS[name].allow(self.numbers[name])
+            # Cells of optional columns may be empty.
+            if name not in NEEDED and not is_allowed.all():
+                is_allowed |= np.array(
+                    [not text for text in self.columns[self.column_indices[name]]]
+                )
+            valid &= is_allowed
+        # The remaining columns contain few distinct texts. A text is valid if the first row with
+        # this text is read without an error.
+        is_row_valid: dict[int, bool] = {}
+        for column in (
+            self.columns[column_index]
+            for name, column_index in self.column_indices.items()
+            if name not in ("id", *_NUMBERS)
+        ):
+            first_rows: dict[str, int] = {}
+            for row, text in enumerate(column):
+                first_rows.setdefault(text, row)
+            for row in first_rows.values():
+                if row not in is_row_valid:
+                    is_row_valid[row] = (
+                        bool(valid[row]) and _Row(self, row, []).building() is not None
+                    )
+            valid_texts = {text for text, row in first_rows.items() if is_row_valid[row]}
+            if len(valid_texts) < len(first_rows):
+                valid &= np.array([text in valid_texts for text in column], dtype=bool)
+        return valid
+
+
+Changes = tuple[tuple[tuple[str, float], ...], str]
+"""Variation of a building in a sweep: names and values of the changed parameters, and the label."""
+
+
+@dataclass(frozen=True, eq=False)
+class InventoryRows(LazySequence[InventoryRow]):
+    """Buildings of a table, created on access, and arrays of their properties.
+
+    Attributes
+    ----------
+    indices : ndarray of int
+        Indices of the rows in the table.
+    near : tuple of (sequence of str, ndarray of int, ndarray), or None
+        Names of all sites, index of the nearest site for each row, and its distance, m. Results
+        contain them before the other columns.
+    changes : sequence of Changes
+        Variations of each building in a sweep. Default: the unchanged building.
+    """
+
+    table: _Table
+    indices: NDArray[np.int64]
+    near: tuple[Sequence[str], NDArray[np.int64], Array] | None = None
+    changes: Sequence[Changes] = (((), ""),)
+
+    def __len__(self) -> int:
+        return len(self.indices) * len(self.changes)
+
+    def make(self, number: int) -> InventoryRow:
+        """Create the building with index `number`.
+
+        The variations of the first row come first, followed by those of the second row, and so on.
+        """
+        position, variation = divmod(number, len(self.changes))
+        row_index = int(self.indices[position])
+        # The row is valid, so that the list that receives its errors remains empty.
+        row = _Row(self.table, row_index, []).building()
+        assert row is not None
+        changes, label = self.changes[variation]
+        cells = [self.table.columns[column][row_index] for column in self.table.carried]
+        if self.near is not None:
+            # Names of all sites; for each row, the index of its nearest site and the distance, m.
+            names, sites, distances = self.near
+            distance_km = 1e-3 * distances[position]
+            cells = [names[sites[position]], f"{distance_km:.6g}", *cells]
+        return replace(
+            row, columns=self.titles, cells=json.dumps(cells), changes=changes, label=label
+        )
+
+    @cached_property
+    def titles(self) -> tuple[str, ...]:
+        """Names of the columns that are copied to results."""
+        return (*(("site", "distance_km") if self.near else ()), *self.table.carried.values())
+
+    def only(self, kept: NDArray[np.bool_]) -> InventoryRows:
+        """Return the selected rows. Sites and variations must not have been assigned yet."""
+        return InventoryRows(self.table, self.indices[kept])
+
+    def texts(self, name: int | str) -> TextColumn:
+        """Return the texts of a column, by its index or by its name (case is ignored).
+
+        Each row is contained once, regardless of the number of variations.
+        """
+        index = self.table.table.header.index(name.lower()) if isinstance(name, str) else name
+        column = self.table.columns[index]
+        if len(self.indices) == len(column):
+            return column
+        is_selected = np.zeros(len(column), dtype=bool)
+        is_selected[self.indices] = True
+        return TextColumn(compress(column, is_selected.tolist()))
+
+    def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
+        """Return the errors of a column, with the lines of their cells.
+
+        Parameters
+        ----------
+        message : callable
+            Receives the number of a row in these rows, from 0, and the text of its cell. Returns an
+            error message, or an empty string if the cell is valid.
+        """
+        table, lines = self.table.table, self.table.lines
+        table.need(name)
+        cells = enumerate(zip(self.indices.tolist(), self.texts(name), strict=True))
+        column = table.header.index(name.lower()) + 1
+        line_errors = (
+            (lines[row_index], message(row_number, text)) for row_number, (row_index, text) in cells
+        )
+        return [
+            ModelFault(table.source, line, column, name, message_text)
+            for line, message_text in line_errors
+            if message_text
+        ]
+
+    @property
+    def is_varied(self) -> bool:
+        """True if a sweep changes the buildings."""
+        return any(changes for changes, _ in self.changes)
+
+    @property
+    def stories(self) -> NDArray[np.int64]:
+        """Number of stories of each building."""
+        return np.repeat(
+            self.table.numbers["NumberOfStories"][self.indices].astype(np.int64), len(self.changes)
+        )
+
+    @cached_property
+    def locations(self) -> Array:
+        """Longitude and latitude of each building, degrees, shape (rows, 2); nan if unknown."""
+        unknown = np.full(len(self.table.lines), math.nan)
+        degrees = [
+            self.table.numbers.get(name, unknown)[self.indices] for name in reversed(_COORDINATES)
+        ]
+        return np.repeat(np.column_stack(degrees), len(self.changes), axis=0)
+
+    @cached_property
+    def equivalent_indices(self) -> Sequence[int]:
+        """Index of the first equivalent building for each building.
+
+        Equivalent buildings differ only in id, location, floor area and mass, so that they have the
+        same response per unit mass. In a sweep each building has only itself as equivalent.
+        """
+        if self.is_varied:
+            return range(len(self))
+        first_indices: dict[tuple[str, ...], int] = {}  # by the texts of the other columns
+        columns = (
+            self.texts(index)
+            for name, index in self.table.column_indices.items()
+            if name not in INDIVIDUAL_COLUMNS
+        )
+        return [
+            first_indices.setdefault(cells, number)
+            for number, cells in enumerate(zip(*columns, strict=True))
+        ]
+
+    def digest(self, *, carried: bool) -> str:
+        """Return a SHA-256 of the buildings.
+
+        Parameters
+        ----------
+        carried : bool
+            True for the columns that are copied to results (`_Table.carried`) and the nearest sites
+            (`near`); False for everything that defines the response of the buildings. Coordinates
+            are then not included, because they only assign sites to buildings.
+        """
+        table = self.table
+        defining_values = (
+            (self.titles,)
+            if carried
+            else (table.length, table.mass_only, table.as_published, table.classes, self.changes)
+        )
+        digest = hashlib.sha256(repr(defining_values).encode())
+        columns = (
+            table.carried
+            if carried
+            else [index for name, index in table.column_indices.items() if name not in _COORDINATES]
+        )
+        # The name before each column separates it from the column before. A column is added in
+        # parts, so that its text is never in memory as a whole.
+        for column in columns:
+            digest.update(repr(table.table.header[column]).encode())
+            for part_number, texts in enumerate(self.texts(column).parts()):
+                separator = "\n" if part_number > 0 else ""
+                digest.update((separator + "\n".join(texts)).encode())
+        if carried and self.near is not None:
+            names, sites, distances = self.near
+            digest.update(repr(names).encode() + sites.tobytes() + distances.tobytes())
+        return digest.hexdigest()
+
+
+_COORDINATES = ("Latitude", "Longitude")
+INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
+"""Columns that differ between buildings with the same response per unit mass."""
+
+
+class _Row:
+    """Row of an inventory. Its methods convert cells and append errors to `faults`. `name` is the
+    name of a column."""
+
+    def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
+        """Select the cells of the row."""
+        self._table, self._column_indices = table, table.column_indices
+        # Errors of this row are those after the first `_earlier_faults` of the list.
+        self._faults, self._earlier_faults = faults, len(faults)
+        self._line, self._cells = table.lines[index], [column[index] for column in table.columns]
+
+    def fault(self, index: int, name: str, message: str) -> None:
+        """Report an error in the cell of column `index`, from 0."""
+        source = self._table.table.source
+        self._faults.append(ModelFault(source, self._line, index + 1, name, message))
+
+    def building(self) -> InventoryRow | None:
+        """Return the building that the row defines; None after reporting an error."""
+        classes, cell = self._table.classes, self._cell
+        facts = self._facts() if classes is None else self._facts_of_class(classes)
+        building_id = cell("id")
+        if not building_id:
+            self.fault(self._column_indices["id"], "id", "is missing")
+        latitude, longitude = (self._number(name) if cell(name) else None for name in _COORDINATES)
+        if facts is None or len(self._faults) > self._earlier_faults:
+            return None
+        return InventoryRow(building_id, facts, latitude, longitude)
+
+    def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
+        """Return the properties of a building of a class; None after reporting an error."""
+        cell, name = self._cell, self._cell("class")
+        if name not in classes:
+            names = ", ".join(list(classes)[:10])
+            if len(classes) > 10:
+                names += " ..."
+            self.fault(
+                self._column_indices["class"],
+                "class",
+                f"unknown {name!r}; known: {names}" if name else "is missing",
+            )
+        # All cells are converted before the function returns, so that all errors are reported.
+        stories = self._integer("NumberOfStories", 1, MOST_STORIES)
+        height = self._number("height") * self._table.length if cell("height") else None
+        mass = self._number("mass_kg") if cell("mass_kg") else UNIT_MASS
+        ratio = self._number("DampingRatio") if cell("DampingRatio") else DAMPING_RATIO
+        if len(self._faults) > self._earlier_faults:
+            return None
+        building_class = classes[name]
+        return CapacityFacts(
+            building_class.curve,
+            stories,
+            height,
+            mass,
+            building_class.soft_story,
+            building_class.degradation,
+            ratio,
+            self._table.as_published,
+            name,
+        )
+
+    def _facts(self) -> BuildingFacts:
+        """Return the properties of a building by its structural type.
+
+        Invalid cells are reported and replaced by nan, 0 or an empty text.
+        """
+        cell, length = self._cell, self._table.length
+        zones = {zone.lower(): zone for zone in ZONES}
+        return BuildingFacts(
+            structure=self._choice(
+                "StructureType", {structure.lower(): structure for structure in STRUCTURES}
+            ),
+            stories=self._integer("NumberOfStories", 1, MOST_STORIES),
+            year=self._integer("YearBuilt", *YEARS),
+            area=self._number("PlanArea") * length**2,
+            height=self._number("height") * length if cell("height") else None,
+            zone=self._choice("seismicZone", zones) if cell("seismicZone") else "Z4",
+            design_level=self._choice("DesignLevel", _DESIGN_LEVELS)
+            if cell("DesignLevel")
+            else None,
+            damping_ratio=self._number("DampingRatio") if cell("DampingRatio") else None,
+            mass_only=self._table.mass_only,
+        )
+
+    def _cell(self, name: str) -> str:
+        """Return the text of a column; empty if the table does not contain the column."""
+        indices = self._column_indices
+        return self._cells[indices[name]] if name in indices else ""
+
+    def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
+        """Return the number in a column, or nan after reporting an error.
+
+        `bounds` is the allowed range; by default that of `_NUMBERS`. `expected` describes the
+        allowed values for the message; by default that of `bounds`.
+        """
+        text, bounds = self._cell(name), bounds or _NUMBERS[name]
+        value = number(text)
+        if not math.isnan(value) and bounds.allow(value):
+            return value
+        expected = expected or str(bounds)
+        message = number_error(text, expected) if text else f"is missing; give {expected}"
+        self.fault(self._column_indices[name], name, message)
+        return math.nan
+
+    def _integer(self, name: str, low: int, high: int) -> int:
+        """Return the integer in a column, or 0 after reporting an error."""
+        expected = f"a whole number from {low} to {high}"
+        value = self._number(name, Bounds(low, high), expected)
+        if math.isnan(value):
+            return 0
+        if value != int(value):
+            self.fault(
+                self._column_indices[name], name, f"must be {expected}, got {self._cell(name)!r}"
+            )
+        return int(value)
+
+    def _choice(self, name: str, spellings: Mapping[str, str]) -> str:
+        """Return the value in a column with few allowed values, or an empty text after reporting an
+        error."""
+        text = self._cell(name)
+        if text.lower() in spellings:
+            return spellings[text.lower()]
+        allowed = ", ".join(dict.fromkeys(spellings.values()))
+        message = (
+            f"unknown {text!r}; known: {allowed}" if text else f"is missing; give one of {allowed}"
+        )
+        self.fault(self._column_indices[name], name, message)
+        return ""
+
+
+# ---- Derive buildings from the rows
+
+
+_MAX_SCATTER = 0.5
+"""Maximum standard deviation of the random factors, whose mean is 1; dimensionless."""
+
+
+@dataclass(frozen=True)
+class InventoryBuilding:
+    """Row of the inventory and the building derived from it.
+
+    Attributes
+    ----------
+    row : InventoryRow
+        Row of the inventory.
+    building : DerivedBuilding or CapacityBuilding
+        Building derived from the row.
+    """
+
+    row: InventoryRow
+    building: DerivedBuilding | CapacityBuilding
+
+
+def derive_all(
+    rows: Sequence[InventoryRow],
+    rules: str,
+    *,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    seed: int = 0,
+) -> list[InventoryBuilding]:
+    """Derive the buildings of all rows.
+
+    Parameters
+    ----------
+    rules : str
+        Name of the rules, one of `RULES`.
+    stiffness, damping : float
+        Standard deviations of the factors on the stiffness of a building (its strength does not
+        change) and on its damping ratio. The factors have a normal distribution with mean 1; values
+        that are not positive are sampled again.
+    seed : int
+        Seed of the samples, combined with the id of the building. The samples of a building do not
+        depend on other rows.
+
+    Raises
+    ------
+    UsageError
+        The rules are unknown, or a standard deviation is out of range.
+    """
+    if rules not in RULES:
+        raise UsageError(f"unknown rules {rules!r}; known: {', '.join(RULES)}")
+    for name, deviation in (("stiffness", stiffness), ("damping", damping)):
+        if deviation and rules == CAPACITY:
+            raise UsageError(
+                f"the rules {CAPACITY} do not use the scatter of the {name}, got {deviation:g}; "
+                "set it to 0"
+            )
+        if not 0.0 <= deviation <= _MAX_SCATTER:
+            raise UsageError(
+                f"the scatter of the {name} must be from 0 to {_MAX_SCATTER:g}, got {deviation:g}"
+            )
+    derive = partial(derive_row, rules=rules, stiffness=stiffness, damping=damping, seed=seed)
+    return [InventoryBuilding(row, derive(row)) for row in rows]
+
+
+def derive_row(
+    row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
+) -> DerivedBuilding | CapacityBuilding:
+    """Derive the building of one row. `derive_all` describes and checks the parameters."""
+    scatter = None
+    if stiffness or damping:
+        random = np.random.default_rng([seed, *row.id.encode()])
+        scatter = Scatter(_sample_factor(random, stiffness), _sample_factor(random, damping))
+    return RULES[rules](row.facts, scatter)
+
+
+def _sample_factor(random: np.random.Generator, deviation: float) -> float:
+    """Sample a positive factor with a normal distribution of mean 1."""
+    # A factor on a stiffness or a damping ratio must be positive.
+    factor = 0.0
+    while factor <= 0.0:
+        factor = 1.0 + deviation * random.standard_normal()
+    return float(factor)
+
+
+def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: str) -> str:
+    """Return a model file in SI units without defaults: name, stories, damping and method.
+
+    Parameters
+    ----------
+    rules : str
+        Name of the rules, for the comment at the top of the file.
+    """
+    description = (
+        f"{building.design_level}-code {building.type}"
+        if isinstance(building, DerivedBuilding)
+        else building.name
+    )
+    lines = [
+        f"# {description} building by the rules {rules}, generated by `tdint inventory`.",
+        f"name: {json.dumps(name, ensure_ascii=False)}",
+        "stories:",
+    ]
+    # Write numbers with all significant digits (repr), so that the model file defines exactly the
+    # building that is derived by the rules.
+    for story in building.stories:
+        if isinstance(building, DerivedBuilding):
+            named_values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
+            law = ", ".join(
+                [
+                    f"type: {story.law.name}",
+                    *(f"{key.name}: {value!r}" for key, value in named_values),
+                ]
+            )
+        else:
+            law = _multilinear_text(story, building.degradation)
+        lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
+        lines += [f"    stiffness: {story.stiffness!r}", f"    law: {{{law}}}"]
+    damping = building.damping
+    if isinstance(damping, RayleighRatio):
+        form = f"ratio: {damping.ratios[0]!r}, modes: [{damping.modes[0]}, {damping.modes[1]}]"
+    else:
+        form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
+    return "\n".join(
+        [*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""]
+    )
+
+
+def _multilinear_text(story: Story, degradation: bool) -> str:
+    """Return the hysteretic law `multilinear-pinching` of a story as text of a model file.
+
+    The parameters of the law are: 0 to 15, the backbone of each direction (drift and force of four
+    points); 16 to 21, the pinching of each direction (3 values); 22, the ultimate drift; 23 to 37,
+    the degradation of stiffness, drift and strength (5 values each); 38, the energy capacity. Only
+    the first direction is written, because `CapacityBuilding.stories` makes the laws symmetric.
+    """
+    parameters = story.law.parameters
+    points = ", ".join(
+        f"[{point_drift!r}, {point_force!r}]"
+        for point_drift, point_force in zip(parameters[0:8:2], parameters[1:8:2], strict=True)
+    )
+    drift, force, unloading = parameters[16:19]
+    law_text = (
+        f"type: multilinear-pinching, backbone: [{points}], pinching: {{drift: {drift!r}, force: "
+        f"{force!r}, unloading: {unloading!r}}}, ultimate_drift: {parameters[22]!r}"
+    )
+    # Parameters of degradation are omitted if the law does not degrade.
+    if not degradation:
+        return law_text
+    names = ("peak", "work", "peak_exponent", "work_exponent", "limit")
+    groups = []
+    for quantity_index, quantity in enumerate(("stiffness", "drift", "strength")):
+        values = zip(
+            names, parameters[23 + 5 * quantity_index : 28 + 5 * quantity_index], strict=True
+        )
+        groups.append(
+            f"{quantity}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}"
+        )
+    return f"{law_text}, degradation: {{{', '.join(groups)}, capacity: {parameters[38]!r}}}"
+
+
+def inventory(
+    source: str | Path,
+    *,
+    units: str = "m",
+    rules: str = "mdof-lu",
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    seed: int = 0,
+    mapping: str | Path | None = None,
+) -> ResultList[InventoryBuilding]:
+    """Derive shear buildings from a table of buildings.
+
+    Parameters
+    ----------
+    source : str or Path
+        Path of the CSV file, or of an exposure model of OpenQuake.
+    units : str
+        Unit of lengths, such as `m` or `ft`. Areas are in its square.
+    rules : str
+        Name of the rules, one of `RULES` that does not require classes.
+    stiffness, damping : float
+        Standard deviations of the random factors on stiffness and damping ratio (`derive_all`).
+    seed : int
+        Seed of the random factors.
+    mapping : str or Path, optional
+        CSV file with the columns of an inventory for each taxonomy of an exposure model.
+
+    Returns
+    -------
+    ResultList of InventoryBuilding
+        One building for each row of the table.
+
+    Raises
+    ------
+    UsageError
+        Units or rules are unknown, or a standard deviation is out of range.
+    ModelError
+        The file cannot be read, a column is missing, or rows are invalid. All invalid rows are
+        listed.
+    """
+    if units not in LENGTH:
+        raise UsageError(f"unknown unit of length {units!r:.60}; known: {', '.join(LENGTH)}")
+    table = None if mapping is None else os.fspath(mapping)
+    rows, faults = read_inventory(os.fspath(source), LENGTH[units], mapping=table)
+    if faults:
+        raise ModelError(faults)
+    return ResultList(derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=seed))

@@ -1,0 +1,458 @@
+"""Maps of a campaign: buildings and districts as GeoJSON (RFC 7946)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from tdint.csv_table import number as cell_number
+from tdint.errors import UsageError
+from tdint.files import MOST_BYTES, read_whole, record_digest
+from tdint.model.damage_states import COST, NUMBER
+from tdint.output.tables.table import digits, names
+from tdint.response.runs.demands import RUN
+from tdint.studies.campaign.campaign_tables import copied_columns, numeric
+from tdint.studies.fragility.building_damage import (
+    BuildingDamage,
+    TypeDamage,
+    building_damages,
+    damage_by_motion,
+    group_damages,
+    stored_states,
+)
+from tdint.studies.fragility.damage_tables import LOSS, has_costs, probability_name
+from tdint.studies.motions.pairs import combine
+from tdint.studies.store.schema import RUNS
+from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.studies.campaign.chunks import Run
+    from tdint.studies.campaign.story_profiles import SuiteLevel
+    from tdint.studies.store.result_store import Store
+
+_DEMAND_NAMES = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
+_DEMANDS = tuple(quantity for quantity in RUN if quantity.name in _DEMAND_NAMES)
+_DEMAND_INDICES = tuple(RUNS.columns.index(quantity.column) for quantity in _DEMANDS)
+_STATUS_INDEX = RUNS.columns.index("status")
+_VALUE, _LOSS, _ANNUAL, _AVERAGE = "value", "loss", "annual_loss", "average_annual_loss"
+_PROPERTIES = (
+    *("building", "scale", "level", "runs", "collapsed", "failed", "pair_demand"),
+    *(_VALUE, _LOSS, _ANNUAL, _AVERAGE),
+)
+"""Names of the properties that do not depend on the campaign."""
+
+Feature = dict[str, Any]
+
+
+def write_geojson(
+    store: Store, stream: BinaryIO, units: OutputUnits = SI, events: Collection[str] = ()
+) -> None:
+    """Write a GeoJSON FeatureCollection of points.
+
+    Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
+    location. Each building, event and level of intensity has a point with these properties:
+
+    - the columns of the inventory;
+    - `event`, if the campaign has ground motion fields of events;
+    - `scale` (scale factor) and `level` (intensity or number of the level), as in profiles.csv;
+    - the numbers of ground motions, collapses and failed runs;
+    - mean and maximum of the demands over the other runs;
+    - `pair_demand`, if there are pairs of components: the rule for the demand of a pair;
+    - with damage states: the mean probability of each state, and the mean loss ratio;
+    - with costs: `value` and the mean `loss`, in the unit of the costs;
+    - with rates of the events: `annual_loss` (rate times loss of the event) and
+      `average_annual_loss` (sum of `annual_loss` over all events). Without costs these losses are
+      fractions of the value of the building.
+
+    Unknown values are null. The inventory must have locations (`is_mapped`).
+
+    Parameters
+    ----------
+    events : collection of str
+        Events to write; all by default. The average annual loss includes all events.
+    """
+    _write_collection(_features(store, units, events), stream)
+
+
+def _write_collection(features: Iterable[Feature], stream: BinaryIO) -> None:
+    """Write a GeoJSON FeatureCollection of the features to a stream, one feature per line."""
+    stream.write(b'{"type": "FeatureCollection", "features": [')
+    separator = b"\n"
+    for feature in features:
+        text = json.dumps(feature, ensure_ascii=False, allow_nan=False)
+        stream.write(separator + text.encode("utf-8", "replace"))
+        separator = b",\n"
+    stream.write(b"\n]}\n")
+
+
+def is_mapped(store: Store) -> bool:
+    """Return True if the inventory has locations."""
+    return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
+
+
+def check_events(store: Store, requested: Collection[str]) -> None:
+    """Raise UsageError if the campaign has no event with a requested name."""
+    events = store.events()
+    for name in requested:
+        if name not in events:
+            # The message lists the first ten events, followed by dots if there are more.
+            known_names = ", ".join(events[:10]) + ", ..." * (len(events) > 10)
+            reason = f"it has {known_names}" if events else "only ground motion fields have events"
+            raise UsageError(f"--event {name}: {store.name} has no such event; {reason}")
+
+
+def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> Iterator[Feature]:
+    """Yield the feature of each building, event and level, with the properties that
+    `write_geojson` describes.
+
+    `requested` contains the events to write; all if empty.
+    """
+    from tdint.studies.campaign.chunks import Run
+    from tdint.studies.campaign.story_profiles import SuiteRules
+
+    titles = [title.lower() for title in store.inventory_columns()]
+    longitude, latitude = titles.index("longitude"), titles.index("latitude")
+    rules, events, buildings = SuiteRules.of(store), store.events(), store.buildings()
+    # Buildings have the same order as the runs. Without damage states, the iterator is empty.
+    damages = building_damages(store)
+    rates, costs = store.rates(), has_costs(store)
+    inventory_names, is_numeric = _inventory_names(store), numeric(store)
+    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
+        run_damage = next(damages, None)
+        damage = damage_by_motion(run_damage, rules.pairs) if run_damage else None
+        # The cells 1 to 3 of a row identify the run: ground motion, scale factor and sample.
+        runs = {Run(*row[1:4]): row for row in rows}
+        cells = store.copied_cells(number)
+        inventory_properties: Feature = {}
+        for name, text, is_number in zip(inventory_names, cells, is_numeric, strict=True):
+            if is_number:
+                inventory_properties[name] = json.loads(text) if text else None
+            else:
+                inventory_properties[name] = text
+        position = _position(cells[longitude], cells[latitude])
+        geometry = {"type": "Point", "coordinates": position} if position else None
+        value = _value_of(dict(zip(titles, cells, strict=False))) if costs else math.nan
+        annual_losses = _annual_losses(damage, rates, events) if damage and rates else {}
+        # With ground motion fields, the sample of a run is the number of its event, from 1. Without
+        # events, all runs belong to event 0.
+        building_events = sorted({run.sample for run in runs}) if events else [0]
+        for event in building_events:
+            head: Feature = {"building": buildings[number][0]}
+            if events:
+                event_name = events[event - 1]
+                if requested and event_name not in requested:
+                    continue
+                head["event"] = event_name
+            runs_of_event = {run: row for run, row in runs.items() if event in (0, run.sample)}
+            statuses = {run: row[_STATUS_INDEX] for run, row in runs_of_event.items()}
+            for rank, level in enumerate(rules.levels(statuses)):
+                results = _damage(damage, rank, event) if damage else {}
+                results |= _losses(results, value, annual_losses, rank, event)
+                if level.pair_demand:
+                    results["pair_demand"] = level.pair_demand
+                demands = _level_properties(level, runs_of_event, units)
+                properties = head | demands | results | inventory_properties
+                yield {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _inventory_names(store: Store) -> tuple[str, ...]:
+    """Return the names of the map properties (values that the map states for each building) that
+    contain the cells of the inventory.
+
+    Each copied column of the inventory is a property with the name of the column, with a prefix if
+    a computed property has the same name.
+    """
+    demands = [
+        f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
+    ]
+    outcomes = [
+        probability_name(name)
+        for states in stored_states(store).values()
+        for name in states.outcomes
+    ]
+    other_names = (*_PROPERTIES, *demands, *outcomes, LOSS.name)
+    copied_names = names(copied_columns(store, other_names))
+    # The first copied column is the event, if there are events.
+    return copied_names[1:] if store.events() else copied_names
+
+
+def _position(longitude: str, latitude: str) -> list[float] | None:
+    """Return a GeoJSON position, longitude and latitude, from cells of the inventory; None if a
+    cell is empty.
+
+    Longitudes are between -180 and 180 degrees, positive to the east; latitudes are positive to the
+    north.
+    """
+    if not (longitude and latitude):
+        return None
+    east = float(longitude)
+    if abs(east) > 180.0:
+        east = (east + 180.0) % 360.0 - 180.0
+    return [digits(east), digits(float(latitude))]
+
+
+def _annual_losses(
+    damage: BuildingDamage, rates: Mapping[str, float], events: Sequence[str]
+) -> dict[tuple[int, int], float]:
+    """Return the annual loss ratios of a building (annual rate of the event times mean loss ratio),
+    by rank of the level and number of the event, its position from 1. Events without a result are
+    omitted. Without losses of the damage states, the result is empty.
+    """
+    if not damage.states.losses:
+        return {}
+    loss_ratios: dict[tuple[int, int], list[float]] = {}
+    runs = zip(damage.rank.tolist(), damage.keys, damage.loss.tolist(), strict=True)
+    for rank, run, loss_ratio in runs:
+        if not math.isnan(loss_ratio):
+            loss_ratios.setdefault((rank, run.sample), []).append(loss_ratio)
+    return {
+        (rank, event): rates[events[event - 1]] * math.fsum(ratios) / len(ratios)
+        for (rank, event), ratios in loss_ratios.items()
+    }
+
+
+def _losses(
+    results: Feature,
+    value: float,
+    annual_losses: Mapping[tuple[int, int], float],
+    rank: int,
+    event: int,
+) -> Feature:
+    """Return the properties `value`, `loss`, `annual_loss` and `average_annual_loss` of a building;
+    empty if the results contain no loss ratio.
+
+    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` are those of
+    `_annual_losses`, empty without rates.
+    """
+    if LOSS.name not in results:
+        return {}
+    loss_ratio, properties = results[LOSS.name], Feature()
+    has_value = not math.isnan(value)
+    if has_value:
+        properties[_VALUE] = digits(value)
+        properties[_LOSS] = None if loss_ratio is None else digits(value * loss_ratio)
+    if annual_losses:
+        unit = value if has_value else 1.0
+        event_loss = annual_losses.get((rank, event))
+        total_loss = math.fsum(
+            loss for (level_rank, _), loss in annual_losses.items() if level_rank == rank
+        )
+        properties[_ANNUAL] = None if event_loss is None else digits(unit * event_loss)
+        properties[_AVERAGE] = digits(unit * total_loss)
+    return properties
+
+
+def _value_of(cells: Mapping[str, str]) -> float:
+    """Return the cost of all identical buildings of a row of an inventory: cost of a building times
+    number of buildings (1 if the row has no number). The result is nan if the cell of the cost is
+    empty.
+    """
+    count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
+    return cell_number(cells.get(COST, "")) * count
+
+
+def write_districts(
+    store: Store,
+    stream: BinaryIO,
+    by: str,
+    polygons: Mapping[str, Feature] | None = None,
+    events: Collection[str] = (),
+) -> None:
+    """Write a GeoJSON FeatureCollection of the losses of all buildings with each value of a column.
+
+    The properties are the value of the column, the level, the event, the numbers of buildings, runs
+    and failed runs, the mean loss ratio and, with costs, `value`, `loss` and its standard error;
+    with rates of the events also `annual_loss` (rate times loss of the event) and
+    `average_annual_loss` (their sum over all events). The geometry is the polygon of the value, or
+    the points of the buildings.
+
+    Parameters
+    ----------
+    polygons : mapping, optional
+        Geometries by value of the column (`read_polygons`).
+    """
+    _write_collection(_districts(store, by, polygons, events), stream)
+
+
+def _districts(
+    store: Store, by: str, polygons: Mapping[str, Feature] | None, requested: Collection[str]
+) -> Iterator[Feature]:
+    """Yield a GeoJSON feature for each district (value of the column `by`), event and level.
+
+    Without requested events, all are written.
+    """
+    positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
+    groups = list(group_damages(store, by=by))
+    pair_demand = store.pair_rule().demand_if_pairs
+
+    def mean_loss(group: TypeDamage) -> float:
+        """Return the mean loss of the buildings of a group in the unit of the costs; without costs
+        the mean loss ratio."""
+        return float((group.money if costs else group.loss).value[0])
+
+    def cell(value: float) -> float | None:
+        """Return a number with 12 digits; None for NaN, which JSON does not have."""
+        return None if math.isnan(value) else digits(value)
+
+    annual_losses: dict[tuple[str, float], list[float]] = {}
+    for group in groups:
+        if rates and not math.isnan(mean_loss(group)):
+            annual_losses.setdefault((group.inventory_entry, group.level), []).append(
+                rates[group.event] * mean_loss(group)
+            )
+    for group in groups:
+        if requested and group.event not in requested:
+            continue
+        properties: Feature = {by: group.inventory_entry} | (
+            {"event": group.event} if group.event else {}
+        )
+        properties |= {
+            "level": digits(group.level),
+            "buildings": group.buildings,
+            "runs": group.runs,
+        }
+        properties |= {"failed": group.failed, LOSS.name: cell(float(group.loss.value[0]))}
+        if costs:
+            properties |= {_VALUE: cell(group.value), _LOSS: cell(float(group.money.value[0]))}
+            properties[f"{_LOSS}_error"] = cell(float(group.money.error[0]))
+        if rates:
+            losses_of_events = annual_losses.get((group.inventory_entry, group.level), [])
+            properties |= {
+                _ANNUAL: cell(rates[group.event] * mean_loss(group)),
+                _AVERAGE: cell(math.fsum(losses_of_events) if losses_of_events else math.nan),
+            }
+        properties |= {"pair_demand": pair_demand} if pair_demand else {}
+        points = positions.get(group.inventory_entry, [])
+        geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
+        geometry = geometry if polygons is None else polygons.get(group.inventory_entry)
+        yield {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]]:
+    """Return the positions of the buildings of each district.
+
+    The keys are the values of the inventory column `by`; a position is [longitude, latitude] in
+    degrees. Buildings without a position are omitted.
+    """
+    titles = [title.lower() for title in store.inventory_columns()]
+    column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
+    positions: dict[str, list[list[float]]] = {}
+    for building in store.buildings():
+        cells = store.copied_cells(building)
+        east, north = (cells[index] for index in degrees)
+        if position := _position(east, north):
+            positions.setdefault(cells[column], []).append(position)
+    return positions
+
+
+def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feature]:
+    """Read the polygons of a GeoJSON file.
+
+    The result contains the geometry of each value of the property `by`, for example of each name of
+    a district.
+
+    Parameters
+    ----------
+    source : str
+        GeoJSON file: a FeatureCollection of polygons with longitude and latitude in degrees.
+    by : str
+        Name of the property; the column of the inventory has the same name, regardless of case.
+    values : iterable of str
+        Values of the column. Each one must have a polygon.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, is no such collection, or lacks the polygon of a value.
+    """
+    too_large_text = f"larger than {MOST_BYTES // 1024**2} MiB; simplify the polygons"
+    data = read_whole(source, UsageError, {}, too_large_text, MOST_BYTES)
+    record_digest(source, data)
+    format_text = (
+        f"--polygons is a GeoJSON file (FeatureCollection) of polygons with a property {by}"
+    )
+    try:
+        features = json.loads(data)["features"]
+        properties_and_geometries = [
+            (
+                {name.lower(): value for name, value in feature["properties"].items()},
+                feature["geometry"],
+            )
+            for feature in features
+        ]
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise UsageError(f"{source}: cannot be read; {format_text}") from None
+    polygons: dict[str, Feature] = {}
+    for properties, geometry in properties_and_geometries:
+        if by.lower() in properties:
+            if not isinstance(geometry, dict) or geometry.get("type") not in _POLYGONS:
+                raise UsageError(
+                    f"{source}: the geometry of {properties[by.lower()]!r} must be a Polygon or "
+                    "MultiPolygon"
+                )
+            name = str(properties[by.lower()])
+            if name in polygons:
+                raise UsageError(
+                    f"{source}: two polygons have the {by} {name!r}; merge them to a MultiPolygon"
+                )
+            polygons[name] = geometry
+    missing = [value for value in dict.fromkeys(values) if value and value not in polygons]
+    if missing:
+        missing_text = ", ".join(missing[:10]) + ", ..." * (len(missing) > 10)
+        raise UsageError(f"{source}: no polygon of {by} {missing_text}; {format_text}")
+    return polygons
+
+
+_POLYGONS = ("Polygon", "MultiPolygon")
+
+
+def _level_properties(
+    level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits
+) -> Feature:
+    """Return the properties of a building on a map at an intensity level: the scale factor or the
+    level, the numbers of ground motions, and the mean and maximum of each demand. A demand is None
+    without completed runs, or if it is undefined (no drift ratio without height).
+    """
+    properties: Feature = {}
+    for name, number in (("scale", level.scale), ("level", level.level)):
+        if not math.isnan(number):
+            properties[name] = digits(number)
+    properties |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
+    for demand, column_index in zip(_DEMANDS, _DEMAND_INDICES, strict=True):
+        column, factor = units.column(demand.column, demand.unit)
+        values = []
+        for motion_runs in level.completed:
+            # A pair of components has two runs, whose demands are combined by the rule of the pair.
+            component_values = [runs[run][column_index] for run in motion_runs]
+            if None not in component_values:
+                value = float(combine(np.abs(component_values), level.pair_demand))
+                values.append(value / factor)
+        properties[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
+        properties[f"max_{column}"] = digits(max(values)) if values else None
+    return properties
+
+
+def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
+    """Return the properties of a building on a map that describe its damage.
+
+    They are the mean probability of each outcome and the mean loss ratio; None without results.
+
+    `event` is the number of the event; 0 for the runs of all events.
+    """
+    # The sample of a run is the number of its event; event 0 selects all runs.
+    is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])
+    is_used = damage.known & (damage.rank == rank) & is_of_event
+    property_names = [*map(probability_name, damage.states.outcomes)]
+    if damage.states.losses:
+        property_names.append(LOSS.name)
+    if not is_used.any():
+        return dict.fromkeys(property_names)
+    means = damage.probability[is_used].mean(axis=0).tolist()
+    if damage.states.losses:
+        means.append(float(damage.loss[is_used].mean()))
+    return dict(zip(property_names, map(digits, means), strict=True))

@@ -1,0 +1,364 @@
+"""Sensitivity of the peaks of a building to its parameters: effect of changing one parameter at a
+time, or rank correlation of peaks and parameters in a sweep with random samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import UsageError
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.reading.suites import suite_motions
+from tdint.methods.catalogue import parse
+from tdint.model.definition import Model
+from tdint.response.arguments import AnyModel, AnyRecord, model_of, record_of
+from tdint.response.runs.demands import RUN
+from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
+from tdint.studies.campaign.chunks import CampaignSettings
+from tdint.studies.campaign.definition import (
+    AnalysisOverrides,
+    CampaignFile,
+    ModelFiles,
+    RecordFiles,
+)
+from tdint.studies.campaign.execute import execute_plan, threads
+from tdint.studies.campaign.inputs import Inputs
+from tdint.studies.campaign.plan import Plan, make_plan
+from tdint.studies.store.opening import open_store
+from tdint.studies.store.result_store import Store
+from tdint.system import processors
+from tdint.tabular import Progress, ResultList, progress_reporter
+from tdint.units import OutputUnits, Quantity
+
+_PEAK_NAMES = (
+    "peak_drift_ratio",
+    "peak_absolute_acceleration",
+    "residual_drift_ratio",
+    "peak_roof_displacement",
+    "peak_base_shear",
+)
+PEAKS = tuple(quantity for quantity in RUN if quantity.name in _PEAK_NAMES)
+"""Peaks that are evaluated."""
+
+
+@dataclass(frozen=True)
+class ParameterEffect:
+    """Effect of a single parameter on one peak; the other parameters are unchanged.
+
+    Attributes
+    ----------
+    building, parameter : str
+        Names of the model and of the parameter.
+    quantity : Quantity
+        Peak; its values are medians over the motions, in SI units.
+    low, high : float
+        Values of the parameter.
+    at_low, as_it_is, at_high : float
+        Peak for the low value, for the unchanged building, and for the high value; NaN if fewer
+        than half of the runs have a value.
+    """
+
+    building: str
+    parameter: str
+    quantity: Quantity
+    low: float
+    high: float
+    at_low: float
+    as_it_is: float
+    at_high: float
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the name of the quantity instead of the quantity, which contains functions that
+        cannot be pickled."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return _parameter_effect, (
+            {**values, "quantity": self.quantity.name},
+            self.quantity.unit,
+        )
+
+    @property
+    def effect(self) -> float:
+        """Absolute difference of the peaks for the low and high values, divided by the peak of the
+        unchanged building; NaN if this peak is zero."""
+        return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
+
+    def in_units(self, units: OutputUnits) -> ParameterEffect:
+        """Return the effect with its peaks in other units, which `quantity.unit` states.
+
+        Parameters
+        ----------
+        units : OutputUnits
+            Units of the result.
+        """
+        unit, factor = units.unit(self.quantity.unit)
+        if factor == 1.0:
+            return self
+        quantity = replace(self.quantity, unit=unit)
+        peaks = (peak / factor for peak in (self.at_low, self.as_it_is, self.at_high))
+        return ParameterEffect(self.building, self.parameter, quantity, self.low, self.high, *peaks)
+
+
+def _parameter_effect(values: dict[str, Any], unit: str) -> ParameterEffect:
+    """Return an unpickled effect. `values` are the attributes by name, with the name of the
+    quantity instead of the quantity; `unit` is the unit of the quantity."""
+    (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
+    return ParameterEffect(**{**values, "quantity": replace(quantity, unit=unit)})
+
+
+@dataclass(frozen=True)
+class RankCorrelation:
+    """Rank correlation of a peak with a parameter over the samples of a sweep.
+
+    Attributes
+    ----------
+    coefficient : float
+        Spearman's rank correlation of the parameter and the median of the peak over the motions;
+        NaN if one of them does not vary.
+    draws : int
+        Number of samples with a peak.
+    """
+
+    building: str
+    scale: float
+    parameter: str
+    quantity: Quantity
+    coefficient: float
+    draws: int
+
+
+def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tuple[Model, ...]:
+    """Return the unchanged building, then the building with the low and the high value of each
+    parameter.
+
+    Parameters
+    ----------
+    ranges : mapping of str to (float, float)
+        Low and high values of parameters, by the names of `Model.replace`.
+
+    Returns
+    -------
+    tuple of Model
+        The unchanged building (index 0); parameter i has the indices 2 i + 1 (low) and 2 i + 2
+        (high).
+
+    Raises
+    ------
+    UsageError
+        A parameter is unknown, or a value is out of range.
+    """
+    models = [model]
+    for name, (low, high) in ranges.items():
+        for value in (low, high):
+            models.append(replace(model.replace(**{name: value}), label=f"{name}={value:g}"))
+    return tuple(models)
+
+
+def sensitivity(
+    model: AnyModel,
+    records: AnyRecord | Sequence[AnyRecord],
+    ranges: Mapping[str, tuple[float, float]],
+    *,
+    method: str | None = None,
+    dt: float | None = None,
+    jobs: int | None = None,
+    progress: bool | Progress = False,
+) -> ResultList[ParameterEffect]:
+    """Compute the effect of each parameter of a building on its peaks under records, one parameter
+    at a time.
+
+    Parameters
+    ----------
+    model : Model, str, Path or mapping
+        Model as for `run`.
+    records : one or a sequence
+        Records, paths or traces.
+    ranges : mapping of str to (float, float)
+        Low and high values of parameters, by the names of `Model.replace`:
+        `{"damping": (0.02, 0.05), "stiffness_factor": (0.8, 1.2)}`.
+    method : str, optional
+        Method; by default the method of the model.
+    dt : float, optional
+        Time step, s; by default the value of the model.
+    jobs : int, optional
+        Number of threads; the default is the number of processors.
+    progress : bool or callable
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
+        with the number of completed runs and of all runs.
+
+    Returns
+    -------
+    ResultList of ParameterEffect
+        Effects on each peak, in descending order.
+
+    Raises
+    ------
+    ModelError, RecordError
+        The model or a record is invalid.
+    UsageError
+        A parameter or method is unknown, a value is out of range, or a time step does not fit.
+    """
+    building = model_of(model)
+    record_list = records if isinstance(records, list | tuple) else [records]
+    motions = CampaignMotions(suite_motions([record_of(motion) for motion in record_list]))
+    plan = plan_of(building, ranges, motions, method=method, dt=dt)
+    with open_store(None, plan)[0] as store:
+        with progress_reporter(
+            progress, sum(map(plan.size, range(plan.chunks))), "run"
+        ) as report_progress:
+            execute_plan(
+                plan,
+                store,
+                threads(jobs or processors()),
+                on_chunk=lambda now: report_progress(now.done, now.runs),
+            )
+        return ResultList(parameter_effects(store, building.name, ranges))
+
+
+def plan_of(
+    model: Model,
+    ranges: Mapping[str, tuple[float, float]],
+    motions: CampaignMotions,
+    *,
+    method: str | None,
+    dt: float | None,
+) -> Plan:
+    """Return the plan of the runs of a sensitivity analysis: the unchanged building, and the
+    building with the low and the high value of each parameter, under all motions.
+
+    Parameters
+    ----------
+    method : str | None
+        Method; None: the method of the model.
+    dt : float | None
+        Time step, s; None: the value of the model.
+
+    Raises
+    ------
+    UsageError
+        A parameter or the method is unknown, a value is out of range, or a time step does not fit a
+        record.
+    """
+    campaign = CampaignFile(
+        name=model.name,
+        source=model.source,
+        buildings=ModelFiles((model.source,)),
+        records=RecordFiles((), RecordChoice()),
+        intensity=Scales((1.0,)),
+        analysis=AnalysisOverrides(method and parse(method).label),
+        settings=CampaignSettings(dt=dt),
+    )
+    return make_plan(campaign, Inputs(one_at_a_time(model, ranges), motions=motions))
+
+
+def parameter_effects(
+    store: Store, name: str, ranges: Mapping[str, tuple[float, float]]
+) -> list[ParameterEffect]:
+    """Return the effects of the parameters on the peaks. The peaks are in the order of `PEAKS`; the
+    effects on each peak are in descending order.
+    """
+    result: list[ParameterEffect] = []
+    # Medians of all peaks by the number of the building
+    medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
+
+    def sort_key(item: ParameterEffect) -> float:
+        """Return a number that sorts effects in descending order, unknown effects last."""
+        return math.inf if math.isnan(item.effect) else -item.effect
+
+    for index, quantity in enumerate(PEAKS):
+        effects = []
+        for i, (parameter, (low, high)) in enumerate(ranges.items()):
+            # Building 0 is unchanged. Buildings 2 i + 1 and 2 i + 2 have the low and the high value
+            # of parameter i.
+            at_low, as_it_is, at_high = (
+                float(medians[number][index]) for number in (2 * i + 1, 0, 2 * i + 2)
+            )
+            effects.append(
+                ParameterEffect(name, parameter, quantity, low, high, at_low, as_it_is, at_high)
+            )
+        result += sorted(effects, key=sort_key)
+    return result
+
+
+def rank_correlations(store: Store) -> list[RankCorrelation]:
+    """Return the rank correlations of the varied parameters of a sweep with the peaks, at each
+    scale factor.
+
+    Returns
+    -------
+    list of RankCorrelation
+        One item for each building, scale factor, parameter and peak.
+
+    Raises
+    ------
+    UsageError
+        The campaign has no sweep.
+    """
+    from scipy.stats import spearmanr
+
+    changes_of_building = store.varied()
+    if not changes_of_building:
+        raise UsageError("the campaign has no sweep: add `vary` to its file")
+    # Group variations by building and scale factor. The name of a variation is the name of the
+    # building, a colon and a label.
+    base_names = {
+        variation: name.partition(": ")[0] for variation, (name, _) in store.buildings().items()
+    }
+    variations_of_group: dict[tuple[str, float], list[tuple[int, Array]]] = {}
+    for (variation, scale), values in _medians(store, by_scale=True).items():
+        variations_of_group.setdefault((base_names[variation], scale), []).append(
+            (variation, values)
+        )
+    # In each group, `variations` has the number of each variation and its medians in the order of
+    # `PEAKS`.
+    correlations = []
+    for (building, scale), variations in variations_of_group.items():
+        for parameter in dict.fromkeys(
+            name for variation, _ in variations for name in changes_of_building[variation]
+        ):
+            parameter_values = np.array(
+                [
+                    changes_of_building[variation].get(parameter, math.nan)
+                    for variation, _ in variations
+                ]
+            )
+            for index, quantity in enumerate(PEAKS):
+                peak_values = np.array([values[index] for _, values in variations])
+                # Exclude samples without a peak, or without this parameter.
+                is_valid = np.isfinite(parameter_values) & np.isfinite(peak_values)
+                samples = parameter_values[is_valid], peak_values[is_valid]
+                # The rank correlation with a constant is not defined.
+                is_varying = all(np.unique(sample).size > 1 for sample in samples)
+                coefficient = float(spearmanr(*samples)[0]) if is_varying else math.nan
+                correlations.append(
+                    RankCorrelation(
+                        building, scale, parameter, quantity, coefficient, int(is_valid.sum())
+                    )
+                )
+    return correlations
+
+
+def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
+    """Return the medians of the peaks (`PEAKS`) over the runs of each building, by its number and
+    the scale factor; with a factor of 0.0, over all runs, if `by_scale` is False. A median is NaN
+    if at least half of the runs have no value.
+    """
+    runs: dict[tuple[int, float], list[list[float | None]]] = {}
+    columns = ", ".join(peak.column for peak in PEAKS)
+    for number, scale, *peaks in store.connection.execute(
+        f"SELECT building, scale, {columns} FROM run_rows"
+    ):
+        runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
+    medians = {}
+    for key, rows in runs.items():
+        # A run without a value (None, which becomes NaN), such as a collapse, counts as larger than
+        # any peak: NaN is last after `sort`. With an even number of runs, the median is the mean of
+        # the two middle values.
+        ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
+        middle = (len(rows) - 1) / 2.0
+        medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+    return medians

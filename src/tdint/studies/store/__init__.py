@@ -1,0 +1,1 @@
+"""Store of the results of campaigns and studies in an SQLite file."""

@@ -1,0 +1,631 @@
+"""Store the results of a campaign or study in an SQLite file.
+
+A single process writes the file, one chunk of runs after another, so that an interrupted campaign
+can continue from its completed chunks. Other processes can read the file at the same time.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from tdint.arrays import cached_property
+from tdint.errors import OutputError
+from tdint.files import digest_of, is_file
+from tdint.ground_motion.measures import measure
+from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.response.runs.load_case import LoadCase
+from tdint.studies.campaign.buildings import (
+    NO_LIMITS,
+    BuildingLimits,
+    RowBuildings,
+    limits_of_text,
+)
+from tdint.studies.campaign.chunks import ChunkResult, RunRow
+from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
+from tdint.studies.store import schema
+from tdint.studies.store.differences import ComparedValues
+from tdint.studies.store.identity import Identity, metadata_of, stored_text
+from tdint.studies.store.schema import (
+    UntrustedStoreError,
+    sqlite_errors_reported,
+    transaction,
+)
+from tdint.system import __version__
+from tdint.units import SI, OutputUnits, parse_output_units
+
+FILE = "campaign.sqlite"
+"""File name of the store in the directory of a campaign."""
+
+_SCALING = "scaling"
+"""Key of the scaling of the ground motions in the table `meta`."""
+
+_ORIGINS = "origins"
+"""Key of the origins of motions in the table `meta`."""
+
+_SETTING = "setting "  # prefix of the keys of settings in the table `meta`
+
+
+class Store:
+    """Open database with the definition and the runs of a campaign or study.
+
+    Runs are written in chunks. As a context manager, the store closes the database.
+
+    Attributes
+    ----------
+    connection : sqlite3.Connection
+        Connection for queries that this class does not provide.
+    name : str
+        Path of the file, for messages.
+    """
+
+    def __init__(self, connection: sqlite3.Connection, name: str) -> None:
+        self.connection = connection
+        self.name = name
+
+    def __enter__(self) -> Self:
+        """Return the open store."""
+        return self
+
+    def __exit__(
+        self, _: type[BaseException] | None, raised: BaseException | None, *__: object
+    ) -> None:
+        """Close the store. Unless SQLite failed, first move the write-ahead log into the file, so
+        that the store can be read on a read-only medium. `raised` is the exception in the `with`
+        block.
+
+        Raises
+        ------
+        OutputError
+            SQLite failed inside the `with` block; the message describes the error.
+        """
+        try:
+            # Raise an error of SQLite again, so that it is converted to an OutputError.
+            if isinstance(raised, sqlite3.Error | UnicodeDecodeError):
+                with sqlite_errors_reported(self.name):
+                    raise raised
+            schema.end_log(self.connection)
+        finally:
+            self.connection.close()
+
+    def meta(self, key: str) -> str:
+        """Return the value of a key of the table `meta`, which must exist."""
+        query = "SELECT value FROM meta WHERE key = ?"
+        (value,) = self.connection.execute(query, (key,)).fetchone()
+        return str(value)
+
+    def origins(self) -> dict[str, dict[str, Any]]:
+        """Return the origins of the motions that tdint wrote, by the number of the motion; empty
+        without such motions."""
+        return self._optional_meta(_ORIGINS)
+
+    def scaling(self) -> dict[str, Any]:
+        """Return the file of the scale factors with rule and target of `tdint scale`; empty without
+        such a file."""
+        return self._optional_meta(_SCALING)
+
+    def _optional_meta(self, key: str) -> dict[str, Any]:
+        """Return the mapping of a key of the table `meta`; empty if the key does not exist."""
+        query = "SELECT value FROM meta WHERE key = ?"
+        row = self.connection.execute(query, (key,)).fetchone()
+        return dict(json.loads(row[0])) if row else {}
+
+    def settings(self) -> dict[str, str]:
+        """Return the settings of all runs as JSON texts by name."""
+        rows = self.connection.execute(
+            "SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key"
+        )
+        return {key.removeprefix(_SETTING): value for key, value in rows}
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the decoded settings of all runs by name."""
+        return {name: json.loads(value) for name, value in self.settings().items()}
+
+    def varied(self) -> list[dict[str, float]]:
+        """Return a list with a single dictionary per building, in the order of the buildings: the
+        values of the parameters that a sweep changed, by name. The list is empty without a sweep.
+        """
+        return list(json.loads(self._meta_or_none("varied") or "[]"))
+
+    @property
+    def checked(self) -> bool:
+        """True if the campaign estimates the errors of the demands."""
+        return self.settings().get("check") == "true"
+
+    def digests(self, table: str) -> dict[str, str]:
+        """Return the SHA-256 of the entries of `table` (`buildings` or `records`) by their names.
+        The name of a record includes its component."""
+        # In SQL, || joins texts.
+        name = "name" if table == "buildings" else "name || ' ' || component"
+        return dict(self.connection.execute(f"SELECT {name}, sha256 FROM {table} ORDER BY id"))
+
+    def code(self) -> dict[str, str]:
+        """Return the SHA-256 of the files of plug-ins that the runs used, by name."""
+        return dict(json.loads(self._meta_or_none("code") or "{}"))
+
+    def compared_values(self) -> ComparedValues:
+        """Return settings, buildings, records and plug-ins, in the form that `all_differences`
+        compares."""
+        return self.settings(), self.digests("buildings"), self.digests("records"), self.code()
+
+    def completed_chunks(self) -> set[int]:
+        """Return the numbers of the completed chunks."""
+        return {number for (number,) in self.connection.execute("SELECT id FROM chunks")}
+
+    def seconds(self) -> float:
+        """Return the processor time of the completed chunks, s."""
+        return float(self.connection.execute("SELECT total(seconds) FROM chunks").fetchone()[0])
+
+    def statuses(self) -> dict[str, int]:
+        """Return the number of runs of each status."""
+        return dict(
+            self.connection.execute(
+                "SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status"
+            )
+        )
+
+    def count(self, condition: str) -> int:
+        """Return the number of runs that meet a condition, an SQL expression of the columns of the
+        table `run_rows` such as `status = 'done'`. The query contains it unchanged."""
+        query = f"SELECT count(*) FROM run_rows WHERE {condition}"
+        (count,) = self.connection.execute(query).fetchone()
+        return int(count)
+
+    def add(self, result: ChunkResult) -> None:
+        """Write the rows of a chunk and mark the chunk as completed, in a single transaction.
+
+        Raises
+        ------
+        OutputError
+            The disk is full, the file is corrupt, or another process is writing.
+        """
+        # The fields of `result.rows` are in the order of `ROW_TABLES`. `plain` converts the values
+        # to the types of SQLite.
+        rows_by_table = [
+            table.plain(rows)
+            for table, rows in zip(schema.ROW_TABLES, vars(result.rows).values(), strict=True)
+        ]
+        runs, stories = rows_by_table[:2]
+        number, seconds = result.number, float(result.seconds)
+        digest = schema.chunk_digest(number, seconds, *rows_by_table)
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+            for table, rows in zip(schema.ROW_TABLES, rows_by_table, strict=True):
+                table.insert(self.connection, rows, number)
+            values = (number, len(runs), len(stories), seconds, digest)
+            self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
+
+    def remove_invalid_chunks(self, identity: Identity | None = None) -> int:
+        """Remove the chunks that are corrupt or do not belong to this campaign, so that they are
+        run again.
+
+        Parameters
+        ----------
+        identity : Identity, optional
+            Campaign. Without it, only checksums are verified.
+
+        Raises
+        ------
+        UntrustedStoreError
+            The chunks cannot be removed.
+        """
+        with sqlite_errors_reported(self.name):
+            # Verify the checksums of the rows, because rows may have been edited or be corrupt.
+            invalid_chunks = schema.corrupt_chunks(self.connection)
+            # Another version of tdint may have divided the campaign into different chunks: the
+            # number of the chunk must exist, and the chunk must have the expected number of runs.
+            if identity is not None:
+                chunks = self.connection.execute("SELECT id, runs FROM chunks")
+                for number, run_count in chunks:
+                    is_number_valid = 0 <= number < identity.chunks
+                    # The expected number of runs is None if it depends on results.
+                    if not is_number_valid or identity.size(number) not in (None, run_count):
+                        invalid_chunks.add(number)
+            if not invalid_chunks:
+                return 0
+            self.remove(invalid_chunks)
+            if schema.corrupt_chunks(self.connection):
+                raise UntrustedStoreError(self.name, "corrupt chunks of runs cannot be removed")
+            return len(invalid_chunks)
+
+    def remove(self, chunks: Collection[int]) -> None:
+        """Remove the chunks with the given numbers and all their rows, so that they are run
+        again."""
+        # Column with the number of the chunk, by table. Unlike `=`, the operator IS also selects
+        # rows with the number NULL, which can result from corruption.
+        number_columns = {table.name: "chunk" for table in schema.ROW_TABLES} | {"chunks": "id"}
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+            for table, column in number_columns.items():
+                statement = f"DELETE FROM {table} WHERE {column} IS ?"
+                self.connection.executemany(statement, ((number,) for number in chunks))
+
+    def is_ours(self, file: Path) -> bool:
+        """Return True if a file exists, was written from this store, and was not changed
+        afterwards."""
+        return is_file(file) and (stored_text(file.name), digest_of(file)) in self.written()
+
+    def refuse_foreign(self, files: Iterable[Path]) -> None:
+        """Raise OutputError if one of the files exists and was not written from this store."""
+        for file in files:
+            if is_file(file) and not self.is_ours(file):
+                raise foreign_file_error(file)
+
+    def written(self) -> set[tuple[str, str]]:
+        """Return the name and the SHA-256 of each file that was written from this store."""
+        if is_empty(self):
+            return set()
+        return set(self.connection.execute("SELECT file, sha256 FROM written"))
+
+    def record_written(self, files: Mapping[Path, str]) -> None:
+        """Record that files are written from this store, so that `is_ours` recognizes them.
+
+        The caller records the files before it moves them to their final paths.
+
+        Parameters
+        ----------
+        files : mapping of Path to str
+            SHA-256 of each file.
+        """
+        entries = {(stored_text(file.name), digest) for file, digest in files.items()}
+        new_entries = entries - self.written()
+        if new_entries:
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+                self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new_entries))
+
+    def unused(self) -> dict[str, list[str]]:
+        """Return the reasons for which inputs could not be used. The keys are `record` and
+        `building`; each value is a list of reasons."""
+        reasons: dict[str, list[str]] = {"record": [], "building": []}
+        query = "SELECT kind, reason FROM unused ORDER BY rowid"
+        for category, reason in self.connection.execute(query):
+            reasons.setdefault(category, []).append(reason)
+        return reasons
+
+    def output_units(self) -> OutputUnits:
+        """Return the output units that the models request."""
+        units = self._meta_or_none("output_units")
+        return parse_output_units(units) if units is not None else SI
+
+    def update_metadata(self, identity: Identity) -> None:
+        """Store the metadata that do not affect the results of runs, and add buildings that the
+        store does not contain yet.
+
+        The metadata are unused inputs, output units, damage states, limits, style of figures, files
+        of models, and columns of an inventory. If they are unchanged, the store is not written.
+
+        Raises
+        ------
+        OutputError
+            The store cannot be written.
+        """
+        values = metadata_of(identity)
+        stored_unused = [
+            (category, reason) for category, reasons in self.unused().items() for reason in reasons
+        ]
+        is_unchanged = all(self._meta_or_none(key) == value for key, value in values.items())
+        query = "SELECT id FROM buildings"
+        stored_numbers = {number for (number,) in self.connection.execute(query)}
+        required_numbers = identity.building_numbers
+        if required_numbers is None:
+            required_numbers = range(len(identity.buildings))
+        new_numbers = sorted(set(required_numbers) - stored_numbers)
+        # Usually the metadata are unchanged. Skip the transaction in this case, because it would
+        # block other processes that read the store.
+        unused = {(category, stored_text(reason)) for category, reason in identity.unused}
+        is_unused_same = sorted(stored_unused) == sorted(unused)
+        if is_unchanged and not new_numbers and is_unused_same:
+            return
+        # The checksum is updated in the same transaction, so that readers see a consistent state.
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+            self.connection.execute("DELETE FROM unused")
+            self.add_unused(identity.unused)
+            self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
+            if is_unchanged:
+                changed_numbers = new_numbers
+            else:  # rewrite the data of all buildings, because they may have changed
+                changed_numbers = sorted(stored_numbers.union(new_numbers))
+                self.connection.execute("DELETE FROM inventory")
+                self.connection.execute("DELETE FROM building_types")
+            self._insert_buildings(identity, changed_numbers, stored_numbers)
+            self.seal()
+
+    def _insert_buildings(
+        self, identity: Identity, numbers: Sequence[int], stored_numbers: Collection[int]
+    ) -> None:
+        """Insert the rows of buildings in the tables `buildings`, `inventory` (cells of the columns
+        that are copied to tables) and `building_types`. The caller opens the transaction.
+
+        `stored_numbers` contains the numbers of the buildings that the table `buildings` already
+        contains.
+        """
+        buildings, insert = identity.buildings, self.connection.execute
+        has_columns = isinstance(buildings, RowBuildings) and bool(buildings.rows.titles)
+        types = identity.damage.buildings if identity.damage else ()
+        for number in numbers:
+            building = buildings[number]
+            if number not in stored_numbers:
+                insert(
+                    "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
+                    (
+                        number,
+                        stored_text(building.name),
+                        building.method,
+                        building.stories,
+                        building.digest,
+                    ),
+                )
+            if has_columns:
+                insert("INSERT INTO inventory VALUES(?, ?)", (number, building.cells))
+            if types:
+                insert("INSERT INTO building_types VALUES(?, ?, ?, ?)", (number, *types[number]))
+
+    def inventory_columns(self) -> tuple[str, ...]:
+        """Return the columns of the inventory that are copied to tables, as written in the
+        inventory; empty without an inventory."""
+        return tuple(json.loads(self.meta("inventory"))["columns"])
+
+    def inventory_files(self) -> list[str]:
+        """Return the SHA-256 of the files of the inventory; empty without an inventory."""
+        # The key `files` has model files instead if the campaign has no inventory.
+        if not json.loads(self._meta_or_none("inventory") or '{"columns": []}')["columns"]:
+            return []
+        return sorted(json.loads(self._meta_or_none("files") or "{}").values())
+
+    def shards(self) -> list[str]:
+        """Return the shards, each as text K/N, that were written to this store; empty if the
+        campaign was not divided."""
+        return list(json.loads(self._meta_or_none("shards") or "[]"))
+
+    def add_shard(self, text: str) -> None:
+        """Record that a shard is written to this store, so that `merge` can report missing shards.
+        `text` is the number of the shard and the number of shards, for example `2/5`."""
+        if text not in (shards := self.shards()):
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+                values = ("shards", json.dumps([*shards, text]))
+                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+                self.seal()
+
+    def time_loops(self) -> str | None:
+        """Return how the time loops of the runs were executed: `compiled`, or `interpreted` if this
+        applies to some of them; None without runs."""
+        return self._meta_or_none("time_loops")
+
+    def record_time_loops(self, execution: str | None) -> None:
+        """Record how the time loops of the following runs are executed; see `time_loops`. None
+        means that this process executes none."""
+        if execution is not None and self.time_loops() not in (execution, "interpreted"):
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+                values = ("time_loops", execution)
+                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+                self.seal()
+
+    def events(self) -> list[str]:
+        """Return the names of the events of ground motion fields. The sample number of a run is the
+        number of its event, from 1. The list is empty without fields."""
+        return list(json.loads(self._meta_or_none("setting events") or "[]"))
+
+    def copied_cells(self, building: int) -> list[str]:
+        """Return the cells of the row of a building in the columns of the inventory that are copied
+        to tables; empty if there are none."""
+        row = self.connection.execute(
+            "SELECT cells FROM inventory WHERE building = ?", (building,)
+        ).fetchone()
+        return list(json.loads(row[0])) if row else []
+
+    def _meta_or_none(self, key: str) -> str | None:
+        """Return the value of a key of the table `meta`; None if the key does not exist."""
+        row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return row[0] if row else None
+
+    def files(self) -> dict[str, str]:
+        """Return the SHA-256 of the model files, or of the files of the inventory, by name."""
+        return dict(json.loads(self._meta_or_none("files") or "{}"))
+
+    def is_requested(self, table: str) -> bool:
+        """Return True if a table (`runs`, `damage` or `losses`) must be written. By default all
+        tables are written."""
+        requested_tables = json.loads(self._meta_or_none("outputs") or "null")
+        return requested_tables is None or table in requested_tables
+
+    def style(self) -> tuple[str, str]:
+        """Return the style of the figures, empty if not specified, and the base
+        directory of relative paths of style sheets."""
+        text, folder = json.loads(self._meta_or_none("style") or '["", ""]')
+        return text, folder
+
+    def pair_demand(self) -> str:
+        """Return the rule that combines the components of pairs, an item of
+        `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
+        return self._meta_or_none("pair_demand") or LARGER
+
+    def pair_rule(self) -> PairRule:
+        """Return the rule that combines the components of pairs, with the pairs of the store."""
+        return PairRule(self.pair_demand(), recording_numbers(self.records()))
+
+    def choose_pair_demand(self, rule: str) -> None:
+        """Write the rule that combines the demands of the components of pairs to the store, unless
+        the store already has this rule. `rule` is an item of
+        `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
+        if rule != self.pair_demand():
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+                values = ("pair_demand", rule)
+                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+                self.seal()
+
+    def rates(self) -> dict[str, float]:
+        """Return the annual rate of each event; empty if not specified."""
+        return dict(json.loads(self._meta_or_none("rates") or "{}"))
+
+    def period(self, building: int) -> float | None:
+        """Return the first period of a building, s; None if the store does not contain it.
+        `building` is the number of the building."""
+        periods = json.loads(self._meta_or_none("periods") or "[]")
+        if building < len(periods):
+            return float(periods[building])
+        # For an inventory, the periods are stored with the building types, if damage was requested.
+        query = "SELECT period_s FROM building_types WHERE building = ?"
+        row = self.connection.execute(query, (building,)).fetchone()
+        return row and float(row[0])
+
+    def limits(self, building: int) -> BuildingLimits:
+        """Return the limits and the isolators of the building with this number; empty for an
+        inventory."""
+        stored = self._limits
+        return stored[building] if building < len(stored) else NO_LIMITS
+
+    @property
+    def has_limits(self) -> bool:
+        """True if the model of a building has limits."""
+        return any(building.limits for building in self._limits)
+
+    @cached_property
+    def _limits(self) -> list[BuildingLimits]:
+        """Limits and isolators of each building by its number."""
+        return limits_of_text(self._meta_or_none("limits") or "")
+
+    def damage(self) -> str:
+        """Return the definition of the damage states as JSON text; empty without damage states."""
+        return self._meta_or_none("damage") or ""
+
+    def building_type(self, building: int) -> tuple[str, str, float, float]:
+        """Return the properties of a building for the computation of its damage.
+
+        Returns
+        -------
+        tuple of (str, str, float, float)
+            Name of the building; name of its type; divisor that converts a peak to the demand of
+            the damage states (`BuildingType`); first period, s.
+        """
+        query = (
+            "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
+            "ON t.building = b.id WHERE b.id = ?"
+        )
+        name, type_name, divisor, period = self.connection.execute(query, (building,)).fetchone()
+        return name, type_name, divisor, period
+
+    def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
+        """Store inputs that could not be used. Each item is the category of the input (`record` or
+        `building`) and the reason. The caller must call `seal` afterwards."""
+        rows = ((category, stored_text(reason)) for category, reason in reasons)
+        self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", rows)
+
+    def seal(self) -> None:
+        """Store the checksum of the campaign definition. Call this method in each transaction that
+        changes the definition, otherwise the store is refused as edited."""
+        values = (schema.SEAL, schema.seal_of(self.connection))
+        self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+
+    def runs(self) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per run, with the values of the columns of `store_schema.RUNS`, in the
+        order of its key."""
+        yield from self.connection.execute(schema.RUNS.select())
+
+    def runs_of(self, chunk: int) -> list[RunRow]:
+        """Return the rows of the runs of the chunk with this number."""
+        rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
+        return [schema.run_of(row) for row in rows]
+
+    def stories(self) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per story and run, with the values of the columns of
+        `store_schema.STORIES`, in the order of its key."""
+        yield from self.connection.execute(schema.STORIES.select())
+
+    def elements(self) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per element and run, with the values of the columns of
+        `store_schema.ELEMENTS`, in the order of its key."""
+        yield from self.connection.execute(schema.ELEMENTS.select())
+
+    def shocks(self) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per event and run under a sequence of earthquakes, with the values of the
+        columns of `store_schema.SHOCKS`, in the order of its key."""
+        yield from self.connection.execute(schema.SHOCKS.select())
+
+    def buildings(self) -> Mapping[int, tuple[str, str]]:
+        """Return name and method of each building by its number."""
+        rows = self.connection.execute("SELECT id, name, method FROM buildings")
+        return {number: (name, method) for number, name, method in rows}
+
+    def records(self) -> Mapping[int, tuple[str, str, int]]:
+        """Return name, component and direction of each ground motion by its number."""
+        rows = self.connection.execute("SELECT id, name, component, direction FROM records")
+        return {number: (name, component, direction) for number, name, component, direction in rows}
+
+
+def foreign_file_error(file: Path) -> OutputError:
+    """Return the error for an existing file that was not written from the store in its
+    directory."""
+    return OutputError(
+        f"{file}: the file exists, but this command did not write it, or it was changed later; "
+        "use another directory with -o, or add --overwrite to replace it"
+    )
+
+
+def is_empty(store: Store) -> bool:
+    """Return True if a store has no tables."""
+    return not store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+
+
+def create_tables(store: Store, identity: Identity) -> None:
+    """Create the tables of an empty store, and write the definition of a campaign or study
+    (`identity`), in a single transaction.
+
+    The buildings are written later, by `Store.update_metadata`.
+    """
+    metadata = {
+        "schema": schema.VERSION,
+        "version": __version__,
+        "name": stored_text(identity.name),
+        "fingerprint": identity.fingerprint,
+        "runs": str(identity.runs),
+        "chunks": str(identity.chunks),
+    } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
+    if identity.code:
+        metadata["code"] = json.dumps(identity.code)
+    # Few campaigns have motions that tdint wrote. Their origins are the values of a dictionary, in
+    # which the keys are the numbers of the motions.
+    origins = {
+        number: {"origin": motion.record.origin.summary}
+        for number, motion in enumerate(identity.motions)
+        if motion.record.origin
+    }
+    if origins:
+        metadata[_ORIGINS] = json.dumps(origins)
+    if identity.scaling:
+        metadata[_SCALING] = json.dumps(identity.scaling)
+    # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
+    # these buildings, so do not query each building.
+    buildings = identity.buildings
+    if not isinstance(buildings, RowBuildings) or buildings.rows.is_varied:
+        varied_parameters = [dict(building.varied) for building in buildings]
+        if any(varied_parameters):
+            metadata["varied"] = json.dumps(varied_parameters)
+    with transaction(store.connection, store.name):
+        for statement in schema.TABLES:
+            store.connection.execute(statement)
+        store.connection.executemany("INSERT INTO meta VALUES(?, ?)", metadata.items())
+        store.connection.executemany(
+            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", _record_rows(identity.motions)
+        )
+        store.seal()
+
+
+def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
+    """Yield the row of the table `records` for each ground motion: number, name, component,
+    direction, sampling interval (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256. A load
+    case has no samples; its other numbers are 0."""
+    for number, motion in enumerate(motions):
+        record = motion.record
+        names = number, stored_text(motion.name), stored_text(motion.component), motion.direction
+        if isinstance(record, LoadCase):
+            yield (*names, 0.0, 0, 0.0, 0.0, record.digest)
+            continue
+        yield (
+            *names,
+            record.dt,
+            record.acceleration.size,
+            record.pga,
+            measure(record).pgv,
+            record.digest,
+        )

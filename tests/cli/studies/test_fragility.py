@@ -1,0 +1,161 @@
+"""`tdint fragility`: functions of tables and studies, their units, and errors."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from csv_rows import rows
+from facts import states
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "arguments"),
+    [
+        ("capacity,unit\n0.2,g\n0.3,g\n0.5,g\n", "capacity", ()),
+        ("im,collapses,records,unit\n0.2,1,9,g\n0.4,4,9,g\n0.8,8,9,g\n", "im", ()),
+        (
+            "im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n",
+            "im",
+            ("--threshold", "1%"),
+        ),
+    ],
+    ids=["capacities", "stripes", "cloud"],
+)
+def test_fragility_in_other_units(folder, tdint, text, name, arguments):
+    """The converted median equals the median of converted values. Dispersions have no unit. The
+    figure has the same units as the table."""
+    (folder / "g.csv").write_text(text)
+    table = [row | {name: repr(9.80665 * float(row[name])), "unit": "m/s^2"} for row in rows(text)]
+    lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
+    converted = tdint(
+        "fragility g.csv", *arguments, "--output-units", "m", "--plot=given.svg", code=0
+    )
+    direct = tdint("fragility -", *arguments, "--plot=direct.svg", stdin="\n".join(lines).encode())
+    assert converted.stderr == direct.stderr
+    for row, other in zip(rows(converted.stdout), rows(direct.stdout), strict=True):
+        assert row["unit"] == other["unit"] == "m/s^2"
+        for key in ("theta", "beta", "theta_error", "beta_error"):
+            assert float(row[key]) == pytest.approx(float(other[key]), rel=1e-6)
+    pictures = [(folder / f"{name}.svg").read_text("utf-8") for name in ("given", "direct")]
+    labels = [re.findall(r"<text[^>]*>([^<]*)</text>", picture) for picture in pictures]
+    assert labels[0] == labels[1] and any("m/s²" in label for label in labels[0])
+
+
+def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
+    tdint.refused(
+        "add a column `unit` to the table",
+        "fragility",
+        CONFIGS / "stripes.csv",
+        "--output-units",
+        "g",
+    )
+
+
+def test_fragility_of_an_ida_directory(folder, tdint, make_record):
+    for samples in (60, 120):
+        make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
+    records = ("motion.mseed", "60.mseed", "120.mseed", "--component", "HNE", "--units", "m/s^2")
+    tdint("ida", "shaken.yaml", *records, "-o", "out", code=0)
+    found = rows(tdint("fragility", "out").stdout)
+    assert [row["threshold"] for row in found] == ["0.01", "0.02", "0.04", "0.1"]
+    assert {(row["fit"], row["motions"], row["unit"]) for row in found} == {("ida", "3", "m/s^2")}
+    assert rows(tdint("fragility", "out", "--threshold", "2%").stdout) == [found[1]]
+    (cloud,) = rows(tdint("fragility", "out", "--fit", "cloud", "--threshold", "2%").stdout)
+    assert float(cloud["theta"]) == pytest.approx(float(found[1]["theta"]), rel=0.5)
+
+
+def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
+    """Runs at common levels are stripes. A run without a result is excluded and reported.
+    tests/studies/fragility/test_fit_table.py tests the bounds."""
+    header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
+    lines = [
+        f"a,{record},{'collapsed' if drift == 0.05 else 'done'},{drift},{level}"
+        for level, drifts in (
+            (1.0, (0.01, 0.01, 0.02)),
+            (2.0, (0.01, 0.05, 0.02)),
+            (3.0, (0.04, 0.05, 0.02)),
+        )
+        for record, drift in enumerate(drifts)
+    ]
+    (folder / "runs.csv").write_text("\n".join([header, *lines, "a,9,not-converged,,1.0"]) + "\n")
+    result = tdint("fragility", ".", "--threshold", "3%")
+    (row,) = rows(result.stdout)
+    assert (row["fit"], row["im"], row["unit"], row["motions"]) == (
+        "stripes", "sa(T1)", "m/s^2", "3",
+    )  # fmt: skip
+    assert states(result.stderr, "1 of 10 runs ... omitted")
+    assert row["failed"] == "1" and "count all of these runs as exceeding" in result.stderr
+    assert (
+        float(row["theta_failed_exceed"]) < float(row["theta"]) < float(row["theta_failed_stand"])
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "code", "message"),
+    [
+        ("building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n", (), 3,
+         "runs.csv: column building ... got a, b"),
+        ("building,status,peak_drift_ratio\na,done,0.1\n", (), 3, "no column sa_t1_m_s2"),
+        ("building,status,peak_drift_ratio\na,done,0.1\n", ("--im", "pgv"), 2,
+         "the runs have no measure pgv"),
+        (None, (), 3, "no capacities.csv and no runs.csv"),
+    ],
+)  # fmt: skip
+def test_unusable_runs_are_refused(folder, tdint, text, options, code, message):
+    if text:
+        (folder / "runs.csv").write_text(text)
+    tdint.refused(message, "fragility", ".", "--threshold", "3%", *options, code=code)
+
+
+def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(folder, tdint):
+    (folder / "c.csv").write_text(
+        "threshold,capacity,censored,im_name,unit\n"
+        "0.01,1,false,pga,m/s^2\n0.01,2,false,pga,m/s^2\n0.1,3,true,pga,m/s^2\n0.1,,true,pga,m/s^2\n"
+    )
+    result = tdint("fragility", "c.csv", code=0)
+    assert [row["threshold"] for row in rows(result.stdout)] == ["0.01"]
+    assert "Warning: threshold 0.1: an estimate of median" in result.stderr
+    assert "omitted 1 row without a capacity" in result.stderr
+    result = tdint("fragility", "c.csv", "--threshold", "10%")
+    assert (result.exit_code, result.stdout) == (5, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "code", "message"),
+    [
+        ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im ... got 'x'"),
+        ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3,
+         "t.csv:3: collapses must be a whole number"),
+        ("capacity,im,edp\n1,1,1\n2,2,2\n", (), 2,
+         "t.csv:1: ... capacity and im,edp ... --fit ida or --fit cloud"),
+        ("capacity\n1\n2\n3\n", ("--modeling-dispersion", "1e308"), 2,
+         "'--modeling-dispersion': 1e+308 is not in the range"),
+        ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses ... records"),
+        ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
+        ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),
+        ("im,collapse,records\n1,0,3\n", (), 3, "t.csv:1: ... im,collapses,records (stripes)"),
+        ("capacity,censored\n1,perhaps\n", (), 3, "t.csv:2: censored ... got 'perhaps'"),
+        ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity ... got '-2'"),
+        ("capacity\n1\n2\n", ("--fit", "cloud"), 2,
+         "the columns of this table are for --fit ida, not cloud"),
+        ("capacity\n1\n2\n", ("--threshold", "1%,2%"), 2,
+         "no column threshold, ... one --threshold"),
+        ("threshold,capacity\n0.1,1\n0.1,2\n", ("--threshold", "2%"), 2,
+         "threshold 0.02 not found; the thresholds of the table are 0.1"),
+        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name ... got pga, pgv"),
+        ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "a demand threshold is required; specify --threshold"),
+        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2,
+         "LOW must be less than HIGH"),
+        ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2,
+         "--edp-range can only be used with --fit cloud"),
+        ("capacity,threshold\n1,\n2\n", (), 3, "t.csv: no row has a threshold"),
+        ("", (), 3, "t.csv: the file is empty"),
+        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: ... column im twice"),
+    ],
+)  # fmt: skip
+def test_invalid_tables_are_refused(folder, tdint, text, arguments, code, message):
+    (folder / "t.csv").write_text(text)
+    tdint.refused(message, "fragility", "t.csv", *arguments, code=code)

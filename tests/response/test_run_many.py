@@ -1,0 +1,245 @@
+"""Many runs in one call equal single runs to the last bit: peaks, histories and status."""
+
+import re
+
+import numpy as np
+import pytest
+
+import tdint
+from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
+from tdint.errors import AnalysisError, ModelError, UsageError
+from tdint.model.definition import RayleighRatio
+from tdint.response.runs.many_results import HISTORY_FIELDS
+from tdint.response.runs.outcome import STORY_QUANTITIES, FailedRun
+from tdint.units import STANDARD_GRAVITY
+
+SCALES = (0.5, 1.0, -2.0)
+TWO_PERCENT = RayleighRatio((0.02, 0.02), (1, 2))
+
+
+def two_stories(**more):
+    """Return a building with two bilinear stories."""
+    law = Law("bilinear", (2e4, 0.05))
+    return model([story(2e3, 2e6, law, height=3.0)] * 2, damping=TWO_PERCENT, **more)
+
+
+def falling():
+    """Return a story with P-delta effects that exceed the stiffness after yielding."""
+    stiffness = 2.0 * STANDARD_GRAVITY / 3.0
+    return model(
+        [story(1.0, stiffness, Law("bilinear", (0.05 * stiffness, 0.0)), height=3.0)], p_delta=True
+    )
+
+
+MODELS = [ten_bilinear(), two_stories(), ten_linear()]
+RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
+
+
+def test_histories_exceeding_memory_are_refused_with_size(monkeypatch):
+    """The histories of three runs with 150 rows of 2 stories have 8 bytes per number."""
+    monkeypatch.setattr("tdint.response.runs.many_results.available_memory", lambda: 1e3)
+    with pytest.raises(AnalysisError, match=r"3 runs .*7\.2e-06 GB .* 1e-06 GB"):
+        tdint.run_many(
+            two_stories(),
+            RECORDS[0],
+            scales=(0.1, 0.2, 0.3),
+            method="newmark-average",
+            history="drift",
+        )
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return tdint.run_many(
+        MODELS,
+        RECORDS,
+        scales=SCALES,
+        method="newmark-average",
+        history=tuple(HISTORY_FIELDS),
+        jobs=2,
+    )
+
+
+def test_each_run_equals_single_run(runs):
+    assert runs.model.tolist() == np.repeat([0, 1, 2], 6).tolist()
+    assert runs.record.tolist() == [0, 0, 0, 1, 1, 1] * 3
+    assert runs.scale.tolist() == [*SCALES] * 6
+    for i, (building, record, scale) in enumerate(
+        zip(runs.model, runs.record, runs.scale, strict=True)
+    ):
+        n = len(MODELS[building].stories)
+        single = tdint.run(
+            MODELS[building], RECORDS[record].scaled(scale), method="newmark-average", history=True
+        )
+        assert (runs.status[i], runs.steps[i], runs.dt[i]) == (
+            single.status,
+            single.steps,
+            single.dt,
+        )
+        assert runs.energy_error[i] == single.energy.error
+        for quantity in STORY_QUANTITIES:
+            np.testing.assert_array_equal(
+                getattr(runs.stories, quantity.name)[i, :n], getattr(single.stories, quantity.name)
+            )
+            assert np.isnan(getattr(runs.stories, quantity.name)[i, n:]).all()
+        for name, attribute in HISTORY_FIELDS.items():
+            expected = getattr(single.history, attribute)
+            np.testing.assert_array_equal(
+                runs.history[name][i, : len(expected), :n], expected, err_msg=name
+            )
+            assert np.isnan(runs.history[name][i, len(expected) :]).all()
+            assert np.isnan(runs.history[name][i, :, n:]).all()
+    np.testing.assert_array_equal(runs.time[0, : len(single.history.time)], single.history.time)
+
+
+@pytest.mark.parametrize("method", ["impulse4", "moment4"])
+def test_jobs_and_history_do_not_change_results(method):
+    """With a history, runs are made separately; without a history, they are made in one call. A
+    method that estimates its own errors has larger arrays."""
+    both = [
+        tdint.run_many(
+            two_stories(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs
+        )
+        for kept, jobs in (("drift", 1), ((), 2))
+    ]
+    for quantity in STORY_QUANTITIES:
+        np.testing.assert_array_equal(*(getattr(found.stories, quantity.name) for found in both))
+    np.testing.assert_array_equal(both[0].energy_error, both[1].energy_error)
+    assert np.nanmax(np.abs(both[0].history["drift"])) <= np.max(both[0].stories.peak_drift)
+
+
+def test_status_of_collapsed_diverged_and_refused_runs():
+    """Collapsed, diverged and refused runs have the status of single runs and do not prevent the
+    other runs."""
+    record = noise(samples=300)
+    found = tdint.run_many(
+        falling(), record, scales=(1e-3, 5.0), method="newmark-average", history="drift", jobs=1
+    )
+    assert found.status.tolist() == ["done", "collapsed"]
+    single = tdint.run(falling(), record.scaled(5.0), method="newmark-average", history=True)
+    assert single.status == "collapsed" and found.steps[1] == single.steps
+    np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
+    np.testing.assert_array_equal(
+        found.history["drift"][1, : single.steps + 1], single.history.drift
+    )
+    stiff = model([story(1.0, 1e6)])
+    refused = tdint.run_many(
+        [stiff, ten_linear()], record, method="central-difference", dt=0.01, history="drift"
+    )
+    ends = []
+    for building in (stiff, ten_linear()):
+        try:
+            ends.append(tdint.run(building, record, method="central-difference", dt=0.01).status)
+        except FailedRun as failure:
+            ends.append(failure.status)
+    assert refused.status.tolist() == ends and "unstable-step" in ends
+    for i, status in enumerate(ends):
+        assert (i in refused.failures) == (status == "unstable-step")
+        assert np.isnan(refused.stories.peak_drift[i]).all() == (status == "unstable-step")
+        assert np.isnan(refused.history["drift"][i]).all() == (status == "unstable-step")
+
+
+def test_failed_run_after_collapse_is_collapsed():
+    """The force decreases from a drift of 6 cm and changes its sign at 10 cm. A run that fails
+    after its collapse is reported up to the collapse; a run with energy that the method produced
+    has no results."""
+    record = noise(samples=400)
+    away = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, -4e4)), height=3.0)])
+    found = tdint.run_many(away, record, scales=(2.0, 3.0, 5.0), method="impulse4")
+    assert found.status.tolist() == ["collapsed", "diverged", "collapsed"]
+    for i, scale in ((0, 2.0), (2, 5.0)):
+        single = tdint.run(away, record.scaled(scale), method="impulse4")
+        assert single.steps == found.steps[i] < 399
+        assert single.stories.peak_drift == found.stories.peak_drift[i] < 1.0
+    loose = tdint.run(away, record.scaled(3.0), method="impulse4", allow_unstable=True)
+    reason = f"the final energy is {1.0 - loose.energy.error:.3g} times the input energy"
+    with pytest.raises(FailedRun, match=re.escape(reason)):
+        tdint.run(away, record.scaled(3.0), method="impulse4")
+    assert np.isnan(found.stories.peak_drift[1])
+
+
+def test_histories_are_written_to_given_array(tmp_path, runs):
+    complete = runs.history["drift"][6:12, :, :2]
+    file = np.lib.format.open_memmap(
+        tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32
+    )
+    file[...] = 7.0
+    arguments = {
+        "records": RECORDS,
+        "scales": SCALES,
+        "method": "newmark-average",
+        "history": "drift",
+        "every": 3,
+    }
+    found = tdint.run_many(two_stories(), **arguments, out=file)
+    assert found.history["drift"] is file
+    thinned = complete[:, : 3 * 50 : 3]
+    np.testing.assert_array_equal(np.load(tmp_path / "drift.npy"), thinned.astype(np.float32))
+    assert found.time.shape == (1, 50) and found.time[0, -1] == pytest.approx(1.47)
+    with pytest.raises(
+        UsageError,
+        match=r"out\[.drift.\] must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
+    ):
+        tdint.run_many(two_stories(), **arguments, out={"drift": np.zeros((6, 51, 2))})
+    with pytest.raises(UsageError, match="one array for each of: drift, shear"):
+        tdint.run_many(two_stories(), **{**arguments, "history": ("drift", "shear")}, out=file)
+    with pytest.raises(UsageError, match=r"out .* no history"):
+        tdint.run_many(two_stories(), **{**arguments, "history": ()}, out=file)
+
+
+def test_zip_records_pairs_models_and_records(runs):
+    found = tdint.run_many(
+        [MODELS[1], MODELS[0]], RECORDS, scales=2.0, zip_records=True, method="newmark-average"
+    )
+    assert (found.model.tolist(), found.record.tolist(), found.scale.tolist()) == (
+        [0, 1],
+        [0, 1],
+        [2.0, 2.0],
+    )
+    single = tdint.run(MODELS[0], RECORDS[1].scaled(2.0), method="newmark-average")
+    np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
+    with pytest.raises(UsageError, match=r"zip_records: records .* 1 or 3 .* got 2"):
+        tdint.run_many(MODELS, RECORDS, zip_records=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"history": "drfit"}, UsageError, "unknown quantity 'drfit'; did you mean 'drift'"),
+        ({"history": "acceleration"}, UsageError, "absolute_acceleration"),
+        ({"scales": (1.0, 0.0)}, UsageError, "scales must be numbers other than zero"),
+        ({"every": 0}, UsageError, "every must be a positive integer"),
+        ({"jobs": 0}, UsageError, "the number of jobs"),
+        ({"models": []}, UsageError, "models must contain at least one item"),
+        ({"models": 3.0}, ModelError, "model"),
+        ({"dt": 0.007}, UsageError, "dt .* sampling interval"),
+        ({"method": "newmrk"}, UsageError, "newmark"),
+    ],
+)
+def test_invalid_arguments_are_refused(arguments, error, message):
+    with pytest.raises(error, match=message):
+        tdint.run_many(**{"models": two_stories(), "records": RECORDS[0], **arguments})
+
+
+@pytest.mark.parametrize("method", ["moment4", "impulse4"])
+def test_errors_equal_errors_of_single_runs(method):
+    """The corrected peaks are the peaks of the run that estimates the errors."""
+    found = tdint.run_many(MODELS[:2], RECORDS[:1], method=method, check=True, history="drift")
+    for i, building in enumerate(MODELS[:2]):
+        n, single = (
+            len(building.stories),
+            tdint.run(building, RECORDS[0], method=method, check=True, history=True),
+        )
+        for quantity in STORY_QUANTITIES:
+            np.testing.assert_array_equal(
+                getattr(found.errors, quantity.name)[i, :n],
+                getattr(single.check.errors, quantity.name),
+            )
+            corrected = getattr(single.check.corrected, quantity.name)
+            np.testing.assert_array_equal(getattr(found.corrected, quantity.name)[i, :n], corrected)
+        np.testing.assert_array_equal(found.history["drift"][i, :, :n], single.history.drift)
+    names = list(found.to_dict())
+    assert names[-1].endswith("_error") and "peak_drift_m_error" in names
+    plain = tdint.run_many(MODELS[:2], RECORDS[:1], method=method)
+    assert plain.errors is plain.corrected is None and not set(names[-2:]) <= set(plain.to_dict())
+    np.testing.assert_array_equal(plain.stories.peak_drift, found.stories.peak_drift)

@@ -1,0 +1,754 @@
+"""Comparison of computed and recorded responses. A recording that is generated from a computed
+response agrees with it, and known changes of the recording are detected."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from building_cases import LINEAR, Force, Law, model, story
+from facts import states
+from selection import every
+from tdint.errors import AnalysisError, RecordError, UsageError
+from tdint.ground_motion.messages import quiet_import
+from tdint.ground_motion.reading.scale import differentiated
+from tdint.ground_motion.record import Record
+from tdint.ground_motion.signal import Signal, has_offset
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import ModalDamping, RayleighCoefficients
+from tdint.response.runs.run import prepare, run_case
+from tdint.studies.recordings.compare import (
+    _REQUIREMENTS,
+    Event,
+    _mean_signal,
+    absolute_displacements,
+    case_under,
+    compare,
+    respond,
+    unmet,
+)
+from tdint.studies.recordings.comparison_figures import comparison_picture
+from tdint.studies.recordings.fit import (
+    _MAX_SCANNED_STARTS,
+    _SCANNED_FACTORS,
+    _STIFFNESS,
+    _damping,
+    _Problem,
+    _standard_errors,
+    _start_values,
+    fit,
+)
+from tdint.studies.recordings.fit import _smoothed as smoothed
+from tdint.studies.recordings.recording_file import load_recording
+
+DT, SIZE = 0.02, 1500
+MODEL = """\
+stories:
+  - {mass: 1.0, stiffness: 900}
+  - {mass: 1.2, stiffness: 700}
+  - {mass: 0.8, stiffness: 500}
+damping: {modal: [0.02, 0.03, 0.04]}
+"""
+
+
+def sensor(column, more="", file="event.csv"):
+    return f"{{file: {file}, column: {column}{more}}}"
+
+
+def recording(base=None, first=None, roof=None, more=""):
+    """Return the text of a file of recordings; by default with the accelerations of the base, floor
+    1 and the roof."""
+    base, first = base or sensor("base_m_s2"), first or sensor("floor_1_m_s2")
+    return f"base: {base}\nfloors:\n  1: {first}\n  roof: {roof or sensor('floor_3_m_s2')}\n{more}"
+
+
+DISPLACEMENT = ", quantity: displacement"
+FLOORS = recording()
+
+
+def noise(seed, size=SIZE):
+    """Return a band-limited random motion in m/s^2 that is zero at both ends."""
+    return (
+        np.random.default_rng(seed).normal(size=size) * np.sin(np.linspace(0.0, math.pi, size)) ** 2
+    )
+
+
+@pytest.fixture
+def recorded_model(tmp_path):
+    """Return a model, its exact response to a noise with median 0, a function that writes the
+    response as a table, and a function that reads recordings."""
+    (tmp_path / "model.yaml").write_text(MODEL)
+    model = load_model(tmp_path / "model.yaml")
+    base = noise(1) - np.median(noise(1))
+    record = Record(base, DT, "", "", "", "noise")
+    history = run_case(prepare(model, record, method="exact"), history=True).history
+    motions = {f"floor_{i + 1}": history.acceleration[:, i] for i in range(3)}
+    displacements = {f"floor_{i + 1}": history.displacement[:, i] for i in range(3)}
+
+    def write(name="event.csv", dt=DT, start=0.0, **columns):
+        time = start + dt * np.arange(len(next(iter(columns.values()))))
+        names = ",".join(["time_s", *columns])
+        rows = np.column_stack([time, *columns.values()])
+        np.savetxt(tmp_path / name, rows, "%.12g", ",", header=names, comments="")
+
+    def event(text=FLOORS):
+        (tmp_path / "recorded.yaml").write_text(text)
+        return Event.of(load_recording(tmp_path / "recorded.yaml", 3))
+
+    def usual(**changed):
+        columns = {"base_m_s2": base} | {f"{name}_m_s2": values for name, values in motions.items()}
+        return write(**(columns | changed))
+
+    return SimpleNamespace(
+        model=model,
+        base=base,
+        motions=motions,
+        displacements=displacements,
+        write=write,
+        event=event,
+        usual=usual,
+    )
+
+
+@pytest.mark.parametrize("band", ["", "band: [0.5, 20]\n"])
+def test_result_agrees_with_itself(recorded_model, band):
+    """The agreement is limited only by the rounding in the file, for any offset of a sensor."""
+    recorded_model.usual(floor_1_m_s2=recorded_model.motions["floor_1"] + 0.3)
+    for floor in compare(recorded_model.model, recorded_model.event(FLOORS + band)).floors:
+        assert floor.quantity == "acceleration"
+        assert floor.rms_difference < 1e-9
+        assert floor.peak_ratio == pytest.approx(1.0, abs=1e-9)
+        assert floor.correlation == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
+@pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
+def test_exact_is_chosen_for_linear_buildings_without_forces(recorded_model, law, forces):
+    """`exact` is chosen for a linear building that is excited only by its base. Harmonic forces are
+    excluded, because `exact` would only use their values at the time steps."""
+    recorded_model.usual()
+    case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
+    exact_is_chosen = case_under(case, recorded_model.event()).method.family.linear_only
+    assert exact_is_chosen == (law is LINEAR and not forces)
+
+
+def test_noise_lowers_correlation_as_predicted(recorded_model):
+    """For independent noise with e times the rms of the motion, the correlation is 1 / sqrt(1 +
+    e^2), and the difference is e / sqrt(1 + e^2)."""
+    part = 0.5
+    clean = recorded_model.motions["floor_3"]
+    added = np.random.default_rng(5).normal(size=SIZE)
+    added *= part * np.std(clean) / np.std(added)
+    recorded_model.usual(floor_3_m_s2=clean + added)
+    roof = compare(recorded_model.model, recorded_model.event()).floors[-1]
+    sampling = 3.0 / math.sqrt(SIZE)
+    assert roof.correlation == pytest.approx(1.0 / math.sqrt(1.0 + part**2), abs=part * sampling)
+    assert roof.rms_difference == pytest.approx(
+        part / math.sqrt(1.0 + part**2), abs=part * sampling
+    )
+
+
+def test_sensors_of_floor_are_averaged_with_their_direction(recorded_model):
+    """The difference of two sensors is a torsional motion, which has no effect on their mean.
+    Sensors with different quantities are refused."""
+    recorded_model.usual()
+    plain = compare(recorded_model.model, recorded_model.event())
+    turns = {"base": noise(9), "roof": 0.5 * noise(7)}
+    motions = {"base": recorded_model.base, "roof": recorded_model.motions["floor_3"]}
+    sides = {f"{location}_west_m_s2": motions[location] + turns[location] for location in turns}
+    sides |= {
+        f"{location}_east_cm_s2": -100.0 * (motions[location] - turns[location])
+        for location in turns
+    }
+    recorded_model.usual(**sides, roof_east_m=recorded_model.displacements["floor_3"])
+    base, roof = (
+        f"[{sensor(f'{location}_west_m_s2')}, {sensor(f'{location}_east_cm_s2', ', sign: -1')}]"
+        for location in turns
+    )
+    mean = compare(recorded_model.model, recorded_model.event(recording(base, roof=roof)))
+    for floor, other in zip(mean.floors, plain.floors, strict=True):
+        assert floor.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
+        np.testing.assert_allclose(floor.computed, other.computed, atol=1e-9)
+    assert any("floor 3: the mean of 2 sensors" in note for note in mean.event.notes)
+    assert len([note for note in mean.event.notes if "mean of 2 sensors" in note]) == 2
+    mixed = f"[{sensor('roof_west_m_s2')}, {sensor('roof_east_m')}]"
+    with pytest.raises(RecordError, match=r"floor 3: .* got acceleration and displacement"):
+        recorded_model.event(recording(roof=mixed))
+
+
+def test_displacements_are_compared_relative_to_base(recorded_model):
+    """Displacements, in mm, of a linear building without offsets are compared relative to the base,
+    together with an acceleration."""
+    recorded_model.usual(floor_1_mm=1e3 * recorded_model.displacements["floor_1"])
+    text = recording(first=sensor("floor_1_mm", DISPLACEMENT), more="band: [0.3, 20]\n")
+    floors = compare(recorded_model.model, recorded_model.event(text)).floors
+    assert [floor.quantity for floor in floors] == ["displacement", "acceleration"]
+    assert floors[0].rms_difference < 1e-9
+    assert floors[0].peak_ratio == pytest.approx(1.0, abs=1e-9)
+
+
+def test_base_displacement_is_differentiated(recorded_model):
+    smooth = np.cumsum(np.cumsum(noise(3))) * 1e-4
+    recorded_model.usual(base_m=smooth, base_m_s2=differentiated(smooth, DT, "displacement"))
+    by_acceleration = compare(recorded_model.model, recorded_model.event())
+    by_displacement = compare(
+        recorded_model.model, recorded_model.event(recording(sensor("base_m")))
+    )
+    for floor, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
+        np.testing.assert_allclose(
+            floor.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed))
+        )
+
+
+@pytest.mark.long
+def test_clock_shift_is_determined(recorded_model):
+    """The shift is determined for a recording with twice the sampling rate and a delay of a
+    fraction of a sample."""
+    late = 0.137
+    recorded_model.usual()
+    before = compare(recorded_model.model, recorded_model.event(FLOORS + "band: [0.5, 8]\n"))
+    spectrum = np.fft.rfft(recorded_model.motions["floor_3"], 4 * SIZE)
+    dense = np.fft.irfft(np.concatenate([spectrum, np.zeros(2 * SIZE)]), 8 * SIZE)[: 2 * SIZE] * 2.0
+    recorded_model.write("roof.csv", DT / 2.0, late, roof_m_s2=dense)
+    roof = sensor("roof_m_s2", file="roof.csv")
+    text = f"base: {sensor('base_m_s2')}\nfloors: {{3: {roof}}}\nband: [0.5, 8]\n"
+    found = compare(recorded_model.model, recorded_model.event(text + "shift: auto\n"))
+    assert found.shift == pytest.approx(-late, abs=1e-3)
+    assert found.floors[0].correlation == pytest.approx(before.floors[-1].correlation, abs=1e-3)
+    shifted = compare(recorded_model.model, recorded_model.event(text + f"shift: {-late}\n"))
+    assert shifted.floors[0].correlation == pytest.approx(found.floors[0].correlation, abs=1e-5)
+    assert compare(recorded_model.model, recorded_model.event(text)).floors[0].correlation < 0.9
+
+
+def test_clock_shift_does_not_depend_on_amplitude(recorded_model):
+    weak = {name: 1e-4 * values for name, values in recorded_model.motions.items()}
+    recorded_model.usual(
+        base_m_s2=1e-4 * recorded_model.base,
+        floor_1_m_s2=np.roll(weak["floor_1"], 7),
+        floor_3_m_s2=np.roll(weak["floor_3"], 7),
+    )
+    assert compare(
+        recorded_model.model, recorded_model.event(FLOORS + "shift: auto\n")
+    ).shift == pytest.approx(-7 * DT, abs=1e-3)
+
+
+def test_clock_shift_of_silent_sensor_is_zero(recorded_model):
+    """A sensor without motion has no correlation with any shift."""
+    recorded_model.usual(floor_3_m_s2=np.zeros(SIZE))
+    text = f"base: {sensor('base_m_s2')}\nfloors: {{3: {sensor('floor_3_m_s2')}}}\nshift: auto\n"
+    found = compare(recorded_model.model, recorded_model.event(text))
+    assert found.shift == 0.0
+    assert math.isnan(found.floors[0].correlation)
+
+
+def test_recordings_without_common_clock_start_together(recorded_model, tmp_path):
+    """A record states a date, but a table only the time since an unknown start. They are assumed to
+    start together, and a note states this."""
+    with quiet_import():
+        from obspy import Trace, UTCDateTime
+
+    recorded_model.usual()
+    plain = compare(recorded_model.model, recorded_model.event())
+    header = {"delta": DT, "starttime": UTCDateTime(2016, 11, 13), "channel": "HNE"}
+    Trace(recorded_model.motions["floor_1"].copy(), header).write(
+        str(tmp_path / "floor.mseed"), format="MSEED"
+    )
+    mixed = recording(first="{file: floor.mseed, units: m/s^2}")
+    other = compare(recorded_model.model, recorded_model.event(mixed))
+    np.testing.assert_allclose(other.floors[0].recorded, plain.floors[0].recorded, atol=1e-9)
+    assert [note for note in other.event.notes if "the files have no common clock" in note]
+    assert not [note for note in plain.event.notes if "common clock" in note]
+
+
+def test_smoothed_spectrum_of_impulse_is_constant():
+    """The Fourier amplitude of a single sample equals this sample at all frequencies, for any
+    smoothing window."""
+    impulse = np.zeros(SIZE)
+    impulse[SIZE // 3] = -4.0
+    for band in (None, (0.5, 8.0)):
+        assert smoothed(impulse, DT, band) == pytest.approx(math.log(4.0), abs=1e-12)
+
+
+def test_comparison_is_limited_to_window(recorded_model):
+    recorded_model.usual()
+    (first, _) = compare(
+        recorded_model.model, recorded_model.event(FLOORS + "window: [4, 12.5]\n")
+    ).floors
+    assert (first.time[0], first.time[-1]) == pytest.approx((4.0, 12.5))
+    assert first.time.size == 426
+    with pytest.raises(RecordError, match=r"fewer than 10 .* 29\.9 to 40 s"):
+        compare(recorded_model.model, recorded_model.event(FLOORS + "window: [29.9, 40]\n"))
+
+
+def test_spectra_of_recorded_and_computed_motion(recorded_model):
+    """For an acceleration, the spectrum is the spectrum of the floor acceleration. For a
+    displacement, it is the spectrum of its second derivative."""
+    recorded_model.usual(floor_1_m=recorded_model.displacements["floor_1"])
+    band = "band: [0.3, 5]\n"
+    periods = np.array([0.25, 0.5, 1.0])
+    by_acceleration = compare(recorded_model.model, recorded_model.event(FLOORS + band)).spectra(
+        periods, 0.05
+    )[0]
+    text = recording(first=sensor("floor_1_m"), more=band)
+    by_displacement = compare(recorded_model.model, recorded_model.event(text)).spectra(
+        periods, 0.05
+    )[0]
+    np.testing.assert_allclose(by_acceleration.computed, by_acceleration.recorded, rtol=1e-9)
+    # Second differences lose 1/12 (omega dt)^2 of a frequency: 3 % at 5 Hz.
+    np.testing.assert_allclose(by_displacement.computed, by_acceleration.computed, rtol=4e-2)
+
+
+@pytest.mark.long
+def test_stiffness_and_damping_are_fitted_from_30_percent_off(recorded_model):
+    """The recordings of the floors contain 10 % noise; the initial stiffnesses of the stories
+    deviate in different directions."""
+    generator = np.random.default_rng(11)
+    noisy = {
+        f"{name}_m_s2": values + 0.1 * np.std(values) * generator.normal(size=SIZE)
+        for name, values in recorded_model.motions.items()
+    }
+    recorded_model.usual(**noisy)
+    event = recorded_model.event(
+        recording(more=f"  2: {sensor('floor_2_m_s2')}\nband: [0.3, 15]\n")
+    )
+    stories = [
+        replace(story, stiffness=story.stiffness * factor)
+        for story, factor in zip(recorded_model.model.stories, (1.3, 0.7, 1.3), strict=True)
+    ]
+    changed_model = replace(
+        recorded_model.model, stories=tuple(stories), damping=ModalDamping((0.05, 0.05, 0.05))
+    )
+    found = fit(changed_model, event, ["stiffness", "damping"])
+    values = [value.value for value in found.values]
+    assert [value.number for value in found.values] == [1, 2, 3, 1, 2, 3]
+    assert values[:3] == pytest.approx([900.0, 700.0, 500.0], rel=0.01)
+    assert values[3:] == pytest.approx([0.02, 0.03, 0.04], rel=0.15)
+    assert not found.notes
+    assert all(floor.correlation > 0.99 for floor in compare(found.model, event).floors)
+
+
+def test_offset_of_samples_is_removed(recorded_model):
+    base = recorded_model.base + 0.3
+    recorded_model.usual(base_m_s2=base)
+    event = recorded_model.event()
+    assert np.median(event.base.acceleration) == pytest.approx(0.0, abs=1e-9)
+    assert any("the offset of the base, 0.3 m/s^2" in note for note in event.notes)
+    assert has_offset(np.full(50, 9.81) + 1e-3 * noise(4, 50))
+    assert not has_offset(np.zeros(50))
+
+
+@pytest.mark.long
+def test_poorly_determined_parameter_is_reported(recorded_model):
+    """A warning is given for the damping of a mode far above the frequency band, with noise."""
+    roof = recorded_model.motions["floor_3"]
+    recorded_model.usual(
+        floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE)
+    )
+    event = recorded_model.event(FLOORS + "band: [0.5, 3]\n")
+    found = fit(recorded_model.model, event, ["damping"])
+    assert any("damping_ratio of mode 3 is poorly determined" in note for note in found.notes)
+
+
+def test_unsupported_fit_parameters_are_refused(recorded_model):
+    recorded_model.usual()
+    event = recorded_model.event()
+    with pytest.raises(UsageError, match="no damping to be fitted"):
+        fit(replace(recorded_model.model, damping=None), event, ["damping"])
+    with pytest.raises(UsageError, match="stiffness, stiffness-factor, damping, got 'mass'"):
+        fit(recorded_model.model, event, ["mass"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    every(
+        2,
+        [
+            (
+                recording(first=sensor("floor_1_m_s2", DISPLACEMENT)),
+                r"are units of acceleration, but .* specifies displacement.*one of m, cm",
+            ),
+            (recording(first=sensor("floor_9_m_s2")), "'floor_9_m_s2' not found; did you mean"),
+            (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
+            (recording(roof=sensor("roof", ", units: g", "other.csv")), "does not overlap in time"),
+            (recording(more="band: [0.5, 25]\n"), "Nyquist .* 25 Hz, got 25 Hz"),
+        ],
+    ),
+)
+def test_inconsistent_files_are_refused(recorded_model, text, message):
+    recorded_model.usual()
+    recorded_model.write("other.csv", start=100.0, roof=recorded_model.base)
+    with pytest.raises(RecordError, match=message):
+        recorded_model.event(text)
+    cured = recorded_model.event(
+        recording(first=sensor("floor_1_m_s2", f"{DISPLACEMENT}, units: cm"))
+    )
+    assert cured.floors[0].quantity == "displacement"  # as the first message advises
+
+
+@pytest.mark.parametrize(("band", "fastest"), [(None, None), ((0.1, 2.0), 4.0 * math.pi)])
+def test_default_time_step_resolves_modes_within_band(recorded_model, band, fastest):
+    """The default time step is the first halving of the sampling interval with omega dt of at most
+    a quarter."""
+    recorded_model.usual()
+    case = case_under(recorded_model.model, recorded_model.event(), "newmark-average")
+    omega = fastest or case.building.fastest
+    parts = next(2**i for i in range(9) if omega * DT / 2**i <= 0.25)
+    assert parts > 1
+    assert respond(case, None, band).dt == pytest.approx(DT / parts)
+
+
+def test_collapsed_building_cannot_be_compared(recorded_model):
+    recorded_model.usual(base_m_s2=1e3 * recorded_model.base)
+    law = replace(recorded_model.model.stories[0].law, name="bilinear", parameters=(1.0, -0.3))
+    stories = (
+        replace(recorded_model.model.stories[0], law=law, height=3.0),
+        *recorded_model.model.stories[1:],
+    )
+    with pytest.raises(AnalysisError):
+        compare(
+            replace(recorded_model.model, stories=stories),
+            recorded_model.event(),
+            method="impulse4",
+        )
+
+
+# ---- Residual and absolute displacements, several sensors
+
+
+def test_residual_displacement_causes_no_jump(recorded_model):
+    """For a slow ramp to a residual displacement, subtraction of the median would cause a jump at t
+    = 0 and an acceleration of the order of 1 / dt^2."""
+    time = DT * np.arange(SIZE)
+    ramp = 0.05 * 0.5 * (1.0 + np.tanh((time - 6.0) / 0.8))
+    motion = recorded_model.displacements["floor_3"] + ramp
+    recorded_model.usual(floor_3_m=motion)
+    text = recording(roof=sensor("floor_3_m", DISPLACEMENT), more="band: [0.2, 20]\n")
+    (floor,) = compare(recorded_model.model, recorded_model.event(text)).floors[1:]
+    (_, spectra) = compare(recorded_model.model, recorded_model.event(text)).spectra(
+        np.array([0.05]), 0.05
+    )
+    without = np.max(np.abs(recorded_model.motions["floor_3"]))
+    assert np.max(np.abs(floor.recorded[:5])) < 0.02 * np.max(np.abs(floor.recorded))
+    assert spectra.recorded[0] < 2.0 * without
+
+
+def test_absolute_displacement_is_reported(recorded_model):
+    wave = np.cumsum(np.cumsum(recorded_model.base)) * DT * DT
+    recorded_model.usual(
+        floor_3_m=recorded_model.displacements["floor_3"] + wave,
+        right_m=recorded_model.displacements["floor_3"],
+    )
+    absolute, relative = (
+        recording(roof=sensor(column, DISPLACEMENT), more="band: [0.5, 20]\n")
+        for column in ("floor_3_m", "right_m")
+    )
+    (text,) = absolute_displacements(compare(recorded_model.model, recorded_model.event(absolute)))
+    assert text.startswith("floor 3: the recorded displacement probably is absolute")
+    assert (
+        absolute_displacements(compare(recorded_model.model, recorded_model.event(relative))) == []
+    )
+
+
+# ---- Fits
+
+
+@pytest.mark.long
+def test_common_stiffness_factor_is_fitted_to_roof_sensor(recorded_model):
+    """For an error of 30 % of all stiffnesses and one sensor, the common factor is accurate to the
+    12 digits of the table. A base motion with a nonzero median is not shifted."""
+    for median in (0.004, -0.006):
+        base = recorded_model.base + median
+        record = Record(base, DT, "", "", "", "noise")
+        history = run_case(
+            prepare(recorded_model.model, record, method="exact"), history=True
+        ).history
+        recorded_model.write(base_m_s2=base, floor_3_m_s2=history.acceleration[:, 2])
+        event = recorded_model.event(
+            f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n"
+        )
+        assert np.median(event.base.acceleration) == pytest.approx(median)
+    soft = replace(
+        recorded_model.model,
+        stories=tuple(
+            replace(story, stiffness=story.stiffness / 1.3)
+            for story in recorded_model.model.stories
+        ),
+    )
+    found = fit(soft, event, ["stiffness-factor"])
+    (value,) = found.values
+    assert (value.name, value.number, value.low, value.high) == (
+        "stiffness_factor",
+        None,
+        0.1,
+        10.0,
+    )
+    assert value.value == pytest.approx(1.3, rel=1e-9)
+    assert [story.stiffness for story in found.model.stories] == pytest.approx(
+        [900, 700, 500], rel=1e-9
+    )
+    assert not value.on_bound
+    with pytest.raises(UsageError, match="cannot be fitted together"):
+        fit(soft, event, ["stiffness", "stiffness-factor"])
+
+
+def test_fit_on_bound_is_reported(recorded_model):
+    """For a recording without damping, the best ratio is 0, which is below the lower bound."""
+    bare = replace(recorded_model.model, damping=None)
+    record = Record(recorded_model.base, DT, "", "", "", "noise")
+    history = run_case(prepare(bare, record, method="exact"), history=True).history
+    recorded_model.usual(
+        floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2]
+    )
+    found = fit(
+        replace(recorded_model.model, damping=ModalDamping((0.02,))),
+        recorded_model.event(),
+        ["damping"],
+    )
+    assert found.values[0].on_bound
+    assert any(states(note, "damping_ratio ... 0.0001 to 0.5") for note in found.notes)
+
+
+def test_fit_starts_at_local_minima_of_scan():
+    """The fit starts at local minima of the scan, the lowest minimum first; the ends of the scan
+    count if they are lower than their only neighbor."""
+
+    def starts(costs, on_stiffness=True):
+        following = iter(costs)
+        problem = SimpleNamespace(
+            free_values=[SimpleNamespace(name=_STIFFNESS), SimpleNamespace(name="damping_ratio")],
+            spectral_differences=lambda point: np.array([next(following)]),
+        )
+        initial = np.array([0.1, -3.0])
+        first, *others = _start_values(
+            problem, initial, np.array([[-9.0, -9.0], [9.0, 9.0]]), on_stiffness
+        )
+        np.testing.assert_array_equal(first, initial)
+        assert all(start[1] == initial[1] for start in others)
+        return [round(math.exp(start[0] - initial[0]), 9) for start in others]
+
+    scan = [round(float(factor), 9) for factor in _SCANNED_FACTORS]
+    size = len(scan)
+    assert starts(range(size, 0, -1)) == scan[-1:]
+    assert starts(range(1, size + 1)) == scan[:1]
+    bowls = [5.0] * size
+    bowls[0], bowls[3], bowls[-1] = 3.0, 1.0, 2.0
+    bowls[1:3], bowls[4:-1] = [8.0, 7.0], np.linspace(9.0, 6.0, size - 5)
+    assert starts(bowls) == [scan[3], scan[-1], scan[0]][:_MAX_SCANNED_STARTS]
+    assert starts(bowls, on_stiffness=False) == []
+
+
+def test_window_is_exact_to_sample():
+    """The window is the recorded part of the requested time range, exact to the sample. At least
+    ten samples are required."""
+    random = np.random.default_rng(3)
+    base = Record(random.normal(size=100), 0.01, "", "", "", "base")
+    refused = 0
+    for _ in range(300):
+        first, last = np.sort(random.integers(0, 100, 2))
+        recorded = np.full(100, np.nan)
+        recorded[first : last + 1] = 1.0
+        window = (
+            None
+            if random.random() < 0.3
+            else tuple(np.sort(np.round(random.uniform(-0.1, 1.1, 2), 2)))
+        )
+        event = Event(SimpleNamespace(window=window), base, (), (), (), ())
+        start, end = window or (0.0, 0.99)
+        expected = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
+        if len(expected) < 10:
+            refused += 1
+            with pytest.raises(RecordError, match="fewer than 10 samples"):
+                event.window(recorded, "floor 1")
+        else:
+            assert [*range(100)[event.window(recorded, "floor 1")]] == expected
+    assert 30 < refused < 270
+    with pytest.raises(RecordError, match="has fewer than 10 samples"):
+        event.window(np.full(100, np.nan), "floor 1")
+
+
+@pytest.mark.parametrize("shortest", [10, 9])
+def test_mean_of_sensors_covers_common_time_range(shortest):
+    """Sensors record one motion with different factors and start times. Their mean is the motion
+    with the mean factor, over the common time range."""
+    motion = np.random.default_rng(4).normal(size=200)
+    begins = (30, 35, 20)
+    signals = [
+        Signal(
+            factor * motion[begin:end],
+            0.01,
+            "acceleration",
+            "a",
+            1.0 + 0.01 * begin,
+            "UTC",
+            (),
+            (),
+            None,
+        )
+        for factor, begin, end in zip(
+            (1.0, 2.0, 6.0), begins, (140, 35 + shortest, 120), strict=True
+        )
+    ]
+    if shortest < 10:
+        with pytest.raises(RecordError, match=r"floor 1: .*sensors.* overlap"):
+            _mean_signal(signals, "floor 1", {})
+        return
+    mean, lead = _mean_signal(signals, "floor 1", {})
+    assert lead == pytest.approx(0.05)
+    np.testing.assert_allclose(mean.samples, 3.0 * motion[35:45])
+
+
+@pytest.mark.parametrize("more", ["", "window: [2, 20]\n"])
+def test_failed_run_has_fixed_residuals(recorded_model, monkeypatch, more):
+    """The residuals of a failed run have a fixed size in both measures. Their number is that of a
+    run with a result, because derivatives of the residuals may compare the two."""
+    recorded_model.usual()
+    problem = _Problem(
+        recorded_model.model, recorded_model.event(FLOORS + more), [], lambda runs: None
+    )
+    shapes = [
+        differences([]).shape
+        for differences in (problem.history_differences, problem.spectral_differences)
+    ]
+    monkeypatch.setattr(problem, "computed", lambda logarithms: None)
+    temporal, spectral = problem.history_differences([]), problem.spectral_differences([])
+    assert [temporal.shape, spectral.shape] == shapes
+    assert math.sqrt(np.sum(temporal**2)) == pytest.approx(10.0)
+    assert math.sqrt(np.mean(spectral**2)) == pytest.approx(10.0)
+
+
+def test_values_without_enough_residuals_are_not_determined():
+    """Two residuals determine the first of four values, and the sum of the third and the fourth."""
+    jacobian = np.array([[2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]])
+    errors = _standard_errors(SimpleNamespace(jac=jacobian, cost=0.5))
+    np.testing.assert_allclose(errors, [0.5, math.inf, math.inf, math.inf])
+    # More residuals that are zero do not change the covariance matrix of determined values.
+    more = np.vstack([jacobian[:, [0, 2]], np.zeros((1, 2))])
+    np.testing.assert_allclose(
+        _standard_errors(SimpleNamespace(jac=more, cost=0.5)), [0.5, 1.0], rtol=1e-12
+    )
+
+
+def test_rayleigh_coefficients_are_fitted_within_factor_of_1000():
+    for mass, stiffness in ((0.3, 2e-3), (0.3, 0.0), (0.0, 2e-3)):
+        free = _damping(RayleighCoefficients(mass, stiffness))
+        expected = [
+            (name, value)
+            for name, value in (
+                ("mass_coefficient_1_s", mass),
+                ("stiffness_coefficient_s", stiffness),
+            )
+            if value
+        ]
+        assert [(coefficient.name, coefficient.start) for coefficient in free] == expected
+        assert all(
+            coefficient.bounds == pytest.approx((coefficient.start / 1e3, coefficient.start * 1e3))
+            for coefficient in free
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "met", "missed"),
+    [
+        ("correlation", 0.9, (0.9, 1.0), (0.899, -1.0)),
+        ("peak_ratio", 0.8, (0.8, 1.0, 1.25), (0.799, 1.251)),
+        ("peak_ratio", 1.25, (0.8, 1.0, 1.25), (0.799, 1.251)),
+        ("rms_difference", 0.3, (0.3, 0.0), (0.301,)),
+    ],
+)
+def test_requirements_at_their_limits(name, limit, met, missed):
+    meets, _ = _REQUIREMENTS[name]
+    assert all(meets(value, limit) for value in met)
+    assert not any(meets(value, limit) for value in missed)
+
+
+def test_unmet_requirement_is_stated_with_both_bounds(recorded_model):
+    """Bounds and value have four digits, and more if the value would read as the bound."""
+    recorded_model.usual()
+    comparison = compare(recorded_model.model, recorded_model.event())
+    (first, *_) = comparison.floors
+    for value, limit, text in (
+        (0.895228162611, 0.9, "is 0.8952, required is between 0.9 and 1.111"),
+        (1.1112, 0.9, "is 1.1112, required is between 0.9 and 1.111"),
+        (0.899996, 0.9, "is 0.899996, required is between 0.9 and 1.111"),
+    ):
+        floors = (SimpleNamespace(floor=first.floor, peak_ratio=value),)
+        changed = SimpleNamespace(event=comparison.event, floors=floors)
+        (message,) = unmet(changed, [("peak_ratio", limit)])
+        assert message.endswith(f"peak_ratio {text}")
+
+
+# ---- Figure
+
+
+@pytest.mark.long
+def test_figure_shows_floors_with_least_agreement_and_overview(recorded_model):
+    """The figure shows the floors with the least agreement, over the time of strong shaking, as a
+    close-up of eight cycles on both sides of the roof peak, and as spectra. An overview below
+    contains all floors."""
+    compared = []
+    for part in (0.4, 0.3, 0.1, 0.2):
+        recorded_model.usual(floor_3_m_s2=recorded_model.motions["floor_3"] + part * noise(6))
+        compared.append(compare(recorded_model.model, recorded_model.event()))
+    floors = [(event, floor) for event in compared for floor in event.floors]
+    periods = np.geomspace(0.1, 1.0, 5)
+    figure = comparison_picture(compared, periods, 0.05)
+    above, below, *panels = figure.axes
+    for axes, values in ((above, "correlation"), (below, "peak_ratio")):
+        points = [(*line.get_xdata(), *line.get_ydata()) for line in axes.lines[:8]]
+        assert points == [
+            (i // 2 + 1, getattr(floor, values)) for i, (_, floor) in enumerate(floors)
+        ]
+    assert below.lines[8].get_ydata() == [1.0, 1.0]
+    worst = sorted(floors, key=lambda pair: pair[1].correlation)[:4]
+    assert len(panels) == 12
+    for (event, floor), history, close, spectrum in zip(
+        worst, panels[::3], panels[1::3], panels[2::3], strict=True
+    ):
+        assert (
+            f"correlation {floor.correlation:.3f}, peak ratio {floor.peak_ratio:.3f}"
+            in history.get_title("left")
+        )
+        for axes in (history, close):
+            recorded, computed = (line.get_ydata() * 9.80665 for line in axes.lines)
+            np.testing.assert_allclose(
+                [recorded, computed], [floor.recorded, floor.computed], rtol=1e-12, atol=1e-12
+            )
+        parts = [
+            np.cumsum(compared_floor.recorded**2) / np.sum(compared_floor.recorded**2)
+            for compared_floor in event.floors
+        ]
+        left, right = np.transpose(
+            [np.interp(history.get_xlim(), floor.time, part) for part in parts]
+        )
+        assert [np.max(left), np.min(right)] == pytest.approx([0.0005, 0.9995], abs=1e-4)
+        roof = event.floors[-1]
+        within = (roof.time >= close.get_xlim()[0]) & (roof.time <= close.get_xlim()[1])
+        assert np.count_nonzero(np.diff(np.signbit(roof.recorded[within]))) == 15
+        assert np.max(np.abs(roof.recorded)) == np.max(np.abs(roof.recorded[within]))
+        floor_spectra = event.spectra(periods, 0.05)[event.floors.index(floor)]
+        for line, values in zip(
+            spectrum.lines[:2], (floor_spectra.recorded, floor_spectra.computed), strict=True
+        ):
+            np.testing.assert_allclose(line.get_ydata() * 9.80665, values, rtol=1e-12)
+
+
+def test_method_step_and_shift_of_a_comparison(recorded_model):
+    """The arguments have the effect of the keys of the model and of the recording."""
+    recorded_model.usual()
+    event, model = recorded_model.event(), recorded_model.model
+
+    def differences(model, event, **arguments):
+        return [floor.rms_difference for floor in compare(model, event, **arguments).floors]
+
+    plain = differences(model, event, method="newmark-average")
+    average = replace(model, analysis=replace(model.analysis, method="newmark-average"))
+    assert differences(average, event) == plain
+    steps = [
+        np.array(differences(model, event, method="newmark-average", dt=dt))
+        for dt in (0.5 * DT, 0.25 * DT)
+    ]
+    assert np.all(steps[1] < 0.3 * steps[0])  # order 2
+    shifted = recorded_model.event(FLOORS + f"shift: {2.0 * DT}\n")
+    assert differences(model, event, shift=2.0 * DT) == differences(model, shifted)

@@ -1,0 +1,189 @@
+"""Figures of studies: one or many records, no collapse, no result; names that look like
+formulas."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+
+from building_cases import model, story
+from selection import every
+from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.record import Record
+from tdint.response.spectra.target import TargetSpectrum
+from tdint.studies.fragility.fits import fit_capacities, fit_cloud, fit_stripes
+from tdint.studies.fragility.fragility_figures import fragility_picture
+from tdint.studies.ida.ida import IdaStudy
+from tdint.studies.ida.ida_curve import IdaCurve, IdaRun
+from tdint.studies.ida.ida_figures import ida_picture
+from tdint.studies.motions.intensity import MotionIntensity, pga, sa, sa_average
+from tdint.studies.motions.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
+from tdint.studies.motions.scaling_figures import suite_picture
+
+pytestmark = pytest.mark.usefixtures("not_laid_out")
+
+STATUS = {math.inf: "collapsed", -math.inf: "not-converged"}
+
+
+def figure_texts(figure):
+    """Return all texts of a figure, one per line. Rendering detects invalid texts."""
+    figure.draw_without_rendering()
+    return "\n".join(text.get_text() for text in figure.findobj(Text))
+
+
+def record(seed=0, source="a.mseed"):
+    t = np.arange(400) * 0.02
+    return Record(np.sin((3.0 + seed) * t) * np.exp(-t), 0.02, "", "", "HN1", source)
+
+
+def curve(seed, *runs):
+    made = tuple(
+        IdaRun(im, im, STATUS.get(drift, "done"), 0.11 if math.isinf(drift) else drift)
+        for im, drift in runs
+    )
+    return IdaCurve(record(seed, f"{seed}.mseed"), made, 0.1)
+
+
+def study(*curves, measure=None):
+    return IdaStudy(model([story(1.0, 100.0)]), measure or sa(0.5), "impulse4", (0.02, 0.1), curves)
+
+
+COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
+
+
+@pytest.mark.parametrize(
+    ("curves", "expected", "missing"),
+    every(
+        2,
+        [
+            ([COLLAPSING], ["1 record", "capacity against collapse"],
+             ["1 records", "median", "16 %"]),
+            ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
+            ([((1.0, 0.01), (2.0, 0.03))] * 3, ["does not collapse up to here", "median"],
+             ["capacity against"]),
+            ([(*COLLAPSING, (2.6, 0.04))] * 2, ["no collapse at a higher level"],
+             ["capacity against collapse"]),
+            ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
+            ([((1.0, math.inf),)], ["1 record"], ["capacity against"]),
+            ([((1.0, 0.0), (2.0, 0.0))], ["1 record"], ["capacity against collapse"]),
+        ],
+    ),
+)  # fmt: skip
+def test_incremental_dynamic_analyses(curves, expected, missing):
+    text = figure_texts(ida_picture(study(*(curve(i, *runs) for i, runs in enumerate(curves)))))
+    assert not [part for part in expected if part not in text]
+    assert not [part for part in missing if part in text]
+
+
+@pytest.mark.parametrize(
+    ("measure", "pair", "label"),
+    [
+        (sa(0.51234567), None, "\nSa(0.5123 s) (m/s²)"),
+        (pga(), "rotd50", "RotD50 PGA (m/s²)"),
+        (MotionIntensity("pgv"), "rotd50", "RotD50 PGV (m/s)"),
+    ],
+)
+def test_axes_state_measure_and_unit(measure, pair, label):
+    text = figure_texts(
+        ida_picture(replace(study(curve(0, *COLLAPSING), measure=measure), pair=pair))
+    )
+    assert label in text
+    assert ("(g)" in text.splitlines()) == (measure.unit == "m/s^2")
+
+
+TARGET = TargetSpectrum("a $target$_x.csv", np.array([0.1, 3.0]), np.array([5.0, 1.0]))
+PAIR = Horizontals(record(0), record(1))
+
+
+@pytest.mark.parametrize(
+    ("scaling", "expected"),
+    every(
+        2,
+        [
+            (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
+            (scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
+             ["2 records", "median", "Sa_avg = 2 m/s²"]),
+            (scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
+             ["1 pair", "RotD50", "PGV = 0.3 m/s"]),
+            (scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
+             ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"]),
+            (scale_p695([PAIR] * 3, 1.0, 2.0),
+             ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"]),
+            (
+                Scaling(
+                    (PAIR,) * 11,
+                    np.ones(11),
+                    "asce7",
+                    "rotd100",
+                    0.05,
+                    target=TARGET,
+                    periods=np.array([0.2, 2.0]),
+                    least=(1.02, 0.4),
+                ),
+                ["11 pairs", "90 % of the target", "average", "by ASCE 7"],
+            ),
+        ],
+    ),
+    ids=["value", "average", "pair", "target", "p695", "asce7"],
+)  # fmt: skip
+def test_suites(scaling, expected):
+    text = figure_texts(suite_picture(scaling))
+    assert not [part for part in expected if part not in text]
+
+
+CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
+
+
+@pytest.mark.parametrize(
+    ("functions", "expected"),
+    every(
+        2,
+        [
+            (
+                [fit_capacities([1.0, 2.0])],
+                ["2 records", "method of moments", "intensity measure", "95 % confidence"],
+            ),
+            (
+                [fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")],
+                ["1 censored", "PGA"],
+            ),
+            (
+                [
+                    fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(t)
+                    for t in np.arange(1, 9) / 100.0
+                ],
+                ["0.08: "],
+            ),
+            (fit_cloud(*CLOUD), ["slope", "probability of exceedance", "4 runs"]),
+            (fit_cloud(*CLOUD, [False] * 3 + [True]), ["above the limit", "1 censored"]),
+        ],
+    ),
+    ids=["two", "censored", "many", "cloud", "censored-cloud"],
+)
+def test_fragility_functions(functions, expected):
+    text = figure_texts(fragility_picture(functions))
+    assert not [part for part in expected if part not in text]
+
+
+@pytest.mark.parametrize(("count", "panels"), [(1, 1), (2, 1), (4, 2)])
+def test_functions_with_modeling_dispersion_have_their_own_panel(count, panels):
+    """With at most two functions, both lines of each function, its band and its observations are in
+    one panel; with more functions, in two panels."""
+    fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
+    functions = [
+        replace(fitted.named(t, "pga", "m/s^2"), modeling_dispersion=0.3)
+        for t in np.arange(1, count + 1) / 100.0
+    ]
+    figure = fragility_picture(functions)
+    shown = [axes for axes in figure.axes if axes.get_legend()]
+    assert len(shown) == panels
+    totals = [text.get_text() for text in shown[-1].get_legend().get_texts()]
+    assert sum(f"{fitted.beta:.2f}" in text for text in totals) == (count if panels == 1 else 0)
+    assert sum(f"{functions[0].beta_total:.2f}" in text for text in totals) == count
+
+
+@pytest.mark.usefixtures("laid_out")
+def test_panels_are_laid_out():
+    assert "1 record" in figure_texts(ida_picture(study(curve(0, *COLLAPSING))))
