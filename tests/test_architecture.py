@@ -326,18 +326,18 @@ NAMED_ELSEWHERE = {
         "cli/tdint_cli/assessment/overshoot.py": "linear",
         "cli/tdint_cli/commands/spectrum_kinds.py": "exact linear",
         "cli/tdint_cli/options/record.py": "linear",
-        "src/tdint/assessment/stability/stability/stability.py": "linear",
+        "src/tdint/assessment/stability/stability.py": "linear",
         "src/tdint/response/spectra/elastic.py": "exact",
         "src/tdint/ground_motion/choice.py": "linear",
         "src/tdint/ground_motion/processing_steps.py": "linear",
         "src/tdint/kernels/building/compiler.py": "tanh",
-        "src/tdint/assessment/stability/stability/stability_figures.py": "linear",
+        "src/tdint/assessment/stability/stability_figures.py": "linear",
         "src/tdint/output/figures/spectrum_curves.py": "exact linear",
         "src/tdint/assessment/chart/chart_summary.py": "gap",
     },
     "models with a law": {
-        "src/tdint/assessment/failures/failures/failures.py": "gauss4 polynomial tanh",
-        "src/tdint/assessment/order/order/order.py": "bilinear linear polynomial",
+        "src/tdint/assessment/failures/failures.py": "gauss4 polynomial tanh",
+        "src/tdint/assessment/order/order.py": "bilinear linear polynomial",
         "src/tdint/response/runs/compiled_steps.py": "linear",
         "src/tdint/methods/step_check.py": "bilinear linear peak-oriented tanh",
         "src/tdint/model/capacity.py": "multilinear-pinching",
@@ -362,7 +362,7 @@ NAMED_ELSEWHERE = {
         "src/tdint/assessment/examples/paper_examples.py": (
             "central-difference impulse newmark-average newmark-linear polynomial rk5 u0v0 wilson"
         ),
-        "src/tdint/assessment/validation/validation/validation.py": (
+        "src/tdint/assessment/validation/validation.py": (
             "bathe bilinear central-difference exact impulse4 moment4 newmark-average "
             "newmark-linear polynomial wilson"
         ),
