@@ -72,8 +72,6 @@ ASSESSMENT = {"chart", "examples", "failures", "order", "overshoot", "stability"
 
 def _module(name: str) -> str:
     """Return the module of a command."""
-    if name == "rerun":  # repeats commands of all packages
-        return "tdint_cli.rerun"
     package = "studies" if name in STUDIES else "assessment" if name in ASSESSMENT else "commands"
     return f"tdint_cli.{package}.{name.replace('-', '_')}"
 

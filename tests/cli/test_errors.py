@@ -1,7 +1,6 @@
 """Errors are written as lines to standard error and determine the exit code."""
 
 import math
-import os
 import subprocess
 import sys
 import warnings
@@ -140,15 +139,6 @@ def test_invalid_file_names_are_reported_in_one_line(folder, tdint, arguments, c
     messages = tdint(*arguments, code=code).stderr
     assert "internal error" not in messages
     assert messages.splitlines()[-1].startswith("Error: ")
-
-
-def test_endless_or_large_style_sheets_are_refused(folder, tdint):
-    os.mkfifo(folder / "pipe.mplstyle")
-    with (folder / "large.mplstyle").open("wb") as stream:
-        stream.truncate(10**9)
-    for name, message in (("pipe", "is a named pipe"), ("large", "is larger than 1 MB")):
-        sheet = f"{name}.mplstyle"
-        tdint.refused(message, "modes", "forced.yaml", "--plot", "a.png", "--style", sheet)
 
 
 @pytest.mark.usefixtures("short_matching")

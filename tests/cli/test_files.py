@@ -111,7 +111,6 @@ def study(folder: Path, short_matching: None) -> Path:
         "path.csv": "drift_m\n0.01\n-0.01\n",
         "target.csv": "period_s,sa_g\n0.1,1\n2,0.5\n",
         "own.py": "METHODS = ()\n",
-        "own.mplstyle": "lines.linewidth: 2\n",
     }.items():
         (folder / name).write_text(text)
     return folder
@@ -151,9 +150,8 @@ def writing_commands() -> set[str]:
 
 
 def test_every_command_that_writes_or_reads_files_is_tested() -> None:
-    """Exceptions are `compile`, which names its files by a hash of their content, `rerun`, which
-    writes only to an empty directory, and `pushover`, which reads its model in the same way as
-    `modes`."""
+    """Exceptions are `compile`, which names its files by a hash of their content, and
+    `pushover`, which reads its model in the same way as `modes`."""
     assert writing_commands() - {"compile"} == {line.split()[0] for line, _ in WRITING.values()}
     names = cli.list_commands(click.Context(cli))
     takes_files = {
@@ -168,8 +166,7 @@ def check_json_file(
     tdint: Command, arguments: list[str], read: dict[str, bytes], written: dict[str, bytes]
 ) -> None:
     """Check the JSON file of an output: inputs, their sources, options, the meaning of each column,
-    and no path except the paths that were typed. `rerun` in another working directory reports equal
-    tables and changes no file."""
+    and no path except the paths that were typed."""
     (file,) = (
         name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data
     )
@@ -410,11 +407,6 @@ KEPT_SAFE = {
         "own.py",
         ".py",
         "stability --plugin {read} --method wilson -o {written}",
-    ),
-    "order --style": (
-        "own.mplstyle",
-        ".png",
-        "order --method newmark-average --load free --style file={read} --plot={written}",
     ),
 }
 """For each option that writes a file: the input file with the name of the output, its suffix, and

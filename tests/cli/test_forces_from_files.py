@@ -1,4 +1,4 @@
-"""Forces on floors from files on the command line: outputs, inputs, rerun, sequences, campaigns."""
+"""Forces on floors from files on the command line: outputs, inputs, sequences, campaigns."""
 
 import csv
 import json
@@ -33,8 +33,8 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_summary_report_and_rerun(folder):
-    """The summary lists the forces and both files; a changed table prevents a rerun."""
+def test_summary_and_report(folder):
+    """The summary lists the forces and both files."""
     options = ("--duration", "1", "-o", "out", "--report", "out/report.html", "--history")
     code, output = run("run", "model.yaml", *options)
     assert code == 0, output

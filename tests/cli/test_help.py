@@ -98,7 +98,6 @@ def test_examples_run(name, office, monkeypatch, tdint):
     motion.write_text("".join(motion.read_text().splitlines(keepends=True)[:600]))
     if not Path("recorded").exists():
         tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed", code=0)
-    # The files for `rerun` may have been written before, because the order of tests can change.
     for written in Path().glob("loop.*") if name == "law" else ():
         written.unlink()
     began = time.time() - 1.0

@@ -166,8 +166,7 @@ def start(tmp_path_factory):
         "buildings: {models: [office.yaml]}\nrecords: {files: [office-motion.txt]}\n"
     )
     start = Starter(folder)
-    # Other processes write the files, because files record the plug-ins of this process, which
-    # `rerun` would require.
+    # Other processes write the files, because files record the plug-ins of this process.
     start("init", "office.yaml", "--stories", "2")
     start("info", "office-motion.txt", "--export", "motion.mseed")
     model = (folder / "office.yaml").read_text()

@@ -28,7 +28,7 @@ ELSEWHERE = {
     "hyperbolic.py": "plug-in of a user", "nohup": "shell",
     "numpy.lib.format.open_memmap": "NumPy", "numpy.savetxt": "NumPy",
     "openquake.hazardlib.imt": "OpenQuake", "psa_g": "column of a user",
-    "rax": "register of a processor", "reruns": "directory of a measurement",
+    "rax": "register of a processor",
     "sd_cm": "column of a user", "session.run": "nox", "shear_kN": "column of a user",
     "trio": "class of a page",
 }  # fmt: skip

@@ -288,8 +288,6 @@ def test_print_options(results, tmp_path):
     assert figure.get_suptitle() == "" and b"/FontFile2" in file.read_bytes()
     once_more = tdint.plot(results["modes"])
     assert once_more.get_size_inches()[0] * 25.4 > 120.0  # The options apply to a single figure.
-    with pytest.raises(UsageError, match="is not installed"):
-        tdint.plot(results["stability"], font="No Such Font")
 
 
 def test_results_without_a_figure_are_refused(results, tmp_path):
@@ -315,17 +313,3 @@ def test_no_legend_is_wider_than_the_page(results, name):
     for legend in figure.legends:
         box = legend.get_window_extent()
         assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1
-
-
-def test_styles_are_specified_as_on_the_command_line(results, tmp_path):
-    """`style` is a style sheet or a text as for --style; other keywords override it."""
-    sheet = tmp_path / "own.mplstyle"
-    sheet.write_text("lines.linewidth: 4.5\n")
-    for style in (sheet, f"120mm,{sheet}"):
-        figure = tdint.plot(results["modes"], style=style, width="90mm")
-        assert 4.5 in [line.get_linewidth() for line in figure.axes[0].lines]
-        assert figure.get_figwidth() == pytest.approx(90 / 25.4)
-    with pytest.raises(UsageError, match=r"plot: .*'widht=90mm': .*'width'"):
-        tdint.plot(results["stability"], style="widht=90mm")
-    with pytest.raises(UsageError, match=r"style sheet none\.mplstyle: "):
-        tdint.plot(results["stability"], style="none.mplstyle")

@@ -53,7 +53,7 @@ class Request:
     )
     clean: bool = options.option(help="Remove all compiled time loops from the cache of the user.")
     output: str | None = options.output.output(
-        "DIR", "Write to this directory, for use with TDINT_KERNELS_DIR.", tables=False
+        "DIR", "Write to this directory, for use with TDINT_KERNELS_DIR."
     )
 
 

@@ -148,9 +148,8 @@ def option(
         or --strength`), or an option with one of several values (`--im sa or sa-avg`), which its
         default value also fulfills. Without them, the option is refused.
     recorded : bool
-        True if the JSON file of a result records the option, and `tdint rerun` accepts it. An
-        option that specifies where or how a command runs, without effect on results, is not
-        recorded, because the author of a JSON file must not choose it for other users.
+        True if the JSON file of a result records the option. An option that specifies where or how
+        a command runs, without effect on results, is not recorded.
     """
     # Subclasses of ListOf are options that are not repeated.
     value_type = settings.get("type")
@@ -537,8 +536,6 @@ class Command(HelpAsData):
 _FORMER = {
     "--drift-limit": ("--limit", "2%"),
     "--figure-width": ("--style", "90mm"),
-    "--font": ("--style", "\"font='Times New Roman'\""),
-    "--label": ("--style", "'label:moment4=present method'"),
     "--no-title": ("--style", "title=no"),
 }
 """Removed options, with the option that replaces each and an example of its value, for the error

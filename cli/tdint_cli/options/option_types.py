@@ -394,19 +394,13 @@ class FileName(ValueType):
         True for the name of a directory; false by default.
     written : bool
         True for an output. By default the file is an input, which the command never replaces.
-    tables : bool
-        True for the output with the tables of a command, which `tdint rerun` compares; false by
-        default.
     """
 
     name = "file"
 
-    def __init__(
-        self, *, folder: bool = False, written: bool = False, tables: bool = False
-    ) -> None:
+    def __init__(self, *, folder: bool = False, written: bool = False) -> None:
         self.path_type = "dir" if folder else "file"
         self.written = written
-        self.tables = tables
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path of the file.

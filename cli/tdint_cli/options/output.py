@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 import os
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from tdint.errors import OutputError, UsageError
-from tdint.files import STDIN, check_outputs, is_folder, protect_input, write_files
+from tdint.files import STDIN, check_outputs, is_folder, write_files
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
@@ -39,7 +40,7 @@ _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
 """Suffixes that are wrong for a table: programs would report the file as corrupt."""
 
 
-def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
+def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
     """Declare the option -o of a command.
 
     Parameters
@@ -47,10 +48,8 @@ def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> 
     metavar : str
         FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes
         either of them.
-    tables : bool
-        True if the output consists of tables that `tdint rerun` may write again.
     """
-    file_type = FileName(folder=metavar == "DIR", written=True, tables=tables)
+    file_type = FileName(folder=metavar == "DIR", written=True)
     return option(
         "-o", "--output", type=file_type, metavar=metavar, callback=_check_output, help=text
     )
@@ -152,16 +151,13 @@ def plot(text: str) -> grammar.Declaration:
 def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
     """Apply the values of --style to the figures of the command (callback of the option).
 
-    A later value overrides an earlier one. The style sheet becomes an input, which the command must
-    not replace.
+    A later value overrides an earlier one.
     """
     if texts:
         from tdint.output.printed import PRINTED, parse_style
 
         for text in texts:
             PRINTED.set(parse_style(text, before=PRINTED.get()))
-        if sheet := PRINTED.get().style:
-            protect_input(sheet)
     return texts
 
 
@@ -175,10 +171,8 @@ def style_of(needs: str) -> grammar.Declaration:
         callback=_styled,
         metavar="LOOKS",
         rare=True,
-        help="Figure style: 90mm, paper.mplstyle. A width selects print settings: font sizes of 6 "
-        "to 8 points, 600 dpi; a style sheet is a matplotlib file. All settings: "
-        "\"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
-        'label:moment4=present method".',
+        help="Figure style: 90mm, title=no. A width selects print settings: font sizes of 6 to 8 "
+        "points, 600 dpi.",
     )
 
 
@@ -445,8 +439,8 @@ def summary_bytes(
     keys: Mapping[str, str] = MappingProxyType({}),
     converted: Mapping[str, Any] = MappingProxyType({}),
 ) -> bytes:
-    """Return the JSON file of tables: the contents, all files that were read, and the command line
-    for `tdint rerun`.
+    """Return the JSON file of tables: the contents, all files that were read, and the command
+    line, also as one line for a POSIX shell.
 
     Parameters
     ----------
@@ -465,8 +459,14 @@ def summary_bytes(
     inputs = list(contents.get("inputs", ()))
     inputs += [source for source in merged_inputs(files_read()) if source not in inputs]
     contents = {**contents, "inputs": inputs}
-    execution = {"arguments": list(current().arguments), "time_loops": time_loops()}
+    execution = {**command_line(), "time_loops": time_loops()}
     return json_bytes({**in_units(contents, units, keys), **converted, **execution})
+
+
+def command_line() -> dict[str, Any]:
+    """Return the arguments of the command, and the line for a POSIX shell that repeats it."""
+    arguments = list(current().arguments)
+    return {"arguments": arguments, "command": shlex.join(["tdint", *arguments])}
 
 
 def _plain(value: Any) -> Any:
@@ -483,19 +483,13 @@ def _plain(value: Any) -> Any:
 
 
 def check_picture(file: Path) -> None:
-    """Raise UsageError if a figure cannot be written to a file with this name and style.
-
-    The reasons are an unknown format (suffix of the file), or a font or style sheet that is missing
-    on this machine.
-    """
-    from tdint.output.figures.style import check_print, picture_format
-    from tdint.output.printed import PRINTED
+    """Raise UsageError if the suffix of a file is no format of figures."""
+    from tdint.output.figures.style import picture_format
 
     try:
         picture_format(file.suffix)
     except OutputError as error:  # the user typed this name, so it is a usage error
         raise UsageError(str(error)) from None
-    check_print(PRINTED.get())
 
 
 def picture_file(plot: str | None, table: Path | None) -> Path | None:

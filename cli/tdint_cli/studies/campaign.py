@@ -233,7 +233,7 @@ def _run(request: CampaignRequest) -> None:
         )
     campaign = replace(campaign, pair_demand=request.pair_demand or campaign.pair_demand)
     plan = make_plan(campaign, read_inputs(campaign))
-    apply_style(plan.style, campaign.source, drawn=bool(request.plot or request.report))
+    apply_style(plan.style, campaign.source)
     execute_campaign(plan, engine, request, shard=shard, max_runs=request.max_runs)
 
 
@@ -268,7 +268,7 @@ def _export(request: CampaignRequest) -> None:
     folder = _folder(request)
     with open_existing(folder, write=True) as store:
         extra_files = check_names(folder, request)
-        apply_style(store.style(), str(folder), drawn=bool(request.plot or request.report))
+        apply_style(store.style(), str(folder))
         if not request.overwrite:
             store.refuse_foreign(extra_files)
         check_chunks(store)
@@ -302,7 +302,7 @@ def _merge(request: CampaignRequest) -> None:
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target, partial=request.partial) as store:
-            apply_style(store.style(), str(target), drawn=bool(request.plot or request.report))
+            apply_style(store.style(), str(target))
             if request.pair_demand is not None:
                 store.choose_pair_demand(request.pair_demand)
             profiles = Profiles(store, request)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, is_there, protect_input, refuse_protected, write_files
+from tdint.files import check_outputs, is_there, refuse_protected, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.units import OutputUnits
@@ -52,41 +52,19 @@ _NOT_STORED = (
 )
 
 
-def apply_style(style: tuple[str, str], source: str, *, drawn: bool) -> None:
+def apply_style(style: str, source: str) -> None:
     """Apply the figure style of a campaign; settings of the command line have priority.
 
-    Parameters
-    ----------
-    style : tuple of (str, str)
-        The text of the key `style` of the campaign (empty without a style), and the directory for
-        relative paths of a style sheet.
-    drawn : bool
-        True if a figure is requested; the font and the style sheet are checked only in this case.
-
-    Raises
-    ------
-    ModelError
-        The style is invalid, or its font or style sheet is missing on this machine.
+    `style` is the text of the key `style` of the campaign, empty without a style. ModelError is
+    raised if it is invalid.
     """
     from tdint.output.printed import PRINTED, parse_style
 
-    # Without a style of the campaign, only the style of the command line applies.
-    style_text, folder = style
-    if not style_text:
-        return
-    try:
-        settings = parse_style(style_text, "style:")
-        settings = PRINTED.get().over(
-            replace(settings, style=settings.style and str(Path(folder, settings.style)))
-        )
-        if drawn:
-            figures.style.check_print(settings)
-    except UsageError as error:
-        raise ModelError(f"{source}: {error}") from None
-    # A style sheet is an input, which the command must not replace.
-    if drawn and settings.style:
-        protect_input(settings.style)
-    PRINTED.set(settings)
+    if style:
+        try:
+            PRINTED.set(PRINTED.get().over(parse_style(style, "style:")))
+        except UsageError as error:
+            raise ModelError(f"{source}: {error}") from None
 
 
 _MAX_LINES = 10  # maximum number of lines about buildings with collapsed or failed runs
@@ -681,7 +659,7 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     export_writers = _exports(profiles, existing_exports)
     updated = {name: writer for name, writer in export_writers.items() if writer}
     contents = {**_suite_contents(profiles, folder, plan), **updated}
-    provenance = {"arguments": current().arguments, "time_loops": profiles.store.time_loops()}
+    provenance = {**options.output.command_line(), "time_loops": profiles.store.time_loops()}
     _write(profiles, folder, contents, files_read(), provenance)
     for name, writer in export_writers.items():
         if writer:
@@ -774,8 +752,8 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
         )
     # The summary keeps the provenance of the runs that the last call of the campaign has recorded.
     last_summary = stored_summary(folder / SUMMARY)
-    provenance = {
-        "arguments": last_summary.get("arguments", []),
+    provenance: dict[str, Any] = {
+        **{key: last_summary[key] for key in ("arguments", "command") if key in last_summary},
         "time_loops": store.time_loops(),
         "export": list(current().arguments),
     }

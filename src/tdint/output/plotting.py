@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -10,7 +10,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.figures.style import picture, style_context
 from tdint.output.presentations import Presentation, presentations
-from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
+from tdint.output.printed import PRINTED, PrintedAs, figure_width
 from tdint.tabular import ResultList
 from tdint.units import SI, parse_output_units
 
@@ -27,10 +27,7 @@ def plot(
     *,
     file: str | Path | None = None,
     width: float | str | None = None,
-    font: str | None = None,
     title: bool = True,
-    label: Mapping[str, str] | None = None,
-    style: str | Path | None = None,
 ) -> Figure: ...
 
 
@@ -45,10 +42,7 @@ def plot(
     *,
     file: str | Path | None = None,
     width: float | str | None = None,
-    font: str | None = None,
     title: bool = True,
-    label: Mapping[str, str] | None = None,
-    style: str | Path | None = None,
 ) -> Figure | Axes:
     """Plot a result, or several results of the same type in a common figure.
 
@@ -67,14 +61,8 @@ def plot(
     width : float or str, optional
         Printed width in m, or with its unit (`90mm`). Font sizes are 6 to 8 pt and mathematical
         symbols are used.
-    font : str, optional
-        Name of an installed font.
     title : bool
         True for a figure with a title, the default; figures of papers have captions instead.
-    label : mapping of str to str, optional
-        Replacements of labels in the figure: `{"moment4": "present method"}`.
-    style : str or Path, optional
-        A matplotlib style sheet, or all settings as for `--style`: `"90mm,title=no"`.
 
     Returns
     -------
@@ -84,8 +72,8 @@ def plot(
     Raises
     ------
     UsageError
-        The result has no figure or no main panel, a unit, font or style sheet is unknown, or the
-        width is too small for the panels.
+        The result has no figure or no main panel, a unit is unknown, or the width is
+        too small for the panels.
     OutputError
         The file format is unknown, or the file cannot be written.
     """
@@ -96,19 +84,12 @@ def plot(
     shown = results[0] if drawing.alone else results
     output_units = parse_output_units(units) if units else SI
     width_m = figure_width(width, "plot:") if isinstance(width, str) else width
-    # A text can contain all settings, as for --style; a path is the name of a style sheet.
-    if isinstance(style, str):
-        style_settings = parse_style(style, "plot: style")
-    else:
-        style_settings = PrintedAs(style=str(style or "") or None)
-    labels = tuple((label or {}).items())
-    printed = PrintedAs(width_m, font, title, labels).over(style_settings)
+    printed = PrintedAs(width_m, title)
     if ax is not None:
         # The figure of existing axes determines all settings except line styles.
         if file is not None or printed != PrintedAs():
             raise UsageError(
-                "width, font, title, label, style and file cannot be used with ax; set them for "
-                "its figure"
+                "width, title and file cannot be used with ax; set them for its figure"
             )
         if drawing.on_axes is None:
             raise UsageError(f"a {type(results[0]).__name__} has no main panel; plot it without ax")

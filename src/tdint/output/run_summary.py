@@ -267,7 +267,6 @@ def _with_provenance(
     """
     content |= {
         "record": motion_summary(record) if record else None,
-        # Unused options are omitted, because `tdint rerun` uses the stored arguments.
         "settings": {
             name: value for name, value in (settings or {}).items() if value not in (None, [])
         },

@@ -96,7 +96,7 @@ def test_stored_numbers_equal_those_of_a_run(cases, tdint):
 
 
 @pytest.mark.long
-def test_summary_rerun_report_and_status(cases, tdint):
+def test_summary_report_and_status(cases, tdint):
     tdint("campaign", "c.yaml", "-o", "out", "--plot", "--report", "out/report.html", code=0)
     summary = json.loads(Path("out/summary.json").read_text())
     hashes = {item["file"]: item["sha256"] for item in summary["inputs"]}

@@ -60,7 +60,7 @@ analysis: {method: newmark-average}
 @pytest.mark.long
 def test_a_matched_motion_keeps_its_origin_in_every_result(tdint):
     """Seed, target, factor, change and misfit of the table of the match are in summary.json of a
-    run and of a suite, in reports, verdicts and notes; `rerun` reads them again."""
+    run and of a suite, in reports, verdicts and notes."""
     Path("one.yaml").write_text(MODEL)
     tdint(*CALL, *TARGET, code=0)
     (row,) = rows("m/matched.csv")

@@ -10,7 +10,6 @@ import io
 import itertools
 import math
 import re
-import shutil
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -21,8 +20,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from tdint.errors import OutputError, UsageError, did_you_mean
-from tdint.files import read_whole
+from tdint.errors import OutputError, UsageError
 
 try:
     import matplotlib as mpl
@@ -33,7 +31,6 @@ except ValueError as error:  # an invalid variable such as MPLBACKEND, which tdi
     ) from None
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
-from matplotlib.font_manager import get_font_names
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
@@ -63,8 +60,6 @@ _STYLE = {
     "svg.fonttype": "none",
     "svg.hashsalt": "tdint",
 }
-_LATEX = ("latex", "dvipng")
-"""Programs that matplotlib starts if text.usetex is set."""
 
 # These settings apply to figures with a printed width, which journals print without enlargement.
 _PRINT = {
@@ -88,7 +83,6 @@ _MIN_FONT_SIZE, _MAX_FONT_SIZE = 6.0, 8.0  # points; the range that journals req
 INCH = 0.0254  # m
 _PRINT_DPI, _SCREEN_DPI = 600, 160  # with and without a printed width
 _NOTEBOOK_DPI = 100  # the default of matplotlib
-_MAX_SHEET = 1_000_000  # bytes; a style sheet that sets every parameter of matplotlib has 40 kB
 INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
@@ -254,12 +248,8 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     ------
     OutputError
         The suffix is unknown.
-    UsageError
-        The font or the style sheet of the command is missing or invalid.
     """
-    file_format = picture_format(suffix)
-    check_print(PRINTED.get())
-    return Picture(file_format, draw)
+    return Picture(picture_format(suffix), draw)
 
 
 class ShownFigure(Figure):
@@ -273,7 +263,7 @@ class ShownFigure(Figure):
         settings = _settings(self.printed) | _LAID_OUT_HERE
         with (
             mpl.rc_context(settings),
-            _latex_errors_reported(),
+            _missing_glyphs_ignored(),
             _panels_must_fit(self.printed.width),
             _fixed_layout(self, _NOTEBOOK_DPI),
         ):
@@ -300,7 +290,7 @@ class Picture:
         Notebooks show the returned figure as the result of a cell; pyplot does not manage it.
         """
         printed = PRINTED.get()
-        with mpl.rc_context(_settings(printed)), _latex_errors_reported():
+        with mpl.rc_context(_settings(printed)), _missing_glyphs_ignored():
             figure = self.draw()
             # A canvas is required for the sizes of texts; creating it attaches it to the figure.
             FigureCanvasAgg(figure)
@@ -327,7 +317,7 @@ class Picture:
         layout_context = _fixed_layout(figure, dpi) if self.format == "png" else nullcontext()
         with (
             mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
-            _latex_errors_reported(),
+            _missing_glyphs_ignored(),
             _panels_must_fit(printed.width),
             layout_context,
         ):
@@ -353,22 +343,11 @@ def _fixed_layout(figure: Figure, dpi: float) -> Iterator[None]:
 
 
 @contextmanager
-def _latex_errors_reported() -> Iterator[None]:
-    """Convert errors of LaTeX to UsageError, and suppress warnings about missing glyphs.
-
-    Only a style sheet can select LaTeX (text.usetex), so that the message names the style sheet.
-    Matplotlib draws a box for a glyph that the font does not contain.
-    """
+def _missing_glyphs_ignored() -> Iterator[None]:
+    """Suppress warnings about glyphs that the font does not contain; matplotlib draws a box."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        try:
-            yield
-        except RuntimeError as error:
-            if not mpl.rcParams["text.usetex"]:
-                raise
-            raise UsageError(
-                f"LaTeX (text.usetex of the style sheet): {str(error).strip().splitlines()[0]}"
-            ) from None
+        yield
 
 
 @contextmanager
@@ -389,16 +368,8 @@ def _panels_must_fit(width: float | None) -> Iterator[None]:
 
 
 def _settings(printed: PrintedAs) -> dict[str, Any]:
-    """Return the matplotlib parameters (rcParams) for the print settings of a figure.
-
-    A style sheet overrides the parameters of tdint, and a requested font overrides both.
-    """
-    settings = _STYLE | (_PRINT if printed.width else {})
-    if printed.style:
-        settings = settings | dict(
-            mpl.rc_params_from_file(printed.style, use_default_template=False)
-        )
-    return settings | ({"font.family": printed.font} if printed.font else {})
+    """Return the matplotlib parameters (rcParams) for the print settings of a figure."""
+    return _STYLE | (_PRINT if printed.width else {})
 
 
 def style_context() -> AbstractContextManager[None]:
@@ -411,44 +382,8 @@ def style_context() -> AbstractContextManager[None]:
     )
 
 
-def check_print(printed: PrintedAs) -> None:
-    """Check the font and the style sheet of the print settings of a figure.
-
-    Raises
-    ------
-    UsageError
-        The font is not installed; the style sheet cannot be read, is invalid, or requires LaTeX,
-        which is not installed; or style sheets are not trusted (`TRUSTED` is False). `tdint rerun`
-        sets `TRUSTED` to False unless the user specifies --trust, because another user may have
-        selected the style sheet.
-    """
-    if printed.font and printed.font not in get_font_names():
-        hint = did_you_mean(printed.font, get_font_names())
-        raise UsageError(f"font {printed.font!r} is not installed on this machine{hint}")
-    if printed.style:
-        # `read_whole` refuses named pipes, which may never end, and large files, which would fill
-        # the memory.
-        too_large_text = f"is larger than {_MAX_SHEET // 1_000_000} MB; use a smaller style sheet"
-        # The empty mapping {} selects the messages of the operating system for unreadable files.
-        try:
-            read_whole(printed.style, UsageError, {}, too_large_text, _MAX_SHEET)
-        except UsageError as error:
-            raise UsageError(f"style sheet {error}") from None
-        try:
-            sheet = mpl.rc_params_from_file(printed.style, use_default_template=False)
-        except (OSError, ValueError) as error:
-            raise UsageError(f"style sheet {printed.style} cannot be used: {error}") from None
-        if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
-            raise UsageError(
-                f"style sheet {printed.style}: text.usetex requires {' and '.join(_LATEX)}, which "
-                "are not installed; install them, or remove text.usetex"
-            )
-
-
 def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
-    """Set the width, the title, the font sizes and the labels of a figure that is drawn for print.
-    UsageError is raised if a label that should be replaced is not in the figure.
-    """
+    """Set the width, the title and the font sizes of a figure that is drawn for print."""
     width, height = figure.get_size_inches()
     if printed.width:
         # Texts need more height in a narrower figure, so that the height is reduced less.
@@ -462,40 +397,29 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
         for line in title.splitlines():
             lines += wrap(line, max_letters, break_on_hyphens=False)
         figure.suptitle("\n".join(lines) if printed.title else "")
-    original_texts = _replace_texts(figure, printed)
+    _replace_texts(figure, printed)
     if printed.width:
         _fit(figure)
-    for label, _ in printed.labels:
-        if not any(text == label or text.startswith(f"{label}:") for text in original_texts):
-            raise UsageError(
-                f"label {label!r} not found in the figure; specify a label as the figure shows it"
-            )
 
 
-def _replace_texts(figure: Figure, printed: PrintedAs) -> set[str]:
-    """Replace the labels of a figure as requested, and set their font sizes for print. Return the
-    original texts, without surrounding spaces.
-    """
+def _replace_texts(figure: Figure, printed: PrintedAs) -> None:
+    """Replace ASCII words in the texts of a figure by symbols, and set font sizes for print."""
     # Tick labels exist only after the figure has been drawn. They do not depend on the layout,
     # which would need time.
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
     figure.draw_without_rendering()
     figure.set_layout_engine(engine)
-    original_texts: set[str] = set()
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         tick_labels = [text.get_text() for text in axis.get_ticklabels()]
         if isinstance(axis.get_major_locator(), FixedLocator) and any(tick_labels):
             # Matplotlib restores fixed tick labels whenever it draws the figure, so that they must
             # be replaced in the axis.
-            original_texts.update(tick_labels)
-            axis.set_ticklabels([in_print(label, printed) for label in tick_labels])
+            axis.set_ticklabels(list(map(in_print, tick_labels)))
     for text in figure.findobj(Text):
-        original_texts.add(text.get_text().strip())
-        text.set_text(in_print(text.get_text(), printed))
+        text.set_text(in_print(text.get_text()))
         if printed.width:
             text.set_fontsize(min(max(text.get_fontsize(), _MIN_FONT_SIZE), _MAX_FONT_SIZE))
-    return original_texts
 
 
 _MAX_THINNINGS = 3

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -104,7 +103,7 @@ class Plan:
     outputs: tuple[str, ...] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
     factors: str = ""
-    style: tuple[str, str] = ("", "")
+    style: str = ""
     pair_demand: str | None = None
     scaled: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -433,10 +432,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*motions.failures, *inputs.faults),
         too_far_from_sites=inputs.too_far_from_sites,
         outputs=campaign.outputs,
-        style=(
-            campaign.style,
-            str(Path(campaign.source).parent.absolute()) if campaign.style else "",
-        ),
+        style=campaign.style,
         rates=motions.rates,
         pair_demand=campaign.pair_demand,
         notes=(*notes, *motions.notes),

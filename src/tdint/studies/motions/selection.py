@@ -340,9 +340,6 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
 class _EventGroups:
     """Groups of motions of the same event. Motions are identified by their indices.
 
-    The groups are a disjoint-set forest: `_parents[i]` is a motion of the same group as motion i,
-    or i if motion i represents its group.
-
     Attributes
     ----------
     events : list of Earthquake
@@ -351,26 +348,14 @@ class _EventGroups:
 
     def __init__(self, events: list[Earthquake]) -> None:
         self.events = events
-        self._parents = list(range(len(events)))
+        from scipy.cluster.hierarchy import DisjointSet  # imported here, because it takes 90 ms
 
-    def _root(self, motion: int) -> int:
-        """Return the motion that represents the group of a motion."""
-        parents = self._parents
-        while parents[motion] != motion:
-            # Skip one motion of the path to the root, which makes later calls faster.
-            parents[motion] = parents[parents[motion]]
-            motion = parents[motion]
-        return motion
-
-    def _unite(self, motion: int, other_motion: int) -> None:
-        """Merge the groups of two motions."""
-        representative, merged = sorted((self._root(motion), self._root(other_motion)))
-        self._parents[merged] = representative
+        self._groups = DisjointSet(range(len(events)))
 
     def _unite_if_same_event(self, motion: int, other_motion: int) -> None:
         """Merge the groups of two motions if their headers may describe the same event."""
         if is_same_event(self.events[motion], self.events[other_motion]):
-            self._unite(motion, other_motion)
+            self._groups.merge(motion, other_motion)
 
     def _first_motions(self) -> dict[Earthquake, int]:
         """Return the first motion of each distinct known event."""
@@ -385,7 +370,7 @@ class _EventGroups:
         first_motions = self._first_motions()
         for motion, event in enumerate(self.events):
             if event.is_known:
-                self._unite(motion, first_motions[event])
+                self._groups.merge(motion, first_motions[event])
 
     def unite_recordings(self, recordings: Sequence[Sequence[str]]) -> None:
         """Merge the groups of motions of the same recording.
@@ -406,7 +391,7 @@ class _EventGroups:
         for motion, names in enumerate(recordings):
             if not self.events[motion].is_known:
                 for name in names:
-                    self._unite(motion, motion_of_recording.setdefault(name, motion))
+                    self._groups.merge(motion, motion_of_recording.setdefault(name, motion))
 
     def unite_similar_events(self) -> None:
         """Merge the groups of motions if their headers describe the same event differently, for
@@ -437,8 +422,8 @@ class _EventGroups:
         label_of_group: dict[int, str] = {}
         for motion, event in enumerate(self.events):
             if event.is_known:
-                label_of_group.setdefault(self._root(motion), event.label)
-        groups = [self._root(motion) for motion in range(len(self.events))]
+                label_of_group.setdefault(self._groups[motion], event.label)
+        groups = [self._groups[motion] for motion in range(len(self.events))]
         return [label_of_group.get(group, "") for group in groups]
 
 

@@ -53,8 +53,8 @@ class Identity:
         SHA-256 of the model files, or of the files of the inventory, by name.
     rates : mapping of str to float
         Annual rate of each event, 1/year, if specified.
-    style : tuple of (str, str)
-        Style of the figures, and the directory that relative paths of style sheets refer to.
+    style : str
+        Style of the figures.
     pair_demand : str | None
         Rule that combines the demands of the two components of a pair; None: the default.
     building_numbers : sequence of int | None
@@ -77,7 +77,7 @@ class Identity:
     files: Mapping[str, str] = field(default_factory=dict)
     outputs: Sequence[str] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
-    style: tuple[str, str] = ("", "")
+    style: str = ""
     pair_demand: str | None = None
     building_numbers: Sequence[int] | None = None
     scaling: Mapping[str, Any] = field(default_factory=dict)

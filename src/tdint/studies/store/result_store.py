@@ -429,11 +429,11 @@ class Store:
         requested_tables = json.loads(self._meta_or_none("outputs") or "null")
         return requested_tables is None or table in requested_tables
 
-    def style(self) -> tuple[str, str]:
-        """Return the style of the figures, empty if not specified, and the base
-        directory of relative paths of style sheets."""
-        text, folder = json.loads(self._meta_or_none("style") or '["", ""]')
-        return text, folder
+    def style(self) -> str:
+        """Return the style of the figures, empty if not specified."""
+        stored = json.loads(self._meta_or_none("style") or '""')
+        # Stores of earlier versions also contain the directory of style sheets.
+        return str(stored[0] if isinstance(stored, list) else stored)
 
     def pair_demand(self) -> str:
         """Return the rule that combines the components of pairs, an item of
