@@ -28,7 +28,7 @@ from tdint.kernels.linear_terms import (
     force_value,
     power_damper,
 )
-from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
+from tdint.kernels.peaks_between_steps import keep_corner, raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import brace_force_within
@@ -771,3 +771,7 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
             scratch, ROW.NODE_ACCELERATION, i, count, ROW.PEAKS + rows.PEAK_ACCELERATION, i
         )
         raise_peak_at_nodes(scratch, ROW.NODE_FORCE, i, count, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i)
+        if FORCES:
+            for k in range(1, count):
+                t = load[rows.TIME] + h * scratch[ROW.NODE_FORCE + k, n]
+                keep_corner(scratch, ROW.PEAKS, i, scratch[ROW.NODE_ACCELERATION + k, i], t)
