@@ -155,29 +155,6 @@ def keep_corner(scratch, peaks, i, acceleration, t):
 
 
 @inline
-def raise_peak_at_nodes(scratch, first, column, count, row, i):
-    """Raise a peak by values at successive times and by the parabolas through them.
-
-    The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on, with the middle node at half
-    of the time interval. `count` is 1 or an odd number. The first of several nodes is not recorded,
-    because it was the end of the previous step.
-    """
-    if count == 1:
-        raise_peak(scratch, row, i, scratch[first, column])
-    for k in range(0, count - 2, 2):
-        p0, p1 = scratch[first + k, column], scratch[first + k + 1, column]
-        p2 = scratch[first + k + 2, column]
-        raise_peak(scratch, row, i, p1)
-        raise_peak(scratch, row, i, p2)
-        # With x = 0, 1, 2 at the nodes, the extremum at x = -linear / (2 quadratic) is inside if
-        # its distance from x = 1 is less than 1.
-        linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
-        quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
-        if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
-            raise_peak(scratch, row, i, p0 - 0.25 * linear * linear / quadratic)
-
-
-@inline
 def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     """Return True if a displacement or velocity of a floor may exceed its recorded peak in a step.
 

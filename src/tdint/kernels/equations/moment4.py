@@ -69,7 +69,7 @@ TOLERANCE = 2  # maximum residual relative to the sum of the absolute values of 
 
 
 # Maximum number of discontinuities of the story forces within a step that are considered for peaks
-MAX_CORNERS = 6
+MAX_CORNERS = 8
 # Maximum number of nodes: the endpoints, the discontinuities, and the midpoints between them
 _MAX_NODES = 2 * MAX_CORNERS + 3
 
