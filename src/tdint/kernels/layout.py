@@ -182,7 +182,8 @@ BRACE_FORCE = -4  # force of brace and damper in the equations of the method, N
 BRACE_REPORTED = -3
 BRACE_PEAK = -2  # maximum absolute force since the last observed time, N
 BRACE_DISSIPATED = -1  # energy that the damper has dissipated since the start, J
-ADDED_STATE_ROWS = 9
+BRACE_START = -10  # BRACE_REPORTED at the start of the last step or substep, N
+ADDED_STATE_ROWS = 10
 
 # load: load of a step. The ground acceleration is linear within the step.
 TIME = 0  # start of the step, s
@@ -213,37 +214,55 @@ V_PREVIOUS = 4
 A_PREVIOUS = 5
 V_EARLIER = 6  # velocity and acceleration one step before the previous observed time
 A_EARLIER = 7
-REVERSAL_DRIFT = 8  # drift at which the story reversed within the step, m
-MODAL_FORCE = 9  # modal damping force on the floor, N
+MODAL_FORCE = 8  # modal damping force on the floor, N
 # The following rows are used only in a building with forces on floors.
-START_FORCE = 10  # sum of the lines of the tables on the floor at the start of the step, N
-ACCELERATION_JUMP = 11  # jump of the acceleration between two steps by the lines, m/s^2
+START_FORCE = 9  # sum of the lines of the tables on the floor at the start of the step, N
+ACCELERATION_JUMP = 10  # jump of the acceleration between two steps by the lines, m/s^2
 # Sum of the deviations of the tables from their lines at the end of the step, divided by the mass
 # of the floor, m/s^2
-ACCELERATION_DEVIATION = 12
+ACCELERATION_DEVIATION = 11
 # Upper bounds of the absolute deviations from the response under the lines in the step: of the
 # acceleration of the floor (m/s^2), of its velocity (m/s), and of the total shear of the story (N)
-DEVIATION_BOUND = 13
-VELOCITY_BOUND = 14
-SHEAR_BOUND = 15
+DEVIATION_BOUND = 12
+VELOCITY_BOUND = 13
+SHEAR_BOUND = 14
 # Half of the increase of the rate of the power of all dampers except modal damping (W/s) per unit
 # increase of the acceleration of the floor (m/s^2)
-VISCOUS_FACTOR = 16
+VISCOUS_FACTOR = 15
 # Half of the increase of the rate of the power of the dashpot of the story (W/s) per unit increase
 # of the drift acceleration (m/s^2)
-DASHPOT_FACTOR = 17
+DASHPOT_FACTOR = 16
 # Deviations from the response under the lines at the start and, in the next row, at the end of a
 # part of the step: sum of the forces of the tables on the floor (N), velocity of the floor (m/s),
 # and modal damping force (N). The third row of the last two is the bulge in the part: 4 times the
 # difference, at its middle, from the straight line between the endpoint values.
-LOAD_DEVIATION = 18
-VELOCITY_DEVIATION = 20
-MODAL_DEVIATION = 23
+LOAD_DEVIATION = 17
+VELOCITY_DEVIATION = 19
+MODAL_DEVIATION = 22
 # Bulge, in the same sense, of the velocity under the lines in the step (m/s), and its modal damping
 # force (N)
-VELOCITY_BULGE = 26
-MODAL_BULGE = 27
-OBSERVER_ROWS = 28
+VELOCITY_BULGE = 25
+MODAL_BULGE = 26
+# First of LOCATED_ROWS rows
+LOCATED = 27
+OBSERVER_ROWS = 42
+
+# Rows of a step or substep for the peaks inside it (`tdint.kernels.located_peaks`), relative to the
+# first row
+REVERSAL_DRIFT = 0  # drift of a reversal, m; without a reversal, the drift at the end of the step
+# Instants of an extremum of the acceleration of a floor and of the total shear of a story, as
+# fractions of the step; 0 for none
+ACCELERATION_INSTANT = 1
+TOTAL_SHEAR_INSTANT = 2
+# Response at an instant: displacement (m) and velocity (m/s) of the floor, force of brace and
+# tangent damping of the story, sum of its other forces, and internal force of the floor (N)
+LOCATED_DISPLACEMENT = 3
+LOCATED_VELOCITY = 4
+LOCATED_DEVICE = 5
+LOCATED_SUM = 6
+LOCATED_INTERNAL = 7
+LOCATED_BRACE = 8  # results of `tdint.kernels.stories.brace.follow_brace`
+LOCATED_ROWS = 15
 
 # forces: forces on floors; one row for each force, with the following columns. A row is a harmonic
 # force COSINE cos(OMEGA t) + SINE sin(OMEGA t) if POINTS is 0. Otherwise it is a table, linear

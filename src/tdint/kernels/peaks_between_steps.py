@@ -145,26 +145,13 @@ def raise_peak(peaks, row, i, value):
 
 
 @inline
-def raise_peak_at_nodes(scratch, first, column, count, row, i):
-    """Raise a peak by values at successive times and by the parabolas through them.
-
-    The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on, with the middle node at half
-    of the time interval. `count` is 1 or an odd number. The first of several nodes is not recorded,
-    because it was the end of the previous step.
+def keep_corner(scratch, peaks, i, acceleration, t):
+    """Keep the acceleration of floor `i` at a corner within a step (m/s^2) and its time (s), if it
+    is the largest of the step.
     """
-    if count == 1:
-        raise_peak(scratch, row, i, scratch[first, column])
-    for k in range(0, count - 2, 2):
-        p0, p1 = scratch[first + k, column], scratch[first + k + 1, column]
-        p2 = scratch[first + k + 2, column]
-        raise_peak(scratch, row, i, p1)
-        raise_peak(scratch, row, i, p2)
-        # With x = 0, 1, 2 at the nodes, the extremum at x = -linear / (2 quadratic) is inside if
-        # its distance from x = 1 is less than 1.
-        linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
-        quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
-        if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
-            raise_peak(scratch, row, i, p0 - 0.25 * linear * linear / quadratic)
+    corner = peaks + 2 * rows.PEAK_ROWS
+    if abs(acceleration) > abs(scratch[corner, i]):
+        scratch[corner, i], scratch[corner + 1, i] = acceleration, t
 
 
 @inline
@@ -308,20 +295,20 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
 
 
 @outlined
-def find_interstep_peaks(
-    span, scene, passage, law_state, reversals, reversal_row, peaks, first_peak
-):
+def find_interstep_peaks(span, scene, passage, law_state, located):
     """Raise the peaks of all floors and stories by the response inside a step or substep; return
-    the number of stored reversal drifts.
+    the number of stored reversals and instants.
 
     For the total shear of a story, the sum of m (a + ag) - p over the floors that the story
     supports is searched, with mass m, absolute acceleration a + ag and force p of each floor. The
     total shear is minus this sum; the sign has no effect on the peak.
 
-    The restoring force at an interior drift depends on the hysteretic law, so this function does
-    not compute it. Row `reversal_row` of `reversals` is set to the extreme drift inside the step if
-    that drift may cause a new peak drift or peak shear, and to the drift at the end of the step
-    otherwise. The caller evaluates the laws at these drifts.
+    The forces inside the step depend on the hysteretic laws, so this function does not compute
+    them. Row REVERSAL_DRIFT of `located` is set to the extreme drift inside the step if that drift
+    may cause a new peak drift or peak shear, and to the drift at the end of the step otherwise.
+    Rows ACCELERATION_INSTANT and TOTAL_SHEAR_INSTANT are set to the locations of extrema that may
+    be peaks. The caller evaluates the laws there (`tdint.kernels.located_peaks`). In a linear
+    building, the extrema of the interpolant are the peaks.
 
     In a kinked step, `raise_peaks_in_part` searches velocities, drift rates and absolute
     accelerations, and total shears, except near the rest of a dashpot.
@@ -329,10 +316,11 @@ def find_interstep_peaks(
     The length of the step must not be zero.
     """
     linear_terms = scene.linear_terms
+    table, first, peaks, first_peak = located
     by_h = 1.0 / span.h
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     searched_in_parts = span.kinked and not span.cornered
-    reversal_count = 0
+    located_count = 0
     n = linear_terms.shape[1] - 1
     # Sums over the floors from the roof down to floor i: mass times motion, mass, forces on floors
     inertia, mass_sum = ZERO_ENDS, 0.0
@@ -344,7 +332,9 @@ def find_interstep_peaks(
         # The link of story 0 is 0, so floor 0 is passed without effect.
         floor_below = floor_ends(span.fast, passage, max(i - 1, 0))
         story = story_ends(floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
-        reversals[reversal_row, i] = story.u1
+        table[first + rows.REVERSAL_DRIFT, i] = story.u1
+        table[first + rows.ACCELERATION_INSTANT, i] = 0.0
+        table[first + rows.TOTAL_SHEAR_INSTANT, i] = 0.0
         if _has_extremum(span, story):
             stiffness = limit_stiffness(linear_terms, scene.law_parameters, i)
             # `drift_margin` (m) and `shear_margin` (N) are the differences of the recorded peaks
@@ -364,8 +354,8 @@ def find_interstep_peaks(
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
                 # `reversal` is u1 if there is no reliable extremum that may exceed the margin.
                 if reversal != story.u1:
-                    reversals[reversal_row, i] = reversal
-                    reversal_count += 1
+                    table[first + rows.REVERSAL_DRIFT, i] = reversal
+                    located_count += 1
         margin = peaks[first_peak + rows.PEAK_DISPLACEMENT, i] - abs(floor.u1)
         if _has_extremum(span, floor) and _displacement_excursion(span, floor) > margin:
             row = first_peak + rows.PEAK_DISPLACEMENT
@@ -401,7 +391,9 @@ def find_interstep_peaks(
                     _times(factor * linear_terms[rows.LINK, i + 1], near_rest_above),
                 )
                 quantity = floor, 1.0, ZERO_FORCES
-                _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
+                s = _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
+                table[first + rows.ACCELERATION_INSTANT, i] = s
+                located_count += s > 0.0
             inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
@@ -412,10 +404,12 @@ def find_interstep_peaks(
                 row = first_peak + rows.PEAK_TOTAL_SHEAR
                 dashpots = _times(-1.0, near_rest), _NOT_NEAR_REST
                 quantity = inertia, mass_sum, floor_forces
-                _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
+                s = _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
+                table[first + rows.TOTAL_SHEAR_INSTANT, i] = s
+                located_count += s > 0.0
             near_rest_above = near_rest
         floor = floor_below
-    return reversal_count
+    return located_count
 
 
 @inline
@@ -575,7 +569,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         # Coefficients of the cubic u0 + h v0 s + c2 s^2 + c3 s^3
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
-        extremum = cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
+        extremum, _ = cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
         raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
     c3, c4, c5 = quintic_coefficients(h, ends)
@@ -610,19 +604,21 @@ def _raise_absolute_peak(span, quantity, dashpots, scene, peaks, peak_row, i):
     """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
     step: near the rest of `dashpots`, if one of them has a force there, otherwise of a cubic.
 
-    `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
+    `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`,
+    which defines the result.
     """
     if DASHPOTS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
         _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i)
-    else:
-        ends, mass, forces = quantity
-        _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces)
+        return 0.0
+    ends, mass, forces = quantity
+    is_located = scene.flags[rows.LINEAR] == 0.0
+    return _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces, is_located)
 
 
 @inline
-def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
+def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces, is_located):
     """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
-    step.
+    step, or return the location of the extremum if `is_located` (0 without such an extremum).
 
     For a total shear, `ends` contains the sum of mass times motion over the floors that the story
     supports, `mass` the sum of their masses (kg; 1 for a single floor), and `forces` the result of
@@ -643,8 +639,11 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
         row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
         # Coefficients of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s
         c1 = absolute_1 - absolute_0 + bulge + tilt
-        extremum = cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
+        extremum, s = cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
+        if is_resolved and is_located:
+            return s if abs(extremum) > peak else 0.0
         raise_peak(peaks, row, i, extremum)
+    return 0.0
 
 
 @inline
@@ -662,7 +661,7 @@ def is_near_rest(linear_terms, i, v0, v1):
 def _dashpot_near_rest(h, linear_terms, i, story):
     """Return the dashpot of a story that comes to rest in a step or near it (`_NearRest`)."""
     if story.v0 * story.v1 < 0.0:
-        rest = _zero_of_rate(h, story)
+        rest = zero_of_rate(h, story)
     else:
         rest = 0.0 if abs(story.v0) < abs(story.v1) else 1.0
     # The Bezier points of the rate at 1/3 and 2/3 of the step, and the endpoints, limit the rate.
@@ -680,7 +679,7 @@ def _times(factor, dashpot):
 
 
 @inline
-def _zero_of_rate(h, story):
+def zero_of_rate(h, story):
     """Return the zero of the drift rate in a step, by bisection, as a fraction of the step."""
     lower, upper = 0.0, 1.0
     for _ in range(_BISECTIONS):

@@ -221,5 +221,5 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
         raise_peak(peaks, row, i, absolute_0 + rise * s_0 + deviation_0)
         raise_peak(peaks, row, i, absolute_0 + rise * s_1 + deviation_1)
         row += rows.PEAK_ROWS
-    raise_peak(peaks, row, i, cubic_extremum(p0, p1, p2, p3))
+    raise_peak(peaks, row, i, cubic_extremum(p0, p1, p2, p3)[0])
     raise_peak(peaks, row, i, p0 + p1 + p2 + p3)

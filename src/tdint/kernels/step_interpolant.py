@@ -114,6 +114,16 @@ def quintic_coefficients(h, ends):
 
 
 @inline
+def quintic_motion(h, ends, s):
+    """Return displacement (m) and velocity (m/s) of the quintic at `s`."""
+    c3, c4, c5 = quintic_coefficients(h, ends)
+    c2 = 0.5 * h * h * ends.a0
+    u = ends.u0 + s * (h * ends.v0 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+    rate = 2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5))
+    return u, ends.v0 + s * rate / h
+
+
+@inline
 def quintic_extremum(s, coefficients):
     """Return the maximum or minimum of the polynomial p0 + p1 s + ... + p5 s^5 for s in [0, 1].
 
@@ -174,12 +184,13 @@ def _value(s, coefficients):
 
 @inline
 def cubic_extremum(p0, p1, p2, p3):
-    """Return the value with the largest absolute value: p0 or an interior extremum of a cubic.
+    """Return the value with the largest absolute value, p0 or an interior extremum of a cubic, and
+    its location s.
 
     The cubic is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 with 0 < s < 1. Its value at s = 1 is not
     considered, because the caller records the end of the step.
     """
-    largest = p0
+    largest, location = p0, 0.0
     # The extrema are at the zeros of p'(s) = p1 + 2 p2 s + 3 p3 s^2. The first zero is
     # numerator / (3 p3), with the sign of the square root for which `numerator` has no
     # cancellation. The product of both zeros is p1 / (3 p3), so the second zero is p1 / numerator.
@@ -190,9 +201,11 @@ def cubic_extremum(p0, p1, p2, p3):
         s = numerator / (3.0 * p3) if p3 != 0.0 else 0.0
         if 0.0 < s < 1.0:
             value = p0 + s * (p1 + s * (p2 + s * p3))
+            location = s if abs(value) > abs(largest) else location
             largest = value if abs(value) > abs(largest) else largest
         s = p1 / numerator if numerator != 0.0 else 0.0
         if 0.0 < s < 1.0:
             value = p0 + s * (p1 + s * (p2 + s * p3))
+            location = s if abs(value) > abs(largest) else location
             largest = value if abs(value) > abs(largest) else largest
-    return largest
+    return largest, location

@@ -171,6 +171,23 @@ class Passage(NamedTuple):
     new: int
 
 
+class Located(NamedTuple):
+    """Rows for the peaks inside a step or substep, and rows of the peaks that they raise.
+
+    Attributes
+    ----------
+    table : ndarray
+        Table with LOCATED_ROWS rows from row `first` on, and a column of zeros after the floors.
+    peaks : ndarray
+        Table with the peaks from row `first_peak` on.
+    """
+
+    table: Array
+    first: int
+    peaks: Array
+    first_peak: int
+
+
 class Ends(NamedTuple):
     """Motion of a single floor or story at both endpoints of a time step.
 

@@ -650,7 +650,7 @@ def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters
     n = linear_terms.shape[1] - 1
     # Distance of the end of the step from the second stage, divided by the distance of both stages
     extrapolation = (1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
-    u_below = v0_below = 0.0
+    u_below = v0_below = u0_below = 0.0
     for i in range(n):
         a1 = scratch[_IMPLICIT.STAGE_A, i]
         a2 = scratch[_IMPLICIT.STAGE_A + 1, i]
@@ -673,9 +673,9 @@ def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters
                 link = linear_terms[rows.LINK, i]
                 first_rate = v0 - link * v0_below
                 last_rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
-                rates = (first_rate, last_rate, last_rate)
+                rates = (first_rate, last_rate, last_rate, (drift - u0 + link * u0_below) / h)
                 commit_brace(linear_terms, i, h, rates, state, scratch, _IMPLICIT.BRACE)
-            v0_below = v0
+            v0_below, u0_below = v0, u0
 
 
 def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[float, ...]:

@@ -53,8 +53,9 @@ from tdint.kernels.linear_terms import (
     finite,
     force_value,
 )
-from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
-from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
+from tdint.kernels.located_peaks import raise_located_peaks
+from tdint.kernels.peaks_between_steps import find_interstep_peaks, keep_corner, raise_peak
+from tdint.kernels.stepping import STEP, Located, Memory, Passage, Scene, Span
 from tdint.kernels.stories.brace import add_reported_accelerations, commit_brace
 from tdint.kernels.stories.branches import (
     NONE,
@@ -694,7 +695,8 @@ def _commit_braces(linear_terms, h, state, scratch):
             link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
             first_rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
             last_rate = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
-            rates = (first_rate, last_rate, last_rate)
+            rise = scratch[momentum.DU, i] - link * scratch[momentum.DU, below]
+            rates = (first_rate, last_rate, last_rate, rise / h)
             commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
 
 
@@ -706,7 +708,6 @@ def _update_substep_peaks(scene, span, memory):
     resolve. Rows SUBSTEP_START contain the response at the start of the substep.
     """
     state, law_state, scratch, _ = memory
-    reversal_count = 0
     # With stiff braces, the forces for the results give other accelerations than the state.
     if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
         add_reported_accelerations(scene.linear_terms, state, scratch, momentum.A1)
@@ -714,9 +715,10 @@ def _update_substep_peaks(scene, span, memory):
     if not span.fast:
         # Row END_ACCELERATION would not agree with the velocities.
         passage = Passage(scratch, ROW.SUBSTEP_START, state, scratch, momentum.A1)
-        reversal_count = find_interstep_peaks(
-            span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
-        )
+        located = Located(scratch, ROW.LOCATED, scratch, ROW.PEAKS)
+        if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
+            previous = step_start(scene.flags)
+            raise_located_peaks(scene, span, passage, law_state, previous, located)
     total_shear = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = law_state[rows.DRIFT, i]
@@ -735,27 +737,10 @@ def _update_substep_peaks(scene, span, memory):
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
-        raise_peak(
-            scratch,
-            ROW.PEAKS + rows.PEAK_ACCELERATION,
-            i,
-            scratch[ROW.END_ACCELERATION, i] + span.ground_1,
-        )
-        # A story that reversed within the substep has its largest force at the reversal.
-        if reversal_count > 0 and scratch[ROW.REVERSAL_DRIFTS, i] != drift:
-            restoring_force_outlined(
-                scene.law_parameters,
-                law_state,
-                i,
-                step_start(scene.flags),
-                rows.FIRST_TRIAL,
-                scratch[ROW.REVERSAL_DRIFTS, i],
-            )
-            raise_peak(
-                scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i]
-            )
-            if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-                raise_element_peaks(scene.law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
+        acceleration = scratch[ROW.END_ACCELERATION, i] + span.ground_1
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, acceleration)
+        if FORCES:
+            keep_corner(scratch, ROW.PEAKS, i, acceleration, span.t)
         if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
             raise_element_peaks(
                 scene.law_parameters, law_state, i, rows.COMMITTED, scratch[ROW.END_EXCESS, i]
@@ -797,7 +782,7 @@ def _restore_start(flags, state, law_state, scratch, n):
     changed: `step` resets STEP_PEAKS.
     """
     for i in range(n):
-        for row in range(2 * rows.PEAK_ROWS):
+        for row in range(2 * rows.PEAK_ROWS + 2):
             scratch[ROW.PEAKS + row, i] = 0.0
         for row in range(3):
             state[row, i] = scratch[ROW.SAVED + row, i]

@@ -193,7 +193,7 @@ def _commit_braces(coefficients, linear_terms, h, state, scratch):
             drift_change = rise - link * rise_below
             follow_brace_at_midpoint(linear_terms, i, h, drift_change, force_0, scratch, ROW.BRACE)
             first_rate, last_rate = v_0 - link * v_0_below, v - link * v_below
-            rates = (first_rate, last_rate, drift_change / h)
+            rates = (first_rate, last_rate, drift_change / h, 0.5 * (first_rate + last_rate))
             commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
         rise_below, v_0_below, v_below = rise, v_0, v
 

@@ -21,9 +21,10 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, TdintError
 from tdint.kernels import layout as rows
+from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
-from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace, state_jumps, workspace
@@ -204,7 +205,7 @@ def integrate_in_python(
                 step,
                 initialize_laws.function,
                 sum_law_energies.function,
-                update_shear_peaks.function,
+                update_located_peaks.function,
                 1,  # steps per row of the history
                 0,  # rows of the complete history before the first row of the array
                 HALVINGS if integrator.family.halvable else 0,

@@ -119,7 +119,8 @@ def workspace(
     flags[rows.HAS_DASHPOTS] = building.damped_by_devices
     # The observer evaluates a law at a reversal within a step from the state at the end of the
     # step. A curved hysteretic law reloads on another curve and needs the state at the start.
-    flags[rows.KEEPS_START] = building.curved_hysteresis
+    follows_branches = building.piecewise_linear and family.step_peaks
+    flags[rows.KEEPS_START] = building.kinked and not follows_branches
     width = history_width(building)
     if row_count:
         # The complete history and its results are in memory simultaneously.

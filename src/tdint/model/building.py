@@ -34,8 +34,6 @@ _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Buil
 _MAX_LISTED_STORIES = 5  # maximum number of stories named in a message
 _BEYOND_YIELD = 1.1  # drift, in yield drifts, at which an undeclared stiffness is measured
 _SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
-_PEAK_ROUNDING = 1e-12  # of a sum of forces, divided by the sum
-_OTHER_DAMPER_ROWS = (rows.POWER_DAMPER, rows.BRACE, rows.TANGENT_DAMPING)  # not linear
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,6 @@ class Building:
         Indices of the isolator stories, counted from 0.
     element_labels : tuple of str
         Story and name of each element of the stories with several elements.
-    loaded : bool
-        True if forces act on floors.
     stiffens : bool
         True if a story can become stiffer than initially.
     """
@@ -73,7 +69,6 @@ class Building:
     vibration: FreeVibration
     isolators: tuple[int, ...] = ()
     element_labels: tuple[str, ...] = ()
-    loaded: bool = False
     stiffens: bool = False
 
     @property
@@ -185,38 +180,6 @@ class Building:
         if not self.braced:
             filled[..., rows.PEAK_BRACE_FORCE, :] = np.nan
         return filled
-
-    def limited(self, peaks: Array) -> Array:
-        """Return the peaks of a run, shape (..., 2 PEAK_ROWS, n), with total shears and absolute
-        accelerations that equilibrium allows.
-
-        The cubic of a step with a branch change can exceed the forces of the laws and dampers. The
-        total shear T of a story is at most the sum of its peak shear, of P-delta at its peak drift,
-        and of the forces of linear dampers at the peak velocities. Without forces on floors, the
-        acceleration of a floor of mass m is at most (T + T_above) / m. The peaks are not changed if
-        the building has other dampers, or if the peak shears are not reliable: if a story can
-        stiffen, or if a possible drift between time steps is larger than the peak drift.
-        """
-        terms, drift = self.linear_terms[..., :-1], peaks[..., rows.PEAK_DRIFT, :]
-        is_unlimited = (
-            (peaks[..., rows.PEAK_ROWS + rows.PEAK_DRIFT, :] > drift).any(axis=-1)
-            | (terms[_OTHER_DAMPER_ROWS, ...] != 0.0).any(axis=(0, -1))
-            | self.modal.any()
-            | self.stiffens
-        )
-        # The larger of the peak velocity and the possible velocity between time steps
-        velocity = peaks[..., rows.PEAK_VELOCITY :: rows.PEAK_ROWS, :].max(axis=-2)
-        floor_damping = (terms[rows.FLOOR_DAMPER] * velocity)[..., ::-1]
-        limit = peaks[..., rows.PEAK_SHEAR, :] + np.cumsum(floor_damping, axis=-1)[..., ::-1]
-        limit += terms[rows.STORY_DAMPER] * velocity - terms[rows.GEOMETRIC] * drift
-        limit[..., 1:] += terms[rows.STORY_DAMPER, ..., 1:] * velocity[..., :-1]
-        limit[is_unlimited] = np.inf
-        limited = np.array(peaks)
-        _reduce(limited[..., rows.PEAK_TOTAL_SHEAR, :], limit)
-        if not self.loaded:
-            limit[..., :-1] += limit[..., 1:]
-            _reduce(limited[..., rows.PEAK_ACCELERATION, :], limit * terms[rows.INVERSE_MASS])
-        return limited
 
     def device_force(self, rate: Array) -> Array:
         """Return the forces (N) of dashpots without a brace at drift rates (m/s), shape (..., n),
@@ -435,11 +398,6 @@ class Building:
         return result
 
 
-def _reduce(peaks: Array, limit: Array) -> None:
-    """Reduce the peaks that exceed a limit by more than rounding to this limit."""
-    np.copyto(peaks, limit, where=peaks > limit * (1.0 + _PEAK_ROUNDING))
-
-
 def highest_frequency_bound(
     stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
 ) -> Array:
@@ -552,7 +510,6 @@ def assemble(model: Model) -> Building:
     )
     return Building(
         *(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators, labels),
-        loaded=bool(model.excitation.forces or model.excitation.tables),
         stiffens=any(map(_stiffens, stories)),
     )
 

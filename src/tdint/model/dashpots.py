@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from tdint.kernels import layout as rows
 from tdint.model.story import Story
 
@@ -24,7 +26,9 @@ def dashpot_rows(
         linear_below /= factor
         brace *= factor**2
     if story.power_dashpot and story.power_dashpot.brace is not None:
-        yield rows.BRACE, brace
+        # A brace that the force at 1 m/s deforms by less than 1e-12 m is rigid. A stiffer one would
+        # have only rounding errors.
+        yield rows.BRACE, np.minimum(brace, 1e12 * coefficient)
         yield rows.BRACED_DAMPER, coefficient
         yield rows.BRACED_EXPONENT, exponent
         yield rows.BRACED_THRESHOLD, linear_below**2

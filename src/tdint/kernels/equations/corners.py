@@ -28,11 +28,11 @@ from tdint.kernels.linear_terms import (
     force_value,
     power_damper,
 )
-from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
+from tdint.kernels.peaks_between_steps import keep_corner, raise_peak
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import brace_force_within
-from tdint.kernels.stories.law_state import copy_step_start
+from tdint.kernels.stories.law_state import copy_step_start, restoring_force_outlined
 
 # Bound of the deviation of a story force from its linear least-squares fit over the step, divided
 # by stiffness times change of drift. It is reached if the story loses all stiffness at the middle
@@ -78,12 +78,6 @@ def _skip_branch(law_state, i, block, segment, results):
 
 
 @inline
-def _ignore_branch_end(results, i, t, drift, force):
-    """Ignore the end of a branch: only the state at the end of the path is needed."""
-    pass
-
-
-@inline
 def _store_corner(corners, t):
     """Insert the time of a corner into the sorted list of corners.
 
@@ -115,7 +109,6 @@ def _store_branch_end(results, i, t, drift, force):
 
 
 _follow_path_storing_corners = path.along_branches(_skip_branch, _store_branch_end)
-_follow_path = path.along_branches(_skip_branch, _ignore_branch_end)
 
 
 @inline
@@ -217,26 +210,19 @@ def _store_nodes(scratch, n):
 def _store_forces(coefficients, scene, h, memory, i, count):
     """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
 
-    There are two approximations of the drift at a node: the parabola p(t) of the step, and d, the
-    initial drift d0 plus the difference of row NODE_DISPLACEMENT + k between both floors. d is more
-    accurate; the force is computed for d:
+    The drift d at a node is the initial drift d0 plus the difference of row NODE_DISPLACEMENT + k
+    between both floors:
 
     1. The story remains on its linear branch of stiffness k (row LEAVES_BRANCH is 0): f0 + k (d -
        d0), with the force f0 at the start of the step.
-    2. The story leaves a linear branch. The law follows p(t) from node to node. Its force is
-       corrected by slope (d - p(t)) with the slope of the branch.
+    2. The story leaves a linear branch. The law follows the drifts from node to node.
     3. The law is curved. The law is not evaluated. The force is a parabola in s = t - 1/2 with the
        initial value f0 and with the mean F0 and the first moment F1 of the law over the step (rows
        PATH without P-delta, dampers and numerical dissipation): F0 + s F1 + (6 s^2 - 1/2) (f0 - F0
        + F1 / 2)
 
-    In type 2, the branches before and after a corner have different slopes. The force at a corner
-    is first computed with the slope before the corner, which the preceding midpoint has determined.
-    If d is ahead of p(t) in the direction of the movement, the story has already passed the corner,
-    and the slope after the corner is correct. The next midpoint determines this slope and corrects
-    the force at the corner.
-
-    The trial state SECOND_TRIAL is overwritten. The list of corners and the peaks do not change.
+    The trial states SECOND_TRIAL and THIRD_TRIAL are overwritten. FIRST_TRIAL contains the state at
+    the end of the step. The list of corners and the peaks do not change.
     """
     law_parameters, scratch = scene.law_parameters, memory.scratch
     if (
@@ -256,8 +242,7 @@ def _store_forces(coefficients, scene, h, memory, i, count):
 @outlined
 def _store_law_forces(coefficients, scene, h, memory, i, column, count):
     """Compute the force of the law in `column`, story `i` or one of its elements, at all nodes
-    (`_store_forces`). The force of an element excludes P-delta. Rows NODE_DISPLACEMENT receive the
-    force of a piecewise-linear element on the parabola, N.
+    (`_store_forces`). The force of an element excludes P-delta.
     """
     _, law_state, scratch, _ = memory
     linear_terms = scene.linear_terms
@@ -284,53 +269,20 @@ def _store_law_forces(coefficients, scene, h, memory, i, column, count):
         )
         stiffness = scene.law_parameters[rows.STIFFNESS, i] + geometric
         moment -= coefficients[R] * stiffness * story_path.bend
-    elif leaves_branch:
-        path.copy(law_state, column, 0, rows.SECOND_TRIAL)
-    previous_t = previous_distance = previous_direction = 0.0
-    slope = law_state[rows.SLOPE, column]
+    # The states at the last node and at the next node alternate between two blocks.
+    block, trial, other = rows.COMMITTED, rows.SECOND_TRIAL, rows.THIRD_TRIAL
     for k in range(count):
-        t = scratch[ROW.NODE_FORCE + k, n]
-        s = t - 0.5
         drift = story_path.start + _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
         force = law_state[rows.FORCE, column]  # at the start of the step
         if is_curved:
+            s = scratch[ROW.NODE_FORCE + k, n] - 0.5
             force = mean + s * moment + (6.0 * s * s - 0.5) * (force - mean + 0.5 * moment)
         elif not leaves_branch:
             force += law_state[rows.SLOPE, column] * (drift - story_path.start)
-        elif t > 0.0:
-            segment = path.path_segment(story_path, previous_t, t)
-            direction = _direction(segment, scratch[ROW.NO_REVERSAL, i] != 0.0)
-            end_drift = path.drift_at(story_path, t)
-            # The last argument is not used.
-            _follow_path(
-                scene.law_parameters,
-                law_state,
-                column,
-                rows.SECOND_TRIAL,
-                segment,
-                direction,
-                end_drift,
-                Integrals(scratch, ROW.CORNERS),
-            )
-            # d - p(t)
-            distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, column]
-            # The slope of a midpoint is unambiguous. At a corner, the slope of the midpoint before
-            # the corner is kept.
-            if k % 2 == 1:
-                slope_before = slope
-                slope = law_state[rows.SECOND_TRIAL + rows.SLOPE, column]
-                if previous_distance * direction > 0.0 and previous_direction * direction > 0.0:
-                    # Correct the force at the corner, node k - 1, where the story does not reverse.
-                    scratch[ROW.NODE_FORCE + k - 1, column] += (
-                        slope - slope_before
-                    ) * previous_distance
-            force = law_state[rows.SECOND_TRIAL + rows.FORCE, column]
-            if is_element:
-                scratch[ROW.NODE_DISPLACEMENT + k, column] = force
-            force += slope * distance
-            previous_distance = distance
-            previous_direction = direction
-            previous_t = t
+        elif k > 0:
+            restoring_force_outlined(scene.law_parameters, law_state, column, block, trial, drift)
+            force = law_state[trial + rows.FORCE, column]
+            block, trial, other = trial, other, trial
         scratch[ROW.NODE_FORCE + k, column] = force + geometric * drift
 
 
@@ -357,11 +309,10 @@ def _raise_peaks_of_sums(scene, memory, count):
 
     The peak force of an element is raised at the ends of its own branches. The sum can have its
     peak at the end of a branch of another element. It is evaluated on the parabola of the step,
-    because the corrected forces of `_store_forces` can exceed the strengths of the elements.
-    Beyond the peak drift, near the extremum of the parabola, the sum is not used
-    (`_find_corners`).
+    which is at the limits of the branches at the corners. Beyond the peak drift, near the extremum
+    of the parabola, the sum is not used (`_find_corners`).
     """
-    law_parameters, scratch = scene.law_parameters, memory.scratch
+    law_parameters, law_state, scratch = scene.law_parameters, memory.law_state, memory.scratch
     n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         if (
@@ -369,20 +320,18 @@ def _raise_peaks_of_sums(scene, memory, count):
             and scratch[ROW.LEAVES_BRANCH, i] != 0.0
             and path.is_piecewise_linear(law_parameters, i)
         ):
-            story_path = _story_path(scene.linear_terms, memory.law_state, scratch, i)
+            story_path = _story_path(scene.linear_terms, law_state, scratch, i)
             start, rise = story_path.start, story_path.rise
             largest = max(abs(start), abs(start + rise), scratch[ROW.PEAKS + rows.PEAK_DRIFT, i])
             largest += _DRIFT_ROUNDING * (abs(start) + abs(rise) + abs(story_path.bend))
+            block, trial, other = rows.COMMITTED, rows.SECOND_TRIAL, rows.THIRD_TRIAL
             for k in range(1, count):
                 drift = path.drift_at(story_path, scratch[ROW.NODE_FORCE + k, n])
-                force = 0.0
-                for element in range(
-                    int(law_parameters[rows.FIRST_ELEMENT, i]),
-                    int(law_parameters[rows.END_ELEMENT, i]),
-                ):
-                    force += scratch[ROW.NODE_DISPLACEMENT + k, element]
+                restoring_force_outlined(law_parameters, law_state, i, block, trial, drift)
                 if abs(drift) <= largest:
+                    force = law_state[trial + rows.FORCE, i]
                     raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, force)
+                block, trial, other = trial, other, trial
 
 
 @outlined
@@ -741,15 +690,41 @@ def _store_first_response(h, memory, i, count):
 def _update_peaks_between_corners(coefficients, scene, h, load, memory):
     """Update the peaks of accelerations and total shears at the corners and between them.
 
-    Each pass of a fixed-point iteration computes displacements and velocities of the floors from
-    the accelerations of the previous pass (first pass: cubic functions of time), the story forces
-    at these displacements from the laws, and from equilibrium the accelerations and the total
-    shears. The peaks are raised by the values of the last pass at the nodes and by the extrema of
-    the parabolas through a corner, the next midpoint and the next corner.
+    Extrema between the corners are located on the parabolas through a corner, the next midpoint and
+    the next corner. They become nodes, and the response at all nodes is computed again. The peaks
+    are the values at the nodes, which satisfy the equations of motion.
     """
     scratch = memory.scratch
     n = scene.linear_terms.shape[1] - 1
     count = _store_nodes(scratch, n)
+    _store_response_at_nodes(coefficients, scene, h, load, memory, count)
+    if _add_extrema_to_corners(scratch, count, n):
+        count = _store_nodes(scratch, n)
+        _store_response_at_nodes(coefficients, scene, h, load, memory, count)
+    if HAS_ELEMENTS:
+        _raise_peaks_of_sums(scene, memory, count)
+    for k in range(1, count):
+        t = load[rows.TIME] + h * scratch[ROW.NODE_FORCE + k, n]
+        for i in range(n):
+            acceleration = scratch[ROW.NODE_ACCELERATION + k, i]
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, acceleration)
+            total_shear = scratch[ROW.NODE_FORCE + k, i]
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
+            if FORCES:
+                keep_corner(scratch, ROW.PEAKS, i, acceleration, t)
+
+
+@outlined
+def _store_response_at_nodes(coefficients, scene, h, load, memory, count):
+    """Store accelerations and total shears at the nodes.
+
+    Each pass of a fixed-point iteration computes displacements and velocities of the floors from
+    the accelerations of the previous pass (first pass: cubic functions of time), the story forces
+    at these displacements from the laws, and from equilibrium the accelerations and the total
+    shears.
+    """
+    scratch = memory.scratch
+    n = scene.linear_terms.shape[1] - 1
     for i in range(n):
         _store_first_response(h, memory, i, count)
     for pass_index in range(_PASSES):
@@ -758,16 +733,37 @@ def _update_peaks_between_corners(coefficients, scene, h, load, memory):
                 _integrate_accelerations(h, load, memory, i, count)
         for i in range(n):
             _store_forces(coefficients, scene, h, memory, i, count)
-        if HAS_ELEMENTS and pass_index == _PASSES - 1:
-            _raise_peaks_of_sums(scene, memory, count)
         if TANGENT_DAMPING and scene.flags[rows.HAS_TANGENT_DAMPING] != 0.0:
             _add_tangent_damping(scene, h, memory, count)
         if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
             _add_brace_forces(scene, h, memory, count)
         for k in range(count):
             _store_accelerations(scene, h, load, scratch, k)
+
+
+@outlined
+def _add_extrema_to_corners(scratch, count, n):
+    """Add the times of extrema between the nodes that exceed a peak and the nodes to the list of
+    corners; return True if it has more corners.
+    """
+    corner_count = scratch[ROW.CORNERS, 0]
+    corners = Integrals(scratch, ROW.CORNERS)
     for i in range(n):
-        raise_peak_at_nodes(
-            scratch, ROW.NODE_ACCELERATION, i, count, ROW.PEAKS + rows.PEAK_ACCELERATION, i
-        )
-        raise_peak_at_nodes(scratch, ROW.NODE_FORCE, i, count, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i)
+        for quantity in range(2):
+            first = ROW.NODE_ACCELERATION if quantity == 0 else ROW.NODE_FORCE
+            row = rows.PEAK_ACCELERATION if quantity == 0 else rows.PEAK_TOTAL_SHEAR
+            peak = scratch[ROW.PEAKS + row, i]
+            for k in range(0, count - 2, 2):
+                p0, p1 = scratch[first + k, i], scratch[first + k + 1, i]
+                p2 = scratch[first + k + 2, i]
+                # With x = 0, 1, 2 at the nodes, the extremum at x = -linear / (2 quadratic) is
+                # inside if its distance from x = 1 is less than 1.
+                linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
+                quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
+                if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
+                    extremum = abs(p0 - 0.25 * linear * linear / quadratic)
+                    if extremum > max(peak, abs(p0), abs(p1), abs(p2)):
+                        t = scratch[ROW.NODE_FORCE + k, n]
+                        length = scratch[ROW.NODE_FORCE + k + 2, n] - t
+                        _store_corner(corners, t - 0.25 * length * linear / quadratic)
+    return scratch[ROW.CORNERS, 0] > corner_count

@@ -136,8 +136,10 @@ class _Rows(NamedTuple):
     # Maxima over the run, which `keep_negligible_kinks` updates: mismatch of the mean acceleration
     # (column 0) and squared norm of the accelerations (column 1)
     RUN_MAXIMA: int = 1
-    REVERSAL_DRIFTS: int = 1  # drift at the reversal of each story within the substep, m
-    PEAKS: int = 2 * rows.PEAK_ROWS  # peaks within the substeps
+    LOCATED: int = rows.LOCATED_ROWS  # reversals and instants within the substep
+    # Peaks within the substeps, then the largest acceleration of each floor at a substep end (with
+    # its sign, m/s^2) and its time (s)
+    PEAKS: int = 2 * rows.PEAK_ROWS + 2
     # DU and DV from the start of the substep to the end of the step: the solution before the
     # substep was shortened
     REMAINING: int = 2

@@ -69,7 +69,7 @@ TOLERANCE = 2  # maximum residual relative to the sum of the absolute values of 
 
 
 # Maximum number of discontinuities of the story forces within a step that are considered for peaks
-MAX_CORNERS = 6
+MAX_CORNERS = 8
 # Maximum number of nodes: the endpoints, the discontinuities, and the midpoints between them
 _MAX_NODES = 2 * MAX_CORNERS + 3
 
@@ -115,7 +115,8 @@ class _Rows(NamedTuple):
     NODE_DISPLACEMENT: int = _MAX_NODES
     NODE_VELOCITY: int = _MAX_NODES  # h times the velocities of the floors, m
     MODAL_FORCE: int = 1  # modal damping forces, N
-    PEAKS: int = 2 * rows.PEAK_ROWS  # peaks of the run and of the step
+    # Peaks of the run and of the step, then the corner of `keep_corner`
+    PEAKS: int = 2 * rows.PEAK_ROWS + 2
 
 
 ROW, STORE = rows.chained(_Rows)
@@ -899,6 +900,7 @@ def _commit_braces(linear_terms, h, state, scratch):
         v_0 = v - scratch[ROW.A0, i] / h  # A0 is h times the change of the velocity
         if linear_terms[rows.BRACE, i] != 0.0:
             first_rate, last_rate = v_0 - link * v_0_below, v - link * v_below
-            rates = (first_rate, last_rate, last_rate)
+            mean_rate = (scratch[ROW.RISE, i] - link * scratch[ROW.RISE, max(i - 1, 0)]) / h
+            rates = (first_rate, last_rate, last_rate, mean_rate)
             commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
         v_below, v_0_below = v, v_0

@@ -63,6 +63,8 @@ _A_21 = 0.25 + _S
 # Dimensionless. Ratio of the step to the relaxation time of the brace, h kb g'(F). Above this value
 # the force at the end of the step, which the collocation does not damp, is not reported.
 _STIFF = 3.0
+# Dimensionless. Largest curvature of the drift rate for which its parabola is reliable
+_MAX_BEND = 0.25
 # Dimensionless. Residual of the equations of a story relative to their largest term
 _TOLERANCE = 1e-14
 _MAX_ITERATIONS = 80  # the slowest of the tested combinations needs 25
@@ -93,6 +95,16 @@ def _damper_at(linear_terms, i, x):
         return 0.0, 0.0, 0.0, 1.0
     secant = c * squared ** (0.5 * (exponent - 1.0))
     return secant * x, x, secant * (1.0 + (exponent - 1.0) * x * x / squared), 1.0
+
+
+@inline
+def _damper_force(linear_terms, i, rate):
+    """Return the force of the damper of story `i` at a damper rate, N."""
+    if rate == 0.0:
+        return 0.0
+    power = 0.5 * (linear_terms[rows.BRACED_EXPONENT, i] - 1.0)
+    squared = rate * rate + linear_terms[rows.BRACED_THRESHOLD, i]
+    return linear_terms[rows.BRACED_DAMPER, i] * rate * squared**power
 
 
 @inline
@@ -260,6 +272,31 @@ def brace_force_within(linear_terms, i, h, t, force_0, scratch, row):
     return force_0 + moment * t + 0.5 * bulge * (t * t - t)
 
 
+@inline
+def _force_after_mean(linear_terms, i, h, mean, rate):
+    """Return the force of a stiff damper at the end of a step with a drift rate, N, by an implicit
+    step from the mean of the force at the midpoint."""
+    weight = 0.5 * h * linear_terms[rows.BRACE, i]
+    unknown = _solve_one_point(linear_terms, i, weight, mean + weight * rate)
+    return _damper_at(linear_terms, i, unknown)[0]
+
+
+@outlined
+def brace_force_at(linear_terms, i, duration, motion, state, scratch, row):
+    """Return the force of brace and damper at an instant inside the last step, N.
+
+    `duration` is the time since the start of the step, s, and `motion` contains the change of drift
+    until then (m) and the drift rates at the start and at the instant (m/s).
+    """
+    rise, first_rate, rate = motion
+    force_0 = state[rows.BRACE_START, i]
+    bend = duration * (rate - first_rate)
+    follow_brace(linear_terms, i, duration, rise, bend, force_0, scratch, row)
+    if _is_stiff(linear_terms, i, duration, force_0, scratch, row):
+        return _force_after_mean(linear_terms, i, duration, scratch[row + MEAN, i], rate)
+    return force_0 + scratch[row + MOMENT, i]
+
+
 @outlined
 def commit_brace(linear_terms, i, h, rates, state, scratch, row):
     """Move brace and damper of story `i` to the end of the step, and update their peak force.
@@ -268,31 +305,37 @@ def commit_brace(linear_terms, i, h, rates, state, scratch, row):
     the step the extremum of the cubic with F and F' = kb (d' - g(F)) at both ends. If the damper is
     stiff, the reported force follows from the mean of the force at the midpoint and an implicit
     step to the end, F + (h kb / 2) g(F) = mean + (h kb / 2) d', which tends to q(d'); the peak
-    within the step is then the larger of this force and the mean.
+    within the step is then the largest of this force, the mean and the force at the extremum of
+    the drift rate.
 
     Parameters
     ----------
     rates : tuple of float
-        Drift rates at both ends of the step, and the rate d' for a stiff damper, m/s. The last is
-        the mean rate if the method does not damp its rates at the ends.
+        Drift rates at both ends of the step, the rate d' for a stiff damper, and the mean rate,
+        m/s. The third is the mean rate if the method does not damp its rates at the ends.
     row : int
         First row of the results of `follow_brace` or `follow_brace_at_midpoint`.
     """
-    first_rate, last_rate, stiff_rate = rates
+    first_rate, last_rate, stiff_rate, mean_rate = rates
     stiffness = linear_terms[rows.BRACE, i]
     force_0 = state[rows.BRACE_FORCE, i]
     mean = scratch[row + MEAN, i]
     force_1 = force_0 + scratch[row + MOMENT, i]
     state[rows.BRACE_FORCE, i] = force_1
     state[rows.BRACE_DISSIPATED, i] += scratch[row + DISSIPATED, i]
+    state[rows.BRACE_START, i] = state[rows.BRACE_REPORTED, i]
     if _is_stiff(linear_terms, i, h, force_0, scratch, row):
-        weight = 0.5 * h * stiffness
-        reported, _, _, _ = _damper_at(
-            linear_terms,
-            i,
-            _solve_one_point(linear_terms, i, weight, mean + weight * stiff_rate),
-        )
+        reported = _force_after_mean(linear_terms, i, h, mean, stiff_rate)
         peak = max(abs(reported), abs(mean))
+        # Extremum of the parabola of the drift rate. Near it, the force lags behind the force of
+        # the damper alone, and its peak corresponds to a rate that is smaller by `bend` lag^2.
+        bend = 6.0 * mean_rate - 3.0 * (first_rate + last_rate)
+        change = last_rate - first_rate
+        if abs(change) < abs(bend) <= _MAX_BEND * (abs(first_rate) + abs(last_rate)):
+            rate = first_rate + 0.25 * (bend + change) * (bend + change) / bend
+            _, slope = _damper_rate(linear_terms, i, _damper_force(linear_terms, i, rate))
+            lag = 1.0 / (h * stiffness * slope)
+            peak = max(peak, abs(_damper_force(linear_terms, i, rate - bend * lag * lag)))
     else:
         reported = force_1
         peak = abs(force_1)

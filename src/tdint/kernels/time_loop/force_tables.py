@@ -489,6 +489,24 @@ def raise_peaks_in_parts(scene, points, span, memory, seen):
         part = ((begin - start) / span.h, 1.0 if end == span.t else (end - start) / span.h)
         raise_peaks_in_part(span, scene, passage, memory.law_state, part, seen)
         begin = end
+    if span.cornered:
+        _raise_accelerations_at_corners(scene, points, span, memory, seen)
+
+
+@outlined
+def _raise_accelerations_at_corners(scene, points, span, memory, seen):
+    """Raise the peak accelerations by those at the branch changes within the step, under the tables
+    instead of their lines."""
+    scratch, forces = memory.scratch, scene.forces
+    corner = int(memory.step_status[rows.STEP_PEAKS]) + 2 * rows.PEAK_ROWS
+    for i in range(scene.linear_terms.shape[1] - 1):
+        t, deviation = scratch[corner + 1, i], 0.0
+        for j in range(forces.shape[0]):
+            if forces[j, rows.POINTS] > 0.0 and forces[j, rows.FLOOR] == i:
+                k = _next_point(forces, points, j, t, span)
+                deviation += _before(forces, points, j, k, t) - force_value(forces, j, t)
+        acceleration = scratch[corner, i] + scene.linear_terms[rows.INVERSE_MASS, i] * deviation
+        raise_peak(seen.peaks, rows.PEAK_ACCELERATION, i, acceleration)
 
 
 @inline

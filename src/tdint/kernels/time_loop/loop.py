@@ -6,6 +6,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import PARTS
 from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, outlined
 from tdint.kernels.linear_terms import FORCES
+from tdint.kernels.located_peaks import UPDATE_LOCATED_PEAKS
 from tdint.kernels.stepping import (
     MEMORY,
     SCENE,
@@ -23,7 +24,6 @@ from tdint.kernels.time_loop.ground import fitted_line, fitted_line_between_samp
 from tdint.kernels.time_loop.observer import (
     INITIALIZE_LAWS,
     SUM_LAW_ENERGIES,
-    UPDATE_SHEAR_PEAKS,
     call_initialize_laws,
     exceeds_limits,
     initialize_energies,
@@ -34,7 +34,6 @@ from tdint.kernels.time_loop.observer import (
     store,
     store_previous,
     update_law_energies,
-    update_reversal_shears,
 )
 
 # The first arguments change from call to call; the others are constant in the runs of a building
@@ -48,7 +47,7 @@ INTEGRATE = I8(
     STEP,  # step of the method
     INITIALIZE_LAWS,  # kernel that initializes the drift laws
     SUM_LAW_ENERGIES,  # kernel that sums their energies
-    UPDATE_SHEAR_PEAKS,  # kernel that computes their forces at reversals
+    UPDATE_LOCATED_PEAKS,  # kernel that computes the response at located instants
     I8,  # steps per row of the history
     I8,  # rows of the complete history before the first row of the array
     I8,  # maximum number of halvings of a step
@@ -112,17 +111,15 @@ def has_diverged(state, n):
 
 
 @inline
-def observe_span(update_shear_peaks, scene, points, span, slope, memory, seen):
+def observe_span(update_located_peaks, scene, points, span, slope, memory, seen):
     """Update peaks and energies with the response at the end of a step or substep and within it.
 
     `slope` is the rate of the ground acceleration, m/s^3.
     """
     may_exceed = observe(scene, span, slope, memory, seen)
-    if FORCES and span.kinked and may_exceed:
+    if FORCES and span.kinked and (may_exceed or span.cornered):
         raise_peaks_in_parts(scene, points, span, memory, seen)
-    # The laws are evaluated only at reversals that may cause a new peak shear.
-    if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
-        update_reversal_shears(update_shear_peaks, scene, span, memory, seen)
+    observe_within_step(update_located_peaks, may_exceed, scene, span, memory, seen)
     store_step_start(scene.flags, memory.law_state)
 
 
@@ -181,7 +178,7 @@ def integrate(
     step,
     initialize_laws,
     sum_law_energies,
-    update_shear_peaks,
+    update_located_peaks,
     steps_per_row,
     rows_before,
     max_halvings,
@@ -328,7 +325,7 @@ def integrate(
                 has_step_peaks,
                 is_kinked,
             )
-            observe_span(update_shear_peaks, scene, points, span, ground_rate, memory, seen)
+            observe_span(update_located_peaks, scene, points, span, ground_rate, memory, seen)
         # `substep_fraction` is 1 only if the step was not halved.
         step_status[rows.STEPS_DONE] = (
             step_status[rows.STEPS_DONE] + 1.0 if substep_fraction == 1.0 else 0.0

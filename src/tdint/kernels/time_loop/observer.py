@@ -32,6 +32,7 @@ from tdint.kernels.linear_terms import (
     observed_power_damper,
     power_damper,
 )
+from tdint.kernels.located_peaks import call_update_located_peaks
 from tdint.kernels.peaks_between_steps import (
     element_force,
     find_interstep_peaks,
@@ -46,10 +47,9 @@ from tdint.kernels.peaks_between_steps import (
     velocity_reach,
 )
 from tdint.kernels.step_interpolant import acceleration_bulge
-from tdint.kernels.stepping import Ends, Passage
+from tdint.kernels.stepping import Ends, Located, Passage
 from tdint.kernels.stories.law_state import (
     hysteretic_energy,
-    raise_element_peaks,
     restoring_force_outlined,
     start,
     step_start,
@@ -553,7 +553,7 @@ def _change_per_acceleration(modal, forces, t, state, n):
 
 
 @inline
-def observe_within_step(may_exceed, scene, span, memory, seen):
+def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, seen):
     """Update the peaks with the response within the last step, and store its end as the next start.
 
     The kernel of the method can compute peaks within the step (`span.cornered`). If `may_exceed`
@@ -568,18 +568,10 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     If the building has modes that the step does not resolve (`span.fast`), the former velocities
     and accelerations are kept in the rows V_EARLIER and A_EARLIER: `find_interstep_peaks` needs the
     response of two successive steps to detect unresolved motion.
-
-    Returns
-    -------
-    int
-        Number of stories with a reversal of the drift within the step that may cause a new peak
-        shear. If it is positive, row REVERSAL_DRIFT of the memory of the observer contains the
-        drifts of these reversals, and the drift at the end of the step for the other stories.
     """
     state, law_state, scratch, step_status = memory
     observer_state, peaks, _, _, _ = seen
     n = scene.linear_terms.shape[1] - 1
-    reversals = 0
     if span.cornered:
         _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, span.kinked, n)
         step_status[rows.STEP_PEAKS] = 0.0
@@ -587,15 +579,16 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
         passage = Passage(
             observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
         )
-        reversals = find_interstep_peaks(
-            span, scene, passage, law_state, observer_state, rows.REVERSAL_DRIFT, peaks, 0
-        )
+        located = Located(observer_state, rows.LOCATED, peaks, 0)
+        # The laws are evaluated only at reversals and instants that may cause a new peak.
+        if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
+            previous = step_start(scene.flags, span.on_path and span.cornered)
+            call_update_located_peaks(update_located_peaks, scene, span, memory, previous, seen)
     if span.fast:
         for i in range(n):
             observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
             observer_state[rows.A_EARLIER, i] = observer_state[rows.A_PREVIOUS, i]
     store_previous(state, observer_state, n)
-    return reversals
 
 
 @outlined
@@ -616,6 +609,8 @@ def _merge_step_peaks(first, scratch, peaks, is_kinked, n):
         for i in range(n):
             raise_peak(peaks, row, i, scratch[first + row, i])
             scratch[first + row, i] = peaks[row, i]
+    for i in range(n):
+        scratch[first + peaks.shape[0], i] = 0.0  # corner of the next step (`keep_corner`)
 
 
 @inline
@@ -841,11 +836,9 @@ def record_collapse(law_state, steps, seen):
 
 INITIALIZE_LAWS = I8(TABLE, TABLE, TABLE, TABLE)
 SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
-UPDATE_SHEAR_PEAKS = I8(TABLE, TABLE, I8, TABLE, I8, TABLE)
 
 _call_initialize_laws = indirect_caller(INITIALIZE_LAWS)
 _call_sum_law_energies = indirect_caller(SUM_LAW_ENERGIES)
-_call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
 
 
 @inline
@@ -871,25 +864,6 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
         memory.state,
         memory.law_state,
         seen.totals,
-    )
-
-
-@inline
-def update_reversal_shears(update_shear_peaks, scene, span, memory, seen):
-    """Update the peak shears at the reversals in row REVERSAL_DRIFT, by the address of
-    `update_shear_peaks`.
-
-    A method with parabolic displacements (`span.on_path`) follows reversals. In a step with peaks
-    of its own (`span.cornered`), it has stored the states of the laws at the start.
-    """
-    _call_update_shear_peaks(
-        update_shear_peaks,
-        scene.law_parameters,
-        memory.law_state,
-        step_start(scene.flags, span.on_path and span.cornered),
-        seen.observer_state,
-        rows.REVERSAL_DRIFT,
-        seen.peaks,
     )
 
 
@@ -945,32 +919,4 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     totals[rows.ENERGY_KINETIC] = kinetic
     totals[rows.ENERGY_STRAIN] = strain
     totals[rows.ENERGY_HYSTERETIC] = hysteretic - totals[rows.INITIAL_DISSIPATION]
-    return 0
-
-
-@kernel(UPDATE_SHEAR_PEAKS, parts=("laws", "elements"))
-def update_shear_peaks(law_parameters, law_state, previous, reversal_drifts, row, peaks):
-    """Update the peak shears of the stories with a reversal within the last step; return 0.
-
-    The law moves to the drift of the reversal. FIRST_TRIAL is overwritten.
-
-    Parameters
-    ----------
-    reversal_drifts : ndarray
-        Table with the drifts of the reversals, m, in row `row`; the drift at the end of the step
-        for a story without a reversal.
-    """
-    for i in range(peaks.shape[1]):
-        if reversal_drifts[row, i] != law_state[rows.DRIFT, i]:
-            restoring_force_outlined(
-                law_parameters,
-                law_state,
-                i,
-                previous,
-                rows.FIRST_TRIAL,
-                reversal_drifts[row, i],
-            )
-            raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
-            if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-                raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
     return 0

@@ -20,9 +20,10 @@ from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws import LAWS
+from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
-from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import workspace
@@ -129,7 +130,7 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
             integrate,
             initialize_laws,
             sum_law_energies,
-            update_shear_peaks,
+            update_located_peaks,
         )
     ]
 

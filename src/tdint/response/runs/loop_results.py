@@ -56,7 +56,7 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
     StoryPeaks
         Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units.
     """
-    values = story_values(building, building.limited(peaks), residual_drift)
+    values = story_values(building, peaks, residual_drift)
     return StoryPeaks(height=building.heights, **values)
 
 
@@ -126,7 +126,7 @@ def interstep_peak_errors(
     # then the reported peaks, and the possible excess is 0.
     bounds = reported
     if peaks_between_steps.any():
-        peaks_at_steps = building.limited(space.peaks)[: rows.PEAK_ROWS]
+        peaks_at_steps = space.peaks[: rows.PEAK_ROWS]
         largest_peaks = np.maximum(peaks_between_steps, peaks_at_steps)
         bounds = story_values(building, largest_peaks, drift_change)
     # The difference is nan for quantities that do not exist, such as ratios without a height.

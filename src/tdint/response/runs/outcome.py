@@ -152,12 +152,12 @@ class StoryPeaks(Tabular, StoryValues):
     Peaks between time steps are included. Displacements, drifts and velocities are searched on the
     quintic through displacement, velocity and acceleration at both endpoints of a time step, or of
     each substep between two located branch changes (`tdint.kernels.peaks_between_steps`). A shear
-    is the force of the law at the extreme drift, or at the end of the step. Accelerations and total
-    shears use the deviation of the quintic from the straight line between their endpoint values
-    with a weight that falls to zero where it is unreliable. They do not exceed the forces of the
-    laws and of linear dampers (`Building.limited`). Some methods compute peaks from their own paths
-    (`tdint.kernels.equations.corners`). Two extrema of a quantity in one step, and motion that the
-    step does not resolve, are not included.
+    is the force of the law at the extreme drift, or at the end of the step. The extrema of
+    accelerations and total shears are located on the deviation of the quintic from the straight
+    line between their endpoint values, with a weight that falls to zero where it is unreliable;
+    their values satisfy the equations of motion (`tdint.kernels.located_peaks`). Some methods
+    compute peaks from their own paths (`tdint.kernels.equations.corners`). Two extrema of a
+    quantity in one step, and motion that the step does not resolve, are not included.
 
     Attributes
     ----------

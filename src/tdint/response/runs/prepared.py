@@ -24,9 +24,10 @@ from tdint.kernels.building.load_or_compile import (
     load_or_compile,
 )
 from tdint.kernels.laws import OURS
+from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
-from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import (
     HALVINGS,
@@ -699,7 +700,7 @@ class PreparedBuilding:
                 integrator.family.step,
                 initialize_laws,
                 sum_law_energies,
-                update_shear_peaks,
+                update_located_peaks,
             )
         ]
         call = bind(

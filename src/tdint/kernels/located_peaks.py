@@ -1,0 +1,207 @@
+"""Peaks at located instants within a step, where the response satisfies the equations of motion.
+
+`tdint.kernels.peaks_between_steps` locates the extrema of accelerations and total shears on the
+interpolant of the step. Their values follow from the forces of the laws and dampers at the
+interpolated displacements and velocities, so that no peak exceeds what these forces allow.
+"""
+
+from __future__ import annotations
+
+import math
+
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import F8, I8, TABLE, indirect_caller, inline, kernel, outlined
+from tdint.kernels.laws.selection import HAS_ELEMENTS
+from tdint.kernels.linear_terms import (
+    BRACES,
+    TANGENT_DAMPING,
+    force_value,
+    internal_forces,
+)
+from tdint.kernels.peaks_between_steps import floor_ends, raise_peak, story_ends, zero_of_rate
+from tdint.kernels.step_interpolant import quintic_motion
+from tdint.kernels.stepping import SCENE, Located, Passage, Scene, Span
+from tdint.kernels.stories.brace import brace_force_at
+from tdint.kernels.stories.law_state import raise_element_peaks, restoring_force_outlined
+
+
+@outlined
+def raise_located_peaks(scene, span, passage, law_state, previous, located):
+    """Raise the peaks by the forces at reversals and by the response at located instants.
+
+    `previous` is the first row of the states from which the laws move (`step_start`). FIRST_TRIAL
+    and SECOND_TRIAL of the states are overwritten.
+    """
+    table, first, _, _ = located
+    n = scene.linear_terms.shape[1] - 1
+    for i in range(n):
+        reversal = table[first + rows.REVERSAL_DRIFT, i]
+        if reversal != law_state[rows.DRIFT, i]:
+            _raise_force_at_reversal(scene, law_state, i, previous, reversal, located)
+    last = 0.0
+    for row in (rows.ACCELERATION_INSTANT, rows.TOTAL_SHEAR_INSTANT):
+        for i in range(n):
+            s = table[first + row, i]
+            # Several floors often have the same instant.
+            if s > 0.0 and s != last:
+                _raise_peaks_at(scene, span, passage, law_state, previous, s, located)
+                last = s
+
+
+@outlined
+def _raise_force_at_reversal(scene, law_state, i, previous, drift, located):
+    """Raise the peak forces of story `i` and its elements by their forces at a reversal."""
+    law_parameters = scene.law_parameters
+    restoring_force_outlined(law_parameters, law_state, i, previous, rows.FIRST_TRIAL, drift)
+    force = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
+    raise_peak(located.peaks, located.first_peak + rows.PEAK_SHEAR, i, force)
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        raise_element_peaks(law_parameters, law_state, i, rows.FIRST_TRIAL, 0.0)
+
+
+@outlined
+def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
+    """Raise the peaks of accelerations and total shears by the response at the fraction `s` of the
+    step."""
+    table, first, peaks, first_peak = located
+    linear_terms, _, _, forces, _ = scene
+    _store_internal_forces(scene, span, passage, law_state, previous, s, located)
+    total_shear = 0.0
+    for i in range(linear_terms.shape[1] - 2, -1, -1):
+        force = table[first + rows.LOCATED_INTERNAL, i]
+        total_shear = linear_terms[rows.LINK, i + 1] * total_shear + force
+        raise_peak(peaks, first_peak + rows.PEAK_TOTAL_SHEAR, i, total_shear)
+        for j in range(forces.shape[0]):
+            if forces[j, rows.FLOOR] == i:
+                force -= force_value(forces, j, span.t - (1.0 - s) * span.h)
+        acceleration = linear_terms[rows.INVERSE_MASS, i] * force
+        raise_peak(peaks, first_peak + rows.PEAK_ACCELERATION, i, acceleration)
+
+
+@inline
+def _store_internal_forces(scene, span, passage, law_state, previous, s, located):
+    """Store displacements, velocities and the internal forces of all floors at the fraction `s` of
+    the step in the rows of `located`."""
+    table, first, _, _ = located
+    linear_terms, modal, _, _, flags = scene
+    n = linear_terms.shape[1] - 1
+    has_braces = flags[rows.HAS_BRACES] != 0.0
+    below, u_below, v_below = floor_ends(span.fast, passage, 0), 0.0, 0.0
+    for i in range(n):
+        floor = floor_ends(span.fast, passage, i)
+        u, v = quintic_motion(span.h, floor, s)
+        table[first + rows.LOCATED_DISPLACEMENT, i] = u
+        table[first + rows.LOCATED_VELOCITY, i] = v
+        link = linear_terms[rows.LINK, i]
+        story = story_ends(floor, below, link, law_state[rows.DRIFT, i])
+        tangent = _follow_law(scene, span.h, law_state, i, previous, story, s, u - link * u_below)
+        if (BRACES or TANGENT_DAMPING) and has_braces:
+            force = linear_terms[rows.TANGENT_DAMPING, i] * tangent * (v - link * v_below)
+            if BRACES and linear_terms[rows.BRACE, i] != 0.0:
+                motion = (u - link * u_below - story.u0, story.v0, v - link * v_below)
+                row = first + rows.LOCATED_BRACE
+                force += brace_force_at(
+                    linear_terms, i, s * span.h, motion, passage.state, table, row
+                )
+            table[first + rows.LOCATED_DEVICE, i] = force
+        below, u_below, v_below = floor, u, v
+    internal_forces(
+        linear_terms,
+        modal,
+        law_state,
+        rows.SECOND_TRIAL,
+        table,
+        first + rows.LOCATED_VELOCITY,
+        first + rows.LOCATED_INTERNAL,
+        first + rows.LOCATED_SUM,
+    )
+    if (BRACES or TANGENT_DAMPING) and has_braces:
+        above = 0.0
+        for i in range(n - 1, -1, -1):
+            force = table[first + rows.LOCATED_DEVICE, i]
+            table[first + rows.LOCATED_INTERNAL, i] += force - above
+            above = linear_terms[rows.LINK, i] * force
+
+
+@outlined
+def _follow_law(scene, h, law_state, i, previous, story, s, drift):
+    """Move the law of story `i` from the start of the step to the drift at the fraction `s`, in
+    block SECOND_TRIAL; return the tangent stiffness, N/m.
+
+    A law without a stored start has followed a single linear branch.
+    """
+    slope = law_state[rows.SLOPE, i]
+    if previous == rows.COMMITTED and slope < math.inf:
+        change = drift - law_state[rows.DRIFT, i]
+        law_state[rows.SECOND_TRIAL + rows.DRIFT, i] = drift
+        law_state[rows.SECOND_TRIAL + rows.FORCE, i] = law_state[rows.FORCE, i] + slope * change
+        return slope
+    block = previous
+    if story.v0 * story.v1 < 0.0:
+        rest = zero_of_rate(h, story)
+        if rest < s:
+            reversal = quintic_motion(h, story, rest)[0]
+            block = rows.FIRST_TRIAL
+            restoring_force_outlined(scene.law_parameters, law_state, i, previous, block, reversal)
+    return restoring_force_outlined(
+        scene.law_parameters, law_state, i, block, rows.SECOND_TRIAL, drift
+    )
+
+
+# ---- Instants of the observer of the response. The kernel is compiled separately, because the time
+# loop does not contain the laws.
+
+UPDATE_LOCATED_PEAKS = I8(*SCENE, F8, F8, I8, TABLE, TABLE, I8, TABLE, TABLE)
+
+_call_kernel = indirect_caller(UPDATE_LOCATED_PEAKS)
+
+
+@inline
+def call_update_located_peaks(update_located_peaks, scene, span, memory, previous, seen):
+    """Update the peaks at the reversals and instants in rows LOCATED of the memory of the observer,
+    by the address of `update_located_peaks`; `previous` as in `raise_located_peaks`.
+    """
+    linear_terms, modal, law_parameters, forces, flags = scene
+    _call_kernel(
+        update_located_peaks,
+        linear_terms,
+        modal,
+        law_parameters,
+        forces,
+        flags,
+        span.t,
+        span.h,
+        1 if span.fast else 0,
+        memory.state,
+        memory.law_state,
+        previous,
+        seen.observer_state,
+        seen.peaks,
+    )
+
+
+@kernel(UPDATE_LOCATED_PEAKS)
+def update_located_peaks(
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    t,
+    h,
+    fast,
+    state,
+    law_state,
+    previous,
+    observer_state,
+    peaks,
+):
+    """Update the peaks at the reversals and located instants of the last step; return 0."""
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
+    span = Span(t, h, 0.0, 0.0, False, fast != 0, False, False)
+    passage = Passage(
+        observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
+    )
+    located = Located(observer_state, rows.LOCATED, peaks, 0)
+    raise_located_peaks(scene, span, passage, law_state, previous, located)
+    return 0
