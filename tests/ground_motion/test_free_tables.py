@@ -193,7 +193,7 @@ class TestQuestions:
         for content in (table(*self.noise.T), CASES["network"].text):
             file.write_text(content)
             assert is_record(file)
-        file.write_text("a table\n1 2\n3 4\n")
+        file.write_text("a table\n3 4\n1 2\n")
         assert not is_record(file)
 
 

@@ -18,7 +18,13 @@ from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP
 from tdint.ground_motion.formats.lines import COUNT, NUMBER
 from tdint.ground_motion.formats.series import motion_units
-from tdint.ground_motion.formats.table_columns import COMMENT, SECONDS, declarations
+from tdint.ground_motion.formats.table_columns import (
+    COMMENT,
+    SECONDS,
+    declarations,
+    is_key,
+    quantity_of_units,
+)
 
 MIN_COUNT = 20
 """Smallest number that counts as a number of samples; smaller numbers are values per line."""
@@ -61,7 +67,7 @@ _INTERVALS = tuple(
         rf"{_IN_SECONDS}\s*[=:]?",
         r"\b(?:EQUAL(?:LY)?[ -]SPAC(?:ED|INGS?)|(?:EQUAL\s+)?(?:TIME\s+)?INTERVALS?)\b\s*"
         rf"(?:\bINTERVALS?\s*)?(?:OF|AT)?\s*{_IN_SECONDS}\s*[=:]?",
-        rf"\b{_ITEMS}\s+(?:AT|EVERY|SPACED)(?:\s+(?:EVERY|AT|BY))?\s*{_IN_SECONDS}",
+        rf"\b(?:{_ITEMS}\s+(?:AT|SPACED)(?:\s+(?:AT|BY))?|EVERY)\s*{_IN_SECONDS}",
     )
 )
 """Patterns of an interval. Groups: unit in brackets after the name, number, unit after the
@@ -106,6 +112,11 @@ _UNITS = tuple(
         r"(?:\s+(?:TIME|SERIES|HISTORY|DATA|VALUES|RECORD))*\s*(?:IN\b|[:=,(\[])",
         r"\b(?:VALUES|DATA|SAMPLES|AMPLITUDES?|RECORD|HISTORY|MOTION)\s+(?:ARE\s+)?IN\b",
     )
+)
+_INTEGRAL_UNIT = re.compile(
+    r"\b(?:VEL(?:OCITY)?|DISPL?(?:ACEMENTS?)?)\b[\w ]{0,20}?(?:\bIN\b|[(\[=:,])\s*"
+    rf"((?:CM|MM|M|IN|FT)(?:/S(?:EC)?)?){_NO_LONGER_UNIT}",
+    re.IGNORECASE,
 )
 _ACCELERATION_UNIT = re.compile(
     rf"\bACC(?:EL\w*)?\b[^\d]*?(?<![\w/])({_LONG_UNIT}){_NO_LONGER_UNIT}", re.IGNORECASE
@@ -225,7 +236,8 @@ def statements(lines: Sequence[str]) -> Statements:
     ]
     units = _stated_units(lines, declared_units)
     integrals = named_integrals(lines)
-    names_acceleration = bool(units or peaks) or any(map(_ACCELERATION.search, lines))
+    has_unit = any(quantity_of_units(unit) == "acceleration" for unit in units)
+    names_acceleration = bool(has_unit or peaks) or any(map(_ACCELERATION.search, lines))
     return Statements(
         frozenset(counts),
         _without_repetition(intervals),
@@ -246,7 +258,10 @@ def _plain_text(line: str) -> str:
     text = line.replace('"', "").rstrip(" \t\r,;")
     text = re.sub(r"([=:])\s*[,;\t]\s*", r"\1 ", text)
     name, mark, value = text.partition(next((mark for mark in "\t;," if mark in text), ","))
-    is_pair = bool(mark) and re.fullmatch(rf"\s*{NUMBER}\s*[a-z/]*\s*", value, re.IGNORECASE)
+    is_pair = bool(mark) and (
+        bool(re.fullmatch(rf"\s*{NUMBER}\s*[a-z/]*\s*", value, re.IGNORECASE))
+        or (is_key(name) and not re.search("[,;\t]", value))
+    )
     return f"{name} = {value.strip()}" if is_pair and not re.search("[=:]", name) else text
 
 
@@ -264,6 +279,10 @@ def _stated_units(lines: Sequence[str], declared: list[str]) -> tuple[str, ...]:
     # A declaration that is not a unit may continue with other words.
     known = [unit for unit in declared if motion_units(unit)]
     units += known or ([] if units else declared)
+    if not units:
+        is_integral = not any(map(_ACCELERATION.search, lines))
+        matches = [match for line in others if (match := _INTEGRAL_UNIT.search(line))]
+        units = [unit for match in matches if is_integral and (unit := _units(match[1]))]
     if not units:
         matches = [match for line in others if (match := _ACCELERATION_UNIT.search(line))]
         units = [unit for match in matches if (unit := _units(match[1]))]

@@ -59,7 +59,7 @@ _ORDINATE = re.compile(
 
 _GENERAL = re.compile(
     r"(?:y|values?|data|signals?|amplitudes?|records?|motions?|ground motion|series|samples?|"
-    r"(?:ch|channel|col|column|sensor|comp|component|a|x)[ #.-]?\d*)"
+    r"(?:ch|channel|col|column|sensor|comp|component|[a-z])[ #.-]?\d*)"
 )
 """Pattern of a name that states no quantity; other names may state a temperature or a force."""
 # English, German, French, Spanish, Italian and Portuguese, without accents
@@ -228,8 +228,8 @@ def interpret_names(texts: list[str]) -> tuple[ColumnName, ...]:
         # The names v and d were read as components. If a column is named acceleration without a
         # component, they are the velocity and the displacement.
         for index, column in enumerate(columns):
-            if quantity := _LETTERS.get(column.component.lower()):
-                columns[index] = replace(column, quantity=quantity, component="")
+            if letter := _LETTERS.get(column.component.lower()):
+                columns[index] = replace(column, quantity=letter, component="")
     return tuple(columns)
 
 
@@ -239,13 +239,16 @@ def quantity_of_units(units: str) -> str:
     return next((quantity for quantity, names in GROUND_MOTION.items() if name in names), "")
 
 
-def with_units(names: tuple[ColumnName, ...], units: list[str]) -> tuple[ColumnName, ...]:
+def with_units(names: tuple[ColumnName, ...], line: str, separator: str) -> tuple[ColumnName, ...]:
     """Return column names with the units in the line below them; empty if the line does not contain
     units.
 
     At least one cell must be a unit of time or of ground motion, and no cell may be a name.
     """
-    texts = [text.strip().strip("\"'()[] ") for text in units]
+    cells = split_names(line, separator)
+    if len(cells) != len(names):
+        cells = line.split()
+    texts = [text.strip().strip("\"'()[] ") for text in cells]
     known = [bool(text) and is_unit(text) for text in texts]
     if not any(known) or len(texts) != len(names):
         return ()
@@ -338,6 +341,11 @@ ORIGIN = "tdint origin"
 """Key of the origin of a motion that tdint wrote (`header_statement`)."""
 
 _MEANINGS = {name: meaning for meaning, names in _KEYS.items() for name in names}
+
+
+def is_key(name: str) -> bool:
+    """Return True if a text is a key of a declaration."""
+    return _unaccented(" ".join(name.lower().replace("_", " ").split())) in _MEANINGS
 
 
 def declarations(line: str) -> list[tuple[str, str]]:

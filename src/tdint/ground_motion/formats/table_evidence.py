@@ -219,6 +219,10 @@ _JUMP = 5.0
 """Minimum ratio of the change from a first number to the next number to the changes of the samples,
 if the first number is not a sample."""
 
+_MIN_DIGITS_EXCESS = 3
+"""Minimum number of significant digits that the samples have in addition to those of a first number
+that is no sample; one of a thousand samples ends with three zeros."""
+
 _JUMP_SAMPLES = 12  # samples that are compared with the first number
 _WHOLE = re.compile(r"\+?\d{1,12}\.?")
 _WITHOUT_POINT = re.compile(r"[-+]?\d+")
@@ -305,12 +309,18 @@ def first_numbers(
         ]
         if not is_other and width == 1 and len(whole) + len(steps) < len(texts):
             break
-        remaining = (lines - used, values.size - len(texts))
-        count = next((n for n in numbers if n >= 1.0 and n in remaining), 0.0)
+        samples = values[len(texts) :]
+        remaining = (lines - used, samples.size)
+        count = next(
+            (n for n in numbers if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)),
+            0.0,
+        )
         if count and steps:
             return FirstNumbers(int(count), steps[0], used)
         is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
-        if unconfirmed is None and is_header and (is_other or width == 1):
+        # Without the first line, the first column may contain times.
+        is_timed = width > 1 and are_times(samples[::width]) and not are_times(values[::width])
+        if unconfirmed is None and is_header and (is_other or width == 1 or is_timed):
             unconfirmed = used, whole, steps[0]
     if width == 1 and values[0] == lines - 1:
         return FirstNumbers(lines - 1, 0.0, 1)
@@ -325,6 +335,13 @@ def first_numbers(
     if width == 1 and layout.skip_lines != 0:
         return _interval_alone(words, values, layout, number)
     return FirstNumbers()
+
+
+def is_filled(values: NDArray[np.float64], count: float, width: int) -> bool:
+    """Return True if only zeros, which fill the last of the rows of `width` values, follow the
+    first `count` values."""
+    is_in_last_row = values.size - width < count < values.size
+    return is_in_last_row and count == int(count) and not np.any(values[int(count) :])
 
 
 def _is_plausible(step: float) -> bool:
@@ -381,8 +398,10 @@ def _interval_alone(
     changes = np.abs(np.diff(samples[:_JUMP_SAMPLES]))
     has_jump = abs(value - float(samples[0])) > _JUMP * float(np.max(changes, initial=0.0))
     others = samples[samples != 0.0][:_JUMP_SAMPLES].tolist()
-    long = sum(_significant_digits(sample) > _significant_digits(value) for sample in others)
-    if has_jump and (is_specified or 2 * long > len(others)):
+    # The median sample has more digits than an interval, which is a round number.
+    more = sorted(_significant_digits(sample) - _significant_digits(value) for sample in others)
+    excess = more[len(more) // 2] if more else 0
+    if (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
         return FirstNumbers(0, value, 1, _first_lines_note(1, number, value))
     texts = [row[0] for row in words]
     decimals = {len(text.partition(".")[2]) for text in texts[1:]}

@@ -168,7 +168,7 @@ def table_text(lines: Lines) -> TableText:
         if not line:
             is_after_blank = True
             continue
-        if _is_row(line):
+        if _is_row(line) and not line.endswith("..."):
             row, title = line, ""
         else:
             row, title = _row_of_list(line)
@@ -222,7 +222,9 @@ def _row_of_list(line: str) -> tuple[str, str]:
     for text, words in ((line, ""), (rest, title)) if mark else ((line, ""),):
         row = re.sub(r"\.\.\.\s*$", " ", text).translate(_LIST_MARKS).rstrip(_BLANKS)
         # A number in brackets after text, such as `Depth (24.5)`, is not a list.
-        is_list = not words.strip() or (mark != "(" and len(row.split()) > 1 and "." in row)
+        is_list = not words.strip() or (
+            len(row.split()) > 1 and "." in row and not (mark == "(" and ")" in text)
+        )
         if row and is_list and _is_row(row):
             return row, words.strip()[:_MAX_HEADER_LINE]
     return "", ""
@@ -321,6 +323,9 @@ def _seconds(rows: Sequence[Sequence[str]]) -> list[float] | None:
         return None
     first_day, first = moments[0]
     times = [86400.0 * (day - first_day) + (moment - first) for day, moment in moments]
+    if not first_day:  # A time of day without a date starts again at midnight.
+        nights = np.cumsum(np.diff(times, prepend=0.0) < 0.0)
+        times = [moment + 86400.0 * night for moment, night in zip(times, nights, strict=True)]
     return times if all(a < b for a, b in pairwise(times)) else None
 
 

@@ -34,35 +34,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.choice import AS_STATED, SAME_STEP, TextLayout
+from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.formats.header_statements import (
     Statements,
     named_integrals,
     named_spectra,
     statements,
 )
-from tdint.ground_motion.formats.lines import Lines, equal_steps, last_decimal, read_lines
+from tdint.ground_motion.formats.lines import Lines, read_lines, recognizes
 from tdint.ground_motion.formats.series import (
     Series,
-    code,
-    motion_scale,
-    motion_units,
-    stated_peak,
     to_stream,
 )
 from tdint.ground_motion.formats.table_columns import (
+    COMMENT,
     MOTIONS,
-    ORIGIN,
     OTHER,
     SECONDS,
     TIME,
-    ColumnName,
     any_names,
-    column_index,
     column_names,
-    is_general,
+    declarations,
+    quantity_of_units,
     spectrum_name,
-    split_names,
     with_units,
 )
 from tdint.ground_motion.formats.table_evidence import (
@@ -71,6 +65,7 @@ from tdint.ground_motion.formats.table_evidence import (
     counts_rows,
     first_numbers,
     has_card_numbers,
+    is_filled,
     paired,
     unexplained_first_line,
 )
@@ -82,17 +77,18 @@ from tdint.ground_motion.formats.table_lines import (
     table_text,
     words_of,
 )
+from tdint.ground_motion.formats.table_series import (
+    Names,
+    TableColumns,
+    incomplete,
+    table_components,
+)
 from tdint.ground_motion.messages import caught_messages
-from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
-from tdint.ground_motion.missing import IncompleteRecord, Missing, OtherContent
-from tdint.ground_motion.origin import stated_origin
+from tdint.ground_motion.missing import Missing, OtherContent
 from tdint.number_parsing import pluralize
-from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from obspy import Stream
-
-Names = tuple[ColumnName, ...]
 
 _MIN_VALUES = 20  # numbers; a smaller table that cannot be read may be a part of any text
 _MAX_PARTS = 6
@@ -153,15 +149,27 @@ class TextTable:
 
 
 def is_text(file: Any, **_: Any) -> bool:
-    """Return True if a file contains a text table that can be read without a layout."""
-    try:
-        position = file.tell() if hasattr(file, "read") else None
-        table = _table_in(file, AS_STATED)
-        if position is not None:
-            file.seek(position)
-    except Exception:  # The bytes of another format have not been recognized.
-        return False
-    return table is not None and not table.problem
+    """Return True if a file starts with declarations, names of columns and rows of numbers.
+
+    `find_table` reads more tables; this check is for `obspy.read`, which tries formats in any
+    order.
+    """
+    return recognizes(file, _starts_with_declarations)
+
+
+_OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
+"""Pattern of a comment that identifies another format (CWB)."""
+
+
+def _starts_with_declarations(lines: list[str]) -> bool:
+    """Return True if the first lines of a file are a table under declarations."""
+    text = table_text(Lines("\n".join(lines)))
+    is_table = bool(text.blocks) and len(text.blocks[0].lines) > 1
+    return is_table and all(
+        bool(COMMENT.fullmatch(line) or declarations(line) or column_names(line))
+        and not _OTHER_FORMAT.match(line)
+        for line in text.blocks[0].above
+    )
 
 
 def read_text(
@@ -213,38 +221,6 @@ class _LayoutError(RecordError):
     """The file does not show the layout of its table, or contradicts its description."""
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Columns of a table with their meaning.
-
-    Attributes
-    ----------
-    columns : list of ndarray
-        All columns; rows of samples are one column.
-    time : int or None
-        Index of the column of times.
-    ignored : frozenset of int
-        Indices of columns that contain text or line numbers.
-    """
-
-    columns: list[NDArray[np.float64]]
-    names: Names
-    stated: Statements
-    time: int | None
-    ignored: frozenset[int]
-
-    @property
-    def candidates(self) -> list[int]:
-        """Indices of the columns that may be ground motions."""
-        others = self.ignored | ({self.time} if self.time is not None else set())
-        return [index for index in range(len(self.columns)) if index not in others]
-
-    def name(self, index: int) -> str:
-        """Return the name of a column for `column`: its text, or its number counted from 1."""
-        text = self.names[index].text if self.names else ""
-        return text[:40] or str(index + 1)
-
-
 def _read_table(
     lines: Lines, text: TableText, layout: TextLayout
 ) -> tuple[list[Series], tuple[str, ...]]:
@@ -288,7 +264,7 @@ def _read_table(
     time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
     if spectrum := _unnamed_spectrum(numbers, names, header, time):
         raise OtherContent(spectrum)
-    table = _Table([], names, stated, time, ignored)
+    table = TableColumns([], names, stated, time, ignored)
     kind, reason = _layout_of(block, numbers, table, layout)
     if kind in ("single", "rows", "numbered rows"):
         _check_decimal_points(block, numbers, int(kind == "numbered rows"))
@@ -303,7 +279,7 @@ def _read_table(
         and len(table.candidates) > 1
         and not (names or table.time is not None or layout.column or is_bare)
     ):
-        raise _incomplete(
+        raise incomplete(
             f"each of the {numbers.width} columns is a separate ground motion of "
             f"{len(table.columns[0])} samples; select columns by `column`",
             table,
@@ -312,26 +288,8 @@ def _read_table(
         )
     if reason:
         notes = (*notes, f"each line continues the ground motion: {reason}")
-    series, unit_notes = _components(table, layout, reason)
+    series, unit_notes = table_components(table, layout, reason)
     return series, (*notes, *unit_notes)
-
-
-def _incomplete(
-    reason: str, table: _Table, layout: TextLayout, missing: Missing
-) -> IncompleteRecord:
-    """Return the error for a table that requires properties, with all properties that are missing;
-    `reason` explains those in `missing`."""
-    stated = table.stated
-    lacks_step = not (stated.intervals or layout.step or table.time is not None)
-    has_units = len(stated.units) == 1 or any(name.units for name in table.names)
-    others = []
-    if lacks_step and not missing.step:
-        others.append("the sampling interval (`step`)")
-    if not has_units:
-        others.append("the units, if they are not specified (`units`)")
-    also = f"; also required: {' and '.join(others)}" if others else ""
-    missing = replace(missing, step=missing.step or lacks_step, units=not has_units)
-    return IncompleteRecord(f"{reason}{also}", missing)
 
 
 def _check_content(names: Names, header: Sequence[str], stated: Statements) -> None:
@@ -356,9 +314,11 @@ def _unnamed_spectrum(
 ) -> str:
     """Return the reason why a table without the names of its columns is not a ground motion: its
     values are positive, and the header mentions a spectrum."""
-    if time is None or names or numbers.values.size < _MIN_VALUES:
+    has_motion = any(name.quantity in MOTIONS for name in names)
+    if time is None or has_motion or numbers.values.size < _MIN_VALUES:
         return ""
-    word = next((match[0] for line in header if (match := _SPECTRAL_WORD.search(line))), "")
+    texts = [*header, *(name.text for name in names)]
+    word = next((match[0] for text in texts if (match := _SPECTRAL_WORD.search(text))), "")
     if not word or np.any(numbers.values < 0.0):
         return ""
     return (
@@ -367,7 +327,7 @@ def _unnamed_spectrum(
     )
 
 
-# ---- Components
+# ---- Numbers around the samples
 
 
 def _columns(numbers: Numbers, kind: str) -> list[NDArray[np.float64]]:
@@ -379,226 +339,6 @@ def _columns(numbers: Numbers, kind: str) -> list[NDArray[np.float64]]:
     if kind == "numbered rows":
         return [numbers.without_first().values]
     return list(numbers.table().T.copy())
-
-
-def _components(
-    table: _Table, layout: TextLayout, reason: str
-) -> tuple[list[Series], tuple[str, ...]]:
-    """Return the components of a table, and notes about their units.
-
-    `reason` explains why the lines continue one ground motion; empty if the columns are separate.
-    """
-    stated, names, columns = table.stated, table.names, table.columns
-    notes: tuple[str, ...] = ()
-    if len(stated.units) > 1:
-        notes = (f"the header states several units, {', '.join(stated.units)}; they are not used",)
-    selected = _selected(table, layout) or _accelerations(table, layout)
-    dt, is_stated = _sampling_interval(table, layout, reason)
-    if not is_stated:
-        notes = (
-            *notes,
-            f"using the specified sampling interval of {dt:g} s; the file states none",
-        )
-    # The continuity of the values suggests separate ground motions, but the file does not state it.
-    if len(selected) > 1 and not (names or table.time is not None or layout.column):
-        notes = (
-            *notes,
-            f"each of {len(columns)} columns without names is read as a separate ground motion; if "
-            "the lines continue a single ground motion, specify `rows`",
-        )
-    compared = (
-        *((SAMPLES,) if stated.counts else ()),
-        *((STEP,) if table.time is not None else ()),
-    )
-    common = Series(
-        np.empty(0),
-        dt,
-        "",
-        channel=code(stated.get("component")),
-        station=code(stated.get("station")),
-        location=code(stated.get("location")),
-        network=code(stated.get("network")),
-        start=stated.start,
-        event=" ".join(stated.get("event").split()),
-        compared=compared,
-    )
-    if stated.get(ORIGIN) and len(selected) == 1:
-        origin = stated_origin(stated.get(ORIGIN), columns[selected[0]])
-        common = replace(common, origin=origin)
-    series = [_series(common, table, index, is_single=len(selected) == 1) for index in selected]
-    if len(series) == 1:
-        series = [_with_peak(series[0], stated)]
-    return series, notes
-
-
-def _selected(table: _Table, layout: TextLayout) -> list[int]:
-    """Return the indices of the columns that the user selects, without repetition."""
-    indices = [column_index(column, table.names, len(table.columns)) for column in layout.column]
-    for index, column in zip(indices, layout.column, strict=True):
-        if index == table.time or index in table.ignored:
-            content = "the time" if index == table.time else "text or the numbers of the lines"
-            raise RecordError(
-                f"column {column} contains {content} ({table.name(index)}); select a column with a "
-                "ground motion"
-            )
-    return list(dict.fromkeys(indices))
-
-
-def _accelerations(table: _Table, layout: TextLayout) -> list[int]:
-    """Return the indices of the columns that are read as ground motion.
-
-    Without names, these are all columns except the times. Otherwise, they are the columns named as
-    acceleration; if there are no such columns, the velocity columns, or else the displacement
-    columns. If no name states a quantity, the only column that is not the time is returned if its
-    name is general (`Y`, `value`).
-
-    Raises
-    ------
-    IncompleteRecord
-        The names do not identify the ground motion.
-    """
-    names, candidates = table.names, table.candidates
-    if not names:
-        return candidates
-    for quantity in MOTIONS:
-        if named := [index for index in candidates if names[index].quantity == quantity]:
-            return named
-    if len(candidates) == 1 and is_general(names[candidates[0]]):
-        return candidates
-    listed = ", ".join(map(table.name, candidates))
-    raise _incomplete(
-        f"the column names do not identify the acceleration; select the ground motion by `column`: "
-        f"{listed}",
-        table,
-        layout,
-        Missing(columns=tuple(map(table.name, candidates))),
-    )
-
-
-def _sampling_interval(table: _Table, layout: TextLayout, reason: str) -> tuple[float, bool]:
-    """Return the sampling interval of a table, s, and True if the file states it, False if only the
-    layout of the user specifies it.
-
-    RecordError is raised if the header and the times state different intervals, the times are not
-    in equal steps, or the interval is unknown.
-    """
-    intervals = list(table.stated.intervals)
-    if table.time is not None:
-        name = table.names[table.time] if table.names else None
-        if name is not None and name.units not in SECONDS:
-            raise RecordError(f"the times must be in s or ms, but the header states {name.units!r}")
-        scale = SECONDS[name.units] if name is not None else 1.0
-        intervals.append(equal_steps(table.columns[table.time] * scale)[0])
-    if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
-        values = " s and ".join(f"{dt:g}" for dt in intervals)
-        raise RecordError(
-            f"the file states several sampling intervals, {values} s; correct the header or the "
-            "times"
-        )
-    dt = next(iter(intervals), None) or layout.step
-    if dt is not None:
-        return dt, bool(intervals)
-    message = (
-        "the sampling interval of the column of numbers is required; declare it in a first line "
-        "`# dt = 0.01 s, units = g`, or specify it by `step`"
-    )
-    if table.ignored:
-        message = (
-            "the first column numbers the lines; specify the sampling interval by `step` (1 if the "
-            "numbers are times in s)"
-        )
-    if reason:
-        message = (
-            f"each line continues one ground motion ({reason}), but the file does not state the "
-            "sampling interval; specify it by `step`"
-        )
-    raise _incomplete(message, table, layout, Missing(step=True))
-
-
-def _series(common: Series, table: _Table, index: int, *, is_single: bool) -> Series:
-    """Return the component in a column, with its units, channel and quantity."""
-    names, stated = table.names, table.stated
-    declared = stated.units[0] if len(stated.units) == 1 else ""
-    component = replace(common, samples=table.columns[index])
-    if not names:
-        # The only component of a table with at most a time column in addition has the declared
-        # channel. Otherwise the channel is the number of the column, counted from 1 with the time
-        # column, as the user selects it by `column`.
-        is_only = is_single and len(table.columns) <= 2
-        quantity = stated.quantity if stated.quantity != "acceleration" else ""
-        return replace(
-            component,
-            units=_required_units(declared, quantity) if declared else "",
-            channel=component.channel if is_only else str(index + 1),
-            quantity=quantity,
-        )
-    name = names[index]
-    text = name.units or declared
-    # The quantity follows from the name of the column. If the name does not state it, the units
-    # determine it. The series then has the quantity "" (not stated by the file), so that the user
-    # may specify units of another quantity.
-    is_unnamed = name.quantity == OTHER or (bool(name.component) and not name.units)
-    units = _required_units(text, "" if is_unnamed else name.quantity) if text else ""
-    # A column of unknown quantity is named by its text in the file without units, which follow the
-    # name and are cut off here.
-    channel = code(name.component) or (
-        code(name.text[: len(name.plain)]) if name.quantity == OTHER else common.channel
-    )
-    component = replace(
-        component,
-        units=units,
-        channel=channel,
-        quantity=name.quantity if name.quantity != OTHER and not (is_unnamed and units) else "",
-    )
-    if name.quantity != "acceleration":
-        return component
-
-    peaks: dict[str, float] = {}
-    for other_name, column in zip(names, table.columns, strict=True):
-        is_same_component = (
-            other_name.quantity in MOTIONS[1:] and other_name.component == name.component
-        )
-        if is_same_component and (scale := motion_scale(other_name.units, other_name.quantity)):
-            peaks.setdefault(other_name.quantity, scale * float(np.max(np.abs(column))))
-    return replace(component, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
-
-
-def _required_units(text: str, quantity: str) -> str:
-    """Return the units of samples, which must be units of `quantity`; empty for any ground motion.
-
-    RecordError is raised for other units.
-    """
-    units = motion_units(text)
-    if units is None or quantity not in ("", parse_units(units).quantity):
-        raise RecordError(
-            f"the units of the samples must be a unit of {quantity or 'acceleration'}, but the "
-            f"header states {text.strip()[:40]!r}"
-        )
-    return units
-
-
-def _with_peak(series: Series, stated: Statements) -> Series:
-    """Return a component with the peak in the header, and with the units of the peak if the file
-    states no other units and the largest sample is equal to the peak."""
-    number, peak_units = stated.peak
-    if not number or series.quantity not in ("", "acceleration"):
-        return series
-    rounding = last_decimal(series.samples)
-    units = series.units
-    if not units and peak_units:
-        largest = float(np.max(np.abs(series.samples)))
-        tolerance = 1.01 * (last_place(number) + rounding) + 1e-6 * largest
-        if abs(abs(float(number)) - largest) > tolerance:
-            return series
-        units = peak_units
-    peak = stated_peak(number, peak_units or units or "", units or "")
-    if peak is not None:
-        # Programs compute the peak before the samples are rounded.
-        peak = replace(peak, rounding=peak.rounding + rounding * peak.factor)
-    return replace(series, units=units, peak=peak)
-
-
-# ---- Numbers around the samples
 
 
 def _with_separate_first_lines(
@@ -649,8 +389,8 @@ def _without_filling(
     """Return the numbers without zeros that fill the last row after the stated number of samples,
     and the notes."""
     width, total = int(numbers.widths[-1]), numbers.values.size
-    counts = [n for n in stated.counts if total - width < n < total]
-    if len(counts) != 1 or not numbers.is_regular or np.any(numbers.values[counts[0] :] != 0.0):
+    counts = [n for n in stated.counts if is_filled(numbers.values, n, width)]
+    if len(counts) != 1 or not numbers.is_regular:
         return numbers, notes
     widths = numbers.widths.copy()
     widths[-1] -= total - counts[0]
@@ -805,7 +545,7 @@ def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) ->
 
 
 def _layout_of(
-    block: NumberBlock, numbers: Numbers, table: _Table, layout: TextLayout
+    block: NumberBlock, numbers: Numbers, table: TableColumns, layout: TextLayout
 ) -> tuple[str, str]:
     """Return the layout of a block (`single`, `rows`, `numbered rows`, `columns`, `pairs`), and the
     reason for rows; raise RecordError if the layout contradicts the file, or if it is
@@ -873,7 +613,7 @@ def _layout_of(
         return "columns", ""
     reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(values)} lines")
     columns = tuple(str(index + 1) for index in range(width) if index not in table.ignored)
-    raise _incomplete(
+    raise incomplete(
         f"the table that starts in line {block.line_numbers[0]} has {width} values per line, and "
         f"the file does not show ({reason}) whether each line continues one ground motion (specify "
         "`rows`) or each column is a separate ground motion (specify `column`)",
@@ -915,17 +655,21 @@ def _time_and_ignored(
         if counts_rows(column):
             ignored |= {index}
             continue
-        quantity = names[index].quantity if names else OTHER
-        is_motion = quantity in MOTIONS and not (names[index].component and not names[index].units)
-        is_increasing = (
-            column.size > 1 and not (names or layout.rows) and bool(np.all(np.diff(column) > 0.0))
-        )
         # Pairs of times and values in a line also start with a time.
-        is_paired = not names and paired(table) is not None
-        if not is_motion and not is_paired and (are_times(column) or is_increasing):
+        if not names and paired(table) is not None:
+            break
+        is_motion = bool(names) and bool(quantity_of_units(names[index].units))
+        if not is_motion and are_times(column):
             return index, ignored
-        break
+        is_first = index == min(set(range(width)) - ignored)
+        if is_first and not (names or layout.rows) and _increases(column):
+            return index, ignored
     return None, ignored
+
+
+def _increases(column: NDArray[np.float64]) -> bool:
+    """Return True if each number of a column is larger than the number above it."""
+    return column.size > 1 and bool(np.all(np.diff(column) > 0.0))
 
 
 def _no_columns(reason: str) -> _LayoutError:
@@ -996,7 +740,7 @@ def _names_and_header(
         if len(names) == width:
             units = above[index + 1 :]
             if len(units) == 1:
-                names = with_units(names, split_names(units[0], separator)) or names
+                names = with_units(names, units[0], separator) or names
             return names, header + others
         if len(names) > 1 and names[0].quantity == TIME and index == len(above) - 1:
             raise RecordError(
@@ -1017,20 +761,22 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
     """Return the column names in the last line, or in the line before the last line and their units
     in the last line; empty if the lines do not name the columns.
 
-    Words that are separated by blanks may be a sentence. They name the columns only if the first
-    name is a time and another name is an acceleration with units, or if they are units.
+    Words that are separated by blanks may be a sentence. They name the columns only if one of them
+    is a time, or if the user selects one of them.
     """
     names = any_names(lines[0], separator, width)
+    is_statement = bool(statements(lines[:1]))
     if len(lines) == 2:
-        return with_units(names, split_names(lines[1], separator))
-    if not names or statements(lines):
+        return () if is_statement else with_units(names, lines[1], separator)
+    if not names or is_statement:
         is_acceleration = any(name.quantity == "acceleration" and name.units for name in names)
         return names if is_acceleration and names[0].quantity == TIME else ()
     is_sentence = not re.search(r"[,;\t]|\s{2,}", lines[0].strip())
-    has_time = names[0].quantity == TIME or (names[0].units in SECONDS and bool(names[0].units))
-    has_motion = any(name.quantity in MOTIONS and name.units for name in names)
+    has_time = any(name.quantity == TIME for name in names) or (
+        bool(names[0].units) and names[0].units in SECONDS
+    )
     is_selected = any(_has_name(names, column) for column in layout.column)
-    return names if not is_sentence or (has_time and has_motion) or is_selected or has_time else ()
+    return names if not is_sentence or has_time or is_selected else ()
 
 
 def _has_name(names: Names, column: str) -> bool:

@@ -65,7 +65,8 @@ and SACXY do not detect corrupt files; DMX, PDAS, SEISAN, WIN and Y require a fi
 contains velocities; the remaining formats are not ground motion."""
 
 _CORRUPT_FILE_WARNING = re.compile(
-    r"^ERROR|not be read|skip(?!_lines)|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp",
+    r"^ERROR|not be read|skip(?!_lines)|corrupt|truncat|integrity check|broken|contiguous|permuted|"
+    r"dropp",
     re.IGNORECASE,
 )
 """Pattern of reader warnings that indicate missing or wrong samples. Other warnings (for example of
@@ -532,8 +533,8 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
         raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV")
     if is_json(data):
         raise RecordError(
-            f"{source}: the file is JSON, which is not read; write its samples to a text file, with "
-            "a first line `# dt = 0.01 s, units = g`"
+            f"{source}: the file is JSON, which is not read; write its samples to a text file with "
+            "the first line `# dt = 0.01 s, units = g`"
         )
     # Pickle data start with the PROTO opcode 0x80 and end with the STOP opcode, a dot.
     if data.startswith(b"\x80") and data.endswith(b"."):
