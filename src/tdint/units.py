@@ -54,6 +54,8 @@ ACCELERATION = {
     "gal": 0.01,
     "mm/s^2": 0.001,
     "g": STANDARD_GRAVITY,
+    "mg": 1e-3 * STANDARD_GRAVITY,
+    "%g": 1e-2 * STANDARD_GRAVITY,
     "in/s^2": _INCH,
     "ft/s^2": 12.0 * _INCH,
 }
@@ -188,17 +190,36 @@ def canonical(name: str) -> str:
 
     An unknown unit is returned in lower case and without blanks.
     """
-    plain = (
-        "".join(name.split())
-        .lower()
-        .lstrip("*")
-        .replace("²", "^2")
-        .replace("sec", "s")
-        .replace("**", "^")
-    )
-    # Replace the other notations of the squared second at the end: m/s/s, m/s2 and m/(s^2).
-    plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)
-    return "gal" if plain == "gals" else plain
+    plain = "".join(name.split()).lower().lstrip("*").removesuffix("'s")
+    if plain[:1] in ("(", "["):
+        plain = plain.strip("()[]")
+    for spelling, usual in _SPELLINGS.items():
+        plain = plain.replace(spelling, usual)
+    plain = re.sub(r"(?:segundos?|segs?|seconds?|secs?|sec)(?=\W|\d|$)", "s", plain)
+    plain = re.sub(r"^cms(?=/)", "cm", plain)
+    # Replace the other notations of the squared second at the end: m/s/s, m/s2, m/(s^2), m s^-2.
+    plain = re.sub(r"(?:/(?:s/s|s2|\(s\^2\))|[.*]?s\^?-2)$", "/s^2", plain)
+    plain = re.sub(r"[.*]?s\^?-1$", "/s", plain)
+    return _NAMES.get(plain, plain)
+
+
+_SPELLINGS = {
+    "**": "^",
+    "²": "^2",
+    "⁻": "^-",
+    "¹": "1",
+    "−": "-",
+    "·": "*",
+    "^-^": "^-",
+    "meters": "m",
+    "metres": "m",
+    "meter": "m",
+    "metre": "m",
+}
+"""Other spellings of characters and words in a unit, replaced in this order."""
+
+_NAMES = {"gals": "gal", "gs": "g", "milli-g": "mg", "millig": "mg", "milligs": "mg", "g's": "g"}
+"""Other names of units."""
 
 
 def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> float:

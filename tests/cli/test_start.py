@@ -21,7 +21,7 @@ UNNEEDED = {
     "scipy", "numpy.ma", "numpy.random", "argparse", "difflib", "gzip", "secrets",
     "tdint.studies", "tdint.response.runs.sequence", "tdint.response.spectra.floor_motions",
     "tdint.response.runs.step_choice", "tdint.ground_motion.horizontals",
-    "tdint.ground_motion.reading.instrument", "tdint.ground_motion.formats.free_table",
+    "tdint.ground_motion.reading.instrument", "tdint.ground_motion.formats.text",
     "tdint.ground_motion.formats.header_statements",
 }  # fmt: skip
 """Modules that runs and spectra of records do not need."""

@@ -48,13 +48,6 @@ def test_obspy_formats_are_not_detected(name, tmp_path):
     assert claims(write(tmp_path / "file", trace(data), format=name)) == []
 
 
-@pytest.mark.parametrize(
-    ("rows", "claimed"), [("0 5\n1 5\n2 3\n", True), ("0 5\n1 5\n1 3\n", False)]
-)
-def test_first_column_without_names_must_increase(rows, claimed):
-    assert claims(io.BytesIO(rows.encode())) == ["TEXT"] * claimed
-
-
 @pytest.mark.parametrize("file", ["missing", 3, None, io.StringIO("text"), io.BytesIO()])
 def test_invalid_file_arguments_are_not_detected(file):
     assert claims(file) == []

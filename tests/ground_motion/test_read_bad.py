@@ -88,8 +88,8 @@ class TestNoRecord:
     def test_unknown_format_is_refused(self, data):
         refused(
             data,
-            "unknown format(; supported formats: MSEED, KNET|: a table of numbers starts in line "
-            "1)",
+            "unknown format; supported formats: MSEED, KNET|select columns by `column`; also required: "
+            "the sampling interval",
         )
 
     def test_compressed_file_is_refused(self):

@@ -203,7 +203,7 @@ class TestColumn:
         record, _ = read(file, table(["# a table", last], *columns), "gal", skip_lines=1)
         assert (record.component, record.dt) == ("2", 0.02)
         content = table(["not a declaration", last], *columns)
-        fails("line 1: 'not a declaration' is neither", file, content, "gal", column="2")
+        assert read(file, content, "gal", column="2")[0].component == "2"
 
 
 class TestSkippedLines:
@@ -225,15 +225,10 @@ class TestSkippedLines:
         )
         assert (record.component, record.dt, record.pga) == ("Kanal-2", 0.02, pytest.approx(0.02))
 
-    def test_wrong_number_of_skipped_lines_is_refused(self, file):
+    def test_lines_that_need_not_be_skipped(self, file):
         content = text(WORDS, two_columns(header=None, separator=" "))
-        fails(
-            r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`",
-            file,
-            content,
-            "g",
-            step=0.01,
-        )
+        for skipped in (None, 1, 2):
+            assert read(file, content, "g", step=0.01, skip_lines=skipped)[0].dt == 0.01
         fails(
             r"unknown format, and no table of numbers found below its first 500",
             file,
@@ -241,7 +236,6 @@ class TestSkippedLines:
             "g",
             skip_lines=500,
         )
-        fails(r"starts in line 3: specify it by `step` and `column` and skip", file, content, "g")
 
 
 def test_column_with_unit_of_acceleration_is_ground_motion(file):
@@ -251,28 +245,16 @@ def test_column_with_unit_of_acceleration_is_ground_motion(file):
     )
     (record,) = read(file, base)
     assert (record.component, record.units, record.pga) == ("base", "m/s^2", pytest.approx(1.0))
-    fails(
-        r"select the ground motion by `column`: base_m_s2, drift_m$",
-        file,
-        text(["time_s,base_m_s2,drift_m"], drift),
-    )
+    (record,) = read(file, text(["time_s,base_m_s2,drift_m"], drift))
+    assert record.component == "base"
 
 
-@pytest.mark.parametrize("layout", [{}, {"column": "2"}])
-def test_missing_part_of_table_is_reported(file, layout):
+def test_numbers_in_quotation_marks(file):
     quoted = "\n".join(f'"{t:.2f}","{a:.4f}"' for t, a in zip(times(), COLUMNS[0], strict=True))
-    fails(
-        "its numbers are in quotation marks; remove the quotation marks",
-        file,
-        '"time_s","a_m_s2"\n' + quoted,
-        **layout,
-    )
-    if not layout:
-        fails(
-            "only one row of numbers; a record needs at least two samples",
-            file,
-            "time_s,a_m_s2\n0.0,1.0\n",
-        )
+    for layout in ({}, {"column": "2"}):
+        (record,) = read(file, '"time_s","a_m_s2"\n' + quoted, **layout)
+        assert (record.dt, record.pga) == (0.02, 1.0)
+    fails("only one row of numbers; a record needs at least two", file, "time_s,a_m_s2\n0.0,1.0\n")
 
 
 def test_layout_is_refused_for_other_formats(file):
@@ -288,7 +270,7 @@ def test_layout_is_refused_for_other_formats(file):
 
 def test_layout_of_files_in_directory(file):
     file.write_text(text(WORDS, one_column(header=None)))
-    assert not is_record(file)
+    assert is_record(file)
     assert is_record(file, TextLayout(skip_lines=2))
     assert not is_record(file, TextLayout(skip_lines=200))
     assert read_record(file, units="gal", layout=TextLayout(0.01, (), 2)).pga == 0.015

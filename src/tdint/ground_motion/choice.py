@@ -137,6 +137,10 @@ class TextLayout(_OptionalFields):
                 "tables, remove it"
             )
 
+    def has_step(self, dt: float) -> bool:
+        """Return True if `step` is specified and equal to `dt`, s."""
+        return self.step is not None and math.isclose(dt, self.step, rel_tol=SAME_STEP)
+
     def check_step(self, dt: float) -> None:
         """Raise RecordError if the sampling interval `dt` (s) of a file differs from `step`.
 
@@ -145,7 +149,7 @@ class TextLayout(_OptionalFields):
         dt : float
             Sampling interval in the file, s.
         """
-        if self.step is not None and not math.isclose(dt, self.step, rel_tol=SAME_STEP):
+        if self.step is not None and not self.has_step(dt):
             raise RecordError(
                 f"the sampling interval in the file is {dt:.9g} s, which contradicts "
                 f"`step={self.step:.9g}`; remove it"

@@ -95,6 +95,11 @@ def read_at2(lines: Lines) -> list[Series]:
         match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1])
     )
     units = next((required_units(name, quantity) for name in named), "")
+    if not units and not other:
+        from tdint.ground_motion.formats.header_statements import statements  # rarely needed
+
+        stated = statements(header).units
+        units = required_units(stated[0]) if len(stated) == 1 else ""
     if is_tdint_file:
         attributes["origin"] = stated_origin(statement, values)
     return [Series(values, step, units, **attributes)]

@@ -1,5 +1,5 @@
-"""Statements in the header of a table in free wording: number of samples, sampling interval, units
-and peak of an accelerogram.
+"""Statements in the header of a table: number of samples, sampling interval, units and peak of an
+accelerogram, as declarations (`dt = 0.01 s, units = g`) or in free wording.
 
 The words are English, and for the interval, the number of samples and the units also German,
 French, Spanish, Italian and Portuguese. A number counts as a statement only next to a word that
@@ -11,11 +11,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 
+from tdint.errors import RecordError
+from tdint.ground_motion.choice import SAME_STEP
 from tdint.ground_motion.formats.lines import COUNT, NUMBER
 from tdint.ground_motion.formats.series import motion_units
-from tdint.ground_motion.formats.table_columns import COMMENT
+from tdint.ground_motion.formats.table_columns import (
+    COMMENT,
+    SECONDS,
+    declarations,
+    is_key,
+    quantity_of_units,
+)
 
 MIN_COUNT = 20
 """Smallest number that counts as a number of samples; smaller numbers are values per line."""
@@ -56,14 +65,17 @@ _INTERVALS = tuple(
         r"(?:MUESTREO|TIEMPO|CAMPIONAMENTO|TEMPO|AMOSTRAGEM)|PAS\s+DE\s+TEMPS|"
         r"(?:PAS|P[EÉ]RIODE)\s+D['\u2019][EÉ]CHANTILLONNAGE|ABTASTINTERVALL|ZEITSCHRITT)\b\s*"
         rf"{_IN_SECONDS}\s*[=:]?",
-        r"\b(?:EQUALLY[ -]SPACED|(?:EQUAL\s+)?(?:TIME\s+)?INTERVALS?)\b\s*(?:\bINTERVALS?\s*)?"
-        rf"(?:OF|AT)?\s*{_IN_SECONDS}\s*[=:]?",
+        r"\b(?:EQUAL(?:LY)?[ -]SPAC(?:ED|INGS?)|(?:EQUAL\s+)?(?:TIME\s+)?INTERVALS?)\b\s*"
+        rf"(?:\bINTERVALS?\s*)?(?:OF|AT)?\s*{_IN_SECONDS}\s*[=:]?",
+        rf"\b(?:{_ITEMS}\s+(?:AT|SPACED)(?:\s+(?:AT|BY))?|EVERY)\s*{_IN_SECONDS}",
     )
 )
 """Patterns of an interval. Groups: unit in brackets after the name, number, unit after the
 number."""
 
-_OTHER_UNIT = re.compile(r"\s*\(?\s*(?:KM|DEG|M|CM|MM|HZ|SPS|%|SAMPLES)(?![A-Z])", re.IGNORECASE)
+_OTHER_UNIT = re.compile(
+    r"\s*\(?\s*(?:KM|DEG|M|CM|MM|HZ|SPS|%|SAMPLES|H|HR|HOURS?|MIN)(?![A-Z])", re.IGNORECASE
+)
 """Units that show that a number is not an interval."""
 
 _RATES = tuple(
@@ -75,23 +87,42 @@ _RATES = tuple(
         r"\b(?:(?:TASA|FRECUENCIA|FREQUENZA|FREQU[EÊ]NCIA|TAXA)\s+D(?:E|I)\s+"
         r"(?:MUESTREO|CAMPIONAMENTO|AMOSTRAGEM)|FR[EÉ]QUENCE\s+D['\u2019][EÉ]CHANTILLONNAGE|"
         rf"ABTAST(?:RATE|FREQUENZ))\b\s*(?:[(\[]\s*HZ\s*[)\]])?\s*[=:]?\s*({NUMBER})",
-        rf"({NUMBER})\s*(?:SAMPLES\s*(?:/|PER)\s*S(?:EC(?:OND)?)?|SPS)\b",
+        rf"({NUMBER})\s*(?:(?:SAMPLES|POINTS)\s*(?:/|PER)\s*S(?:EC(?:OND)?)?|SPS)\b",
+        r"\b(?:SAMPLED|RECORDED|DIGITI[SZ]ED|SAMPLING|RECORDING|FS)\s*(?:AT|WITH|=|:)\s*"
+        rf"({NUMBER})\s*(?:HZ|SPS)\b",
+        rf"({NUMBER})\s*HZ\s+(?:SAMPLING|SAMPLE|DATA)\b",
     )
 )
 _MAX_RATE = 1e5  # samples per second
 
 _UNIT = (
-    r"(?:CMS?|MM|M|IN|FT)\s*/\s*S(?:EC)?(?:\s*/\s*S(?:EC)?|\s*(?:\*\*|\^)?\s*2|\u00b2)|"
-    r"GALS?|MILLI-?GS?|MG|G(?:'S)?(?:/10)?"
+    r"(?:CMS?|MM|M|IN|FT)\s*(?:/\s*S(?:EC|EG)?(?:\s*/\s*S(?:EC|EG)?|\s*(?:\*\*|\^)?\s*2|\u00b2)|"
+    r"[ .*\u00b7]\s*S(?:EC|EG)?\s*(?:\*\*|\^)?\s*(?:-\s*2|\u207b\u00b2))|"
+    r"GALS?|MILLI-?GS?|MG|%\s*G|G(?:'S)?(?:/10)?"
 )
+_LONG_UNIT = rf"(?:{_UNIT.partition('|GALS')[0]}|GALS?)"
+"""Units that are no letter and no abbreviation of another word, and need no word before them."""
+
 _NO_LONGER_UNIT = r"(?![\w/*^])"
 _UNITS = tuple(
     re.compile(rf"{pattern}\s*({_UNIT}){_NO_LONGER_UNIT}", re.IGNORECASE)
     for pattern in (
         r"\b(?:UNITS?|UNIDAD(?:ES)?|UNIT[EÉÀ]S?|UNIDADES?|EINHEIT(?:EN)?)(?!\w)[\s:=]*(?:(?:OF|ARE|IS|IN|ACCELERATION)[\s:=]+)*[(\[]?",
-        r"\bACC(?:EL\w*)?\b\.?(?:\s+(?:TIME|SERIES|HISTORY|DATA|VALUES))*\s*(?:IN\b|[:=,(\[])",
+        r"\bA(?:CC(?:EL\w*)?|CELERACION\w*|CCELERAZION\w*|CC\u00c9L\w*)\b\.?"
+        r"(?:\s+(?:TIME|SERIES|HISTORY|DATA|VALUES|RECORD))*\s*(?:IN\b|[:=,(\[])",
+        r"\b(?:VALUES|DATA|SAMPLES|AMPLITUDES?|RECORD|HISTORY|MOTION)\s+(?:ARE\s+)?IN\b",
     )
 )
+_INTEGRAL_UNIT = re.compile(
+    r"\b(?:VEL(?:OCITY)?|DISPL?(?:ACEMENTS?)?)\b[\w ]{0,20}?(?:\bIN\b|[(\[=:,])\s*"
+    rf"((?:CM|MM|M|IN|FT)(?:/S(?:EC)?)?){_NO_LONGER_UNIT}",
+    re.IGNORECASE,
+)
+_ACCELERATION_UNIT = re.compile(
+    rf"\bACC(?:EL\w*)?\b[^\d]*?(?<![\w/])({_LONG_UNIT}){_NO_LONGER_UNIT}", re.IGNORECASE
+)
+"""Unit after a word for the acceleration, used if no other pattern matches."""
+
 _PEAK = re.compile(
     r"\b(?:PGA|PEAK\s+(?:GROUND\s+)?(?:VALUE|ACC\w*\.?)|"
     r"MAX(?:IMUM)?\.?\s+(?:ABS\w*\.?\s+)?(?:VALUE|ACC\w*\.?))\s*"
@@ -123,13 +154,16 @@ class Statements:
     intervals : tuple of float
         Sampling intervals, s, without repetition.
     units : tuple of str
-        Units of the acceleration in the spelling of `motion_units`, without repetition.
+        Units of the samples in the spelling of `motion_units`, without repetition. A declared unit
+        that is not a unit of ground motion is unchanged.
     peak : tuple of (str, str)
         Peak in the spelling of the header and its units; both empty if it is not stated.
     integrals : tuple of str
         Quantities that the header names in addition to an acceleration.
     quantity : str
         Quantity of the samples if the header names no acceleration; otherwise `acceleration`.
+    declared : dict of str to str
+        Other declared values (`component`, `station`, `event`, ...).
     """
 
     counts: frozenset[int] = frozenset()
@@ -138,40 +172,161 @@ class Statements:
     peak: tuple[str, str] = ("", "")
     integrals: tuple[str, ...] = ()
     quantity: str = "acceleration"
+    declared: dict[str, str] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        """Return True if the header states a property of the samples."""
+        return bool(self.counts or self.intervals or self.units or self.peak[0] or self.declared)
+
+    def with_interval(self, interval: float) -> Statements:
+        """Return the statements with another statement of the sampling interval, s."""
+        return replace(self, intervals=_without_repetition((*self.intervals, interval)))
+
+    def get(self, key: str) -> str:
+        """Return the declared value of a key; empty if it is not declared."""
+        return self.declared.get(key, "")
+
+    @property
+    def start(self) -> datetime | None:
+        """Start time in UTC, without time zone; None if the header declares no time in ISO 8601.
+
+        A declared time without time zone is in UTC.
+        """
+        try:
+            start = datetime.fromisoformat(self.get("start"))
+            return start.astimezone(UTC).replace(tzinfo=None) if start.tzinfo else start
+        except (ValueError, OverflowError):
+            return None
 
 
 def statements(lines: Sequence[str]) -> Statements:
-    """Return the statements in the lines of a header."""
+    """Return the statements in the lines of a header.
+
+    Raises
+    ------
+    RecordError
+        A declared sampling interval or rate is not a positive number with a unit of time or rate.
+    """
+    lines = list(map(_plain_text, lines))
+    declared: dict[str, str] = {}
+    counts: list[int] = []
+    intervals: list[float] = []
+    declared_units: list[str] = []
+    for line in lines:
+        intervals += _stated_intervals([line])
+        for key, value in declarations(line):
+            if key in _INTERVAL_NAMES:
+                wording = f"{_INTERVAL_NAMES[key]} = {value}"
+                intervals += list(_stated_intervals([wording])) or _declared_interval(key, value)
+            elif key == "samples" and value.isdecimal():
+                counts.append(int(value))
+            elif key == "units":
+                declared_units.append(_units(value) or value)
+            elif key not in ("dt", "rate", "samples"):
+                declared.setdefault(key, value)
+    counts += [
+        int(match[1])
+        for line in lines
+        for pattern in _COUNTS
+        for match in pattern.finditer(line)
+        if int(match[1]) >= MIN_COUNT
+    ]
     peaks = [
         (match[2], _units(match[1] or match[3])) for line in lines for match in _PEAK.finditer(line)
     ]
-    # The unit of a peak is not always the unit of the samples.
-    units = tuple(
-        dict.fromkeys(
-            unit
-            for line in lines
-            if not _PEAK.search(line)
-            for pattern in _UNITS
-            for match in pattern.finditer(line)
-            if (unit := _units(match[1]))
-        )
-    )
+    units = _stated_units(lines, declared_units)
     integrals = named_integrals(lines)
-    names_acceleration = bool(units or peaks) or any(map(_ACCELERATION.search, lines))
+    has_unit = any(quantity_of_units(unit) == "acceleration" for unit in units)
+    names_acceleration = bool(has_unit or peaks) or any(map(_ACCELERATION.search, lines))
     return Statements(
-        counts=frozenset(
-            int(match[1])
-            for line in lines
-            for pattern in _COUNTS
-            for match in pattern.finditer(line)
-            if int(match[1]) >= MIN_COUNT
-        ),
-        intervals=tuple(dict.fromkeys(_stated_intervals(lines))),
-        units=units,
-        peak=peaks[0] if peaks else ("", ""),
-        integrals=integrals,
-        quantity="acceleration" if names_acceleration or not integrals else integrals[0],
+        frozenset(counts),
+        _without_repetition(intervals),
+        units,
+        peaks[0] if peaks else ("", ""),
+        integrals,
+        "acceleration" if names_acceleration or not integrals else integrals[0],
+        declared,
     )
+
+
+def _plain_text(line: str) -> str:
+    """Return a header line without quotation marks and separators that a spreadsheet program adds.
+
+    `"@ DT =",.02` becomes `@ DT = .02`, and `Sampling rate (Hz),100,,` becomes `Sampling rate (Hz)
+    = 100`.
+    """
+    text = line.replace('"', "").rstrip(" \t\r,;")
+    text = re.sub(r"([=:])\s*[,;\t]\s*", r"\1 ", text)
+    name, mark, value = text.partition(next((mark for mark in "\t;," if mark in text), ","))
+    is_pair = bool(mark) and (
+        bool(re.fullmatch(rf"\s*{NUMBER}\s*[a-z/]*\s*", value, re.IGNORECASE))
+        or (is_key(name) and not re.search("[,;\t]", value))
+    )
+    return f"{name} = {value.strip()}" if is_pair and not re.search("[=:]", name) else text
+
+
+def _stated_units(lines: Sequence[str], declared: list[str]) -> tuple[str, ...]:
+    """Return the units of the samples; `declared` contains the declared units."""
+    # The unit of a peak is not always the unit of the samples.
+    others = [line for line in lines if not _PEAK.search(line)]
+    units = [
+        unit
+        for line in others
+        for pattern in _UNITS
+        for match in pattern.finditer(line)
+        if (unit := _units(match[1]))
+    ]
+    # A declaration that is not a unit may continue with other words.
+    known = [unit for unit in declared if motion_units(unit)]
+    units += known or ([] if units else declared)
+    if not units:
+        is_integral = not any(map(_ACCELERATION.search, lines))
+        matches = [match for line in others if (match := _INTEGRAL_UNIT.search(line))]
+        units = [unit for match in matches if is_integral and (unit := _units(match[1]))]
+    if not units:
+        matches = [match for line in others if (match := _ACCELERATION_UNIT.search(line))]
+        units = [unit for match in matches if (unit := _units(match[1]))]
+    return tuple(dict.fromkeys(units))
+
+
+def _declared_interval(key: str, value: str) -> list[float]:
+    """Return a declared sampling interval, or the reciprocal of a declared sampling rate, s; empty
+    if the value is a distance."""
+    if re.fullmatch(rf"{NUMBER}\s*(?:KM|DEG|M|CM|MM)", value, re.IGNORECASE):
+        return []
+    if key == "dt":
+        return [_convert_quantity(value, SECONDS, "dt")]
+    return [1.0 / _convert_quantity(value, _PER_SECOND, "the sampling rate")]
+
+
+_INTERVAL_NAMES = {"dt": "DT", "rate": "SAMPLING RATE"}
+"""Names of the keys of the sampling interval and rate in free wording."""
+
+_QUANTITY = re.compile(rf"({NUMBER})\s*([a-z/]*)", re.IGNORECASE)
+_PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
+
+
+def _convert_quantity(text: str, units: dict[str, float], quantity: str) -> float:
+    """Convert a positive number with a unit, such as `10 ms`, to SI units. The key "" of the
+    allowed units allows a number without a unit. Any other text is a RecordError.
+    """
+    match = _QUANTITY.fullmatch(text.strip())
+    factor = units.get(match[2].lower()) if match else None
+    if not match or factor is None or not float(match[1]) > 0.0:
+        names = ", ".join(filter(None, units))
+        raise RecordError(
+            f"{quantity} must be a positive number in {names}, but the header states {text!r}"
+        )
+    return float(match[1]) * factor
+
+
+def _without_repetition(intervals: Sequence[float]) -> tuple[float, ...]:
+    """Return sampling intervals without those that are equal to an earlier one."""
+    different: list[float] = []
+    for interval in intervals:
+        if not any(abs(interval - other) <= SAME_STEP * other for other in different):
+            different.append(interval)
+    return tuple(different)
 
 
 def named_spectra(lines: Sequence[str]) -> str:
@@ -207,8 +362,6 @@ def _stated_intervals(lines: Sequence[str]) -> Iterator[float]:
 
 
 def _units(text: str | None) -> str:
-    """Return a unit of acceleration in the spelling of `motion_units`; empty if there is none."""
-    plain = re.sub(r"\s+", "", text or "").upper().replace("\u00b2", "^2")
-    if plain.startswith("M") and plain.rstrip("S").endswith("G"):  # milli-g
-        return "0.001 g"
-    return (motion_units(plain.replace("GALS", "GAL")) if plain else None) or ""
+    """Return a unit in the spelling of `motion_units`; empty if the text is not a unit of ground
+    motion."""
+    return (motion_units(text) if text and text.strip() else None) or ""

@@ -223,6 +223,12 @@ class Lines:
                     f"the file has {len(values)}"
                 )
             values.extend(self._row(width))
+        if len(values) > count and not any(values[count:]):
+            warnings.warn(
+                f"{len(values) - count} zeros after the {count} stated samples omitted",
+                stacklevel=2,
+            )
+            del values[count:]
         if len(values) > count:
             raise RecordError(
                 f"more than the {count} values stated in the header follow line {first}"

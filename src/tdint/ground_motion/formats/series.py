@@ -230,8 +230,9 @@ def motion_units(text: str) -> str | None:
     text : str
         Units in the file header.
     """
-    stripped = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
-    stripped = re.sub(r"^CMS\b", "CM", stripped, flags=re.IGNORECASE)
+    stripped = text.strip().strip(".,;:()[]").strip()
+    # A second spelling may follow in brackets: gal (cm/s/s).
+    stripped = re.sub(r"^([^(]+\S)\s*\(.*\)?$", r"\1", stripped)
     # The unit G/10 is a tenth of g.
     tenth = re.fullmatch(r"(.*\S)\s*/\s*10", stripped)
     try:

@@ -12,7 +12,6 @@ never decided, because two columns that are half a step apart cannot be distingu
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 
@@ -22,6 +21,8 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, MIN_COUNT, MIN_STEP
+from tdint.ground_motion.missing import IncompleteRecord, Missing
+from tdint.number_parsing import pluralize
 
 _MIN_WIDTH, _MIN_ROWS = 3, 20
 """Minimum number of values per row and of rows for a decision by continuity."""
@@ -209,14 +210,28 @@ def counts_rows(column: NDArray[np.float64]) -> bool:
     )
 
 
-_MAX_FIRST_NUMBERS = 3  # numbers in a first line: count, step and another number
-_WHOLE = re.compile(r"\+?\d{1,12}")
+_MAX_FIRST_LINES = 4  # lines at the start of a block that may contain statements
+_SHORTEST_STEP, _LONGEST_STEP = 1e-4, 0.1
+"""Sampling intervals, s, that are recognized without a number of samples next to them."""
+
+_MAX_STEP_DIGITS = 4  # significant digits of a sampling interval; most samples have more
+_JUMP = 5.0
+"""Minimum ratio of the change from a first number to the next number to the changes of the samples,
+if the first number is not a sample."""
+
+_MIN_DIGITS_EXCESS = 3
+"""Minimum number of significant digits that the samples have in addition to those of a first number
+that is no sample; one of a thousand samples ends with three zeros."""
+
+_JUMP_SAMPLES = 12  # samples that are compared with the first number
+_WHOLE = re.compile(r"\+?\d{1,12}\.?")
+_WITHOUT_POINT = re.compile(r"[-+]?\d+")
 _FIXED = re.compile(r"[-+]?\d*\.\d*")  # number with a decimal point and without exponent
 
 
 @dataclass(frozen=True)
 class FirstNumbers:
-    """Number of samples and sampling interval in the first lines of a block of numbers.
+    """Statements in the first lines of a block of numbers.
 
     Attributes
     ----------
@@ -226,98 +241,234 @@ class FirstNumbers:
         Sampling interval, s; 0 if it is not stated.
     lines : int
         Number of lines with these numbers; 0 if all lines contain samples.
+    note : str
+        Note for the user if no number of samples confirms that the lines are not samples.
     """
 
     count: int = 0
     interval: float = 0.0
     lines: int = 0
+    note: str = ""
 
 
 def first_numbers(
-    values: NDArray[np.float64], widths: Sequence[int] | NDArray[np.int64]
+    words: list[list[str]],
+    values: NDArray[np.float64],
+    widths: NDArray[np.int64],
+    layout: TextLayout,
+    number: int,
 ) -> FirstNumbers:
-    """Return the number of samples and the sampling interval in the first lines of a block.
+    """Return the statements in the first lines of a block.
 
-    The number must be equal to the number of the remaining lines or values. Both numbers may be in
-    one line, in any order and with a third number (start, number of periods), or in two lines.
+    One rule applies to numbers in successive lines and to several numbers in a line:
+
+    1. a number that is equal to the number of the remaining lines or values is the number of
+       samples, and another number from 1e-5 to 1 is the sampling interval;
+    2. a whole number and a plausible sampling interval are no samples: the whole number is a flag
+       if it is below 20, otherwise it contradicts the number of samples;
+    3. a first number of a column is the sampling interval if it is equal to the specified interval,
+       or if it is a plausible interval and does not continue the samples.
+
     A number of samples without an interval counts only above a single column, because tables of
-    nodes also start with a number.
+    nodes also start with a number. `skip_lines=0` states that the numbers of rules 2 and 3 are
+    samples.
 
     Parameters
     ----------
-    values : ndarray, shape (values,)
-        Values of the block in the order of the file.
+    words : list of list of str
+        Texts of the numbers in the first lines, including some samples.
+    number : int
+        Number of the first line in the file, counted from 1.
+
+    Raises
+    ------
+    RecordError
+        A number of samples does not agree with the block, or the first number may be a sample or
+        the sampling interval.
     """
-    lines, first_width = len(widths), int(widths[0])
+    lines = len(widths)
     if lines < _MIN_TIMES:
         return FirstNumbers()
-    used = 0
-    if first_width in (2, 3):
-        used = 1
-    elif first_width == int(widths[1]) == 1:
-        used = 2
-    if used:
-        numbers = float(values[0]), float(values[1])
-        remaining = (lines - used, values.size - int(np.sum(widths[:used])))
-        for count, interval in (numbers, numbers[::-1]):
-            if count in remaining and MIN_STEP <= interval <= MAX_STEP:
-                return FirstNumbers(int(count), interval, used)
-    if values.size == lines and values[0] == lines - 1:
+    width = int(np.bincount(widths).argmax())
+    if width == widths[0] and is_index_row(words):
+        return FirstNumbers(lines=1, note=f"line {number}, the numbers of the columns, is not read")
+    unconfirmed = None
+    for used in range(1, min(_MAX_FIRST_LINES, lines - 2) + 1):
+        is_other = bool(np.all(widths[:used] != width))
+        if not (is_other or width == 1 or (used == 1 and width in (2, 3))):
+            break
+        texts = [word for row in words[:used] for word in row]
+        if len(texts) != int(np.sum(widths[:used])):  # numbers without separators
+            break
+        numbers = values[: len(texts)].tolist()
+        whole = [n for t, n in zip(texts, numbers, strict=True) if _WHOLE.fullmatch(t)]
+        steps = [
+            n
+            for t, n in zip(texts, numbers, strict=True)
+            if not _WITHOUT_POINT.fullmatch(t) and MIN_STEP <= n <= MAX_STEP
+        ]
+        if not is_other and width == 1 and len(whole) + len(steps) < len(texts):
+            break
+        samples = values[len(texts) :]
+        remaining = (lines - used, samples.size)
+        count = next(
+            (n for n in numbers if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)),
+            0.0,
+        )
+        if count and steps:
+            return FirstNumbers(int(count), steps[0], used)
+        is_header = len(set(filter(_is_plausible, steps))) == 1 and bool(whole)
+        # Without the first line, the first column may contain times.
+        is_timed = width > 1 and are_times(samples[::width]) and not are_times(values[::width])
+        if unconfirmed is None and is_header and (is_other or width == 1 or is_timed):
+            unconfirmed = used, whole, steps[0]
+    if width == 1 and values[0] == lines - 1:
         return FirstNumbers(lines - 1, 0.0, 1)
+    if unconfirmed is not None:
+        used, whole, interval = unconfirmed
+        remaining = (lines - used, values.size - sum(map(len, words[:used])))
+        has_flag = any(whole) or layout.has_step(interval) or _has_other_form(words, used)
+        if counts := [n for n in whole if n >= MIN_COUNT]:
+            raise _wrong_count(words, counts[0], remaining, number)
+        if has_flag and layout.skip_lines != 0:
+            return FirstNumbers(0, interval, used, _first_lines_note(used, number, interval))
+    if width == 1 and layout.skip_lines != 0:
+        return _interval_alone(words, values, layout, number)
     return FirstNumbers()
 
 
-def unexplained_first_line(lines: Sequence[str]) -> str:
-    """Return the first line of a block if its numbers differ in form from the samples; otherwise an
-    empty text.
-
-    In a table of numbers with decimal points, a whole number without a point is a number of
-    samples or of a station, never a sample.
-    """
-    rows = [re.split(r"[\s,;]+", line.strip(" \t,;")) for line in lines]
-    # The first two lines of a column may contain a number each.
-    first = rows[0] + (rows[1] if len(rows) > 1 and len(rows[0]) == len(rows[1]) == 1 else [])
-    whole = [word for word in first if _WHOLE.fullmatch(word) and int(word) >= MIN_COUNT]
-    samples = [word for row in rows for word in row]
-    if len(rows[0]) > _MAX_FIRST_NUMBERS or len(whole) != 1:
-        return ""
-    samples.remove(whole[0])
-    has_points = bool(samples) and all("." in word for word in samples)
-    return lines[0].strip() if has_points else ""
+def is_filled(values: NDArray[np.float64], count: float, width: int) -> bool:
+    """Return True if only zeros, which fill the last of the rows of `width` values, follow the
+    first `count` values."""
+    is_in_last_row = values.size - width < count < values.size
+    return is_in_last_row and count == int(count) and not np.any(values[int(count) :])
 
 
-def check_first_value(lines: Sequence[str], number: int, layout: TextLayout) -> None:
-    """Raise RecordError if the first value of a column may be its sampling interval.
+def _is_plausible(step: float) -> bool:
+    """Return True if a number is plausible as a sampling interval without other evidence."""
+    is_usual = _SHORTEST_STEP <= step <= _LONGEST_STEP
+    return is_usual and _significant_digits(step) <= _MAX_STEP_DIGITS
 
-    This is the case if the value is equal to the specified interval, or if all other values have
-    another number of decimals.
 
-    Parameters
-    ----------
-    number : int
-        Number of the first of these lines, counted from 1.
-    layout : TextLayout
-        Description of the table by the user; `skip_lines=0` states that the value is a sample.
-    """
-    texts = [line.strip() for line in lines]
-    if layout.skip_lines == 0 or len(texts) <= _MIN_TIMES or not _FIXED.fullmatch(texts[0]):
-        return
-    value = float(texts[0])
+def _significant_digits(value: float) -> int:
+    """Return the number of significant digits of a printed number."""
+    return len(f"{abs(value):.9e}".partition("e")[0].rstrip("0").replace(".", ""))
+
+
+def _first_lines_note(used: int, number: int, interval: float) -> str:
+    """Return the note that the first lines are not read as samples."""
+    last = number + used - 1
+    where = f"line {number} is" if used == 1 else f"lines {number} to {last} are"
+    return (
+        f"{where} not read as samples: the sampling interval is {interval:g} s; if these numbers "
+        "are samples, specify `skip_lines=0`"
+    )
+
+
+def _has_other_form(words: list[list[str]], used: int) -> bool:
+    """Return True if the first numbers have fewer decimals than all samples."""
+    decimals = [len(word.partition(".")[2]) for row in words for word in row]
+    return max(decimals[:used]) < min(decimals[used:], default=0)
+
+
+def _wrong_count(
+    words: list[list[str]], count: float, remaining: tuple[int, int], number: int
+) -> RecordError:
+    """Return the error for a number of samples that does not agree with the block."""
+    lines, values = remaining
+    contents = pluralize(values, "value")
+    if lines != values:
+        contents = f"{pluralize(lines, 'line')} and {contents}"
+    return RecordError(
+        f"line {number}: {' '.join(words[0])!r} is not a row of samples, and {count:.0f} is not "
+        f"the number of samples: {contents} follow; complete the file, correct the number, or skip "
+        f"the line by `skip_lines={number}`"
+    )
+
+
+def _interval_alone(
+    words: list[list[str]], values: NDArray[np.float64], layout: TextLayout, number: int
+) -> FirstNumbers:
+    """Return the sampling interval in the first line of a column; raise IncompleteRecord if the
+    number may also be a sample."""
+    value, samples = float(values[0]), values[1:]
+    is_specified = layout.has_step(value)
+    if not (is_specified or _is_plausible(value)):
+        return FirstNumbers()
+    changes = np.abs(np.diff(samples[:_JUMP_SAMPLES]))
+    has_jump = abs(value - float(samples[0])) > _JUMP * float(np.max(changes, initial=0.0))
+    others = samples[samples != 0.0][:_JUMP_SAMPLES].tolist()
+    # The median sample has more digits than an interval, which is a round number.
+    more = sorted(_significant_digits(sample) - _significant_digits(value) for sample in others)
+    excess = more[len(more) // 2] if more else 0
+    if (has_jump and (is_specified or excess > 0)) or excess >= _MIN_DIGITS_EXCESS:
+        return FirstNumbers(0, value, 1, _first_lines_note(1, number, value))
+    texts = [row[0] for row in words]
     decimals = {len(text.partition(".")[2]) for text in texts[1:]}
     has_other_form = (
         len(decimals) == 1
         and len(texts[0].partition(".")[2]) not in decimals
-        and all(map(_FIXED.fullmatch, texts[1:]))
+        and all(map(_FIXED.fullmatch, texts))
     )
-    if MIN_STEP <= value <= MAX_STEP and (value == layout.step or has_other_form):
-        reason = (
-            "equals the specified sampling interval"
-            if value == layout.step
-            else "has another number of decimals than the other values"
-        )
-        above = " remove the lines above it and" if number > 1 else ""
-        raise RecordError(
-            f"the first value, {texts[0]} in line {number}, {reason}. If it is the sampling "
-            f"interval, skip it by `skip_lines={number}`; if it is a sample,{above} specify "
-            "`skip_lines=0`"
-        )
+    if not (is_specified or has_other_form or has_jump):
+        return FirstNumbers()
+    reason = (
+        "equals the specified sampling interval"
+        if is_specified
+        else "has another number of decimals than the other values"
+        if has_other_form
+        else "does not continue to the other values"
+    )
+    above = " remove the lines above it and" if number > 1 else ""
+    raise IncompleteRecord(
+        f"the first value, {texts[0]} in line {number}, {reason}. If it is the sampling "
+        f"interval, skip it by `skip_lines={number}`; if it is a sample,{above} specify "
+        "`skip_lines=0`",
+        Missing(skip_lines=number, step=layout.step is None),
+    )
+
+
+def unexplained_first_line(words: list[list[str]], widths: NDArray[np.int64], number: int) -> None:
+    """Raise RecordError if the numbers of a first line differ in form from the samples.
+
+    In a table of numbers with decimal points, a whole number without a point is a number of
+    samples or of a station, never a sample.
+    """
+    # The first two lines of a column may contain a number each.
+    used = 2 if len(words) > 1 and len(words[0]) == len(words[1]) == 1 else 1
+    first = [word for row in words[:used] for word in row]
+    whole = [word for word in first if _WITHOUT_POINT.fullmatch(word) and int(word) >= MIN_COUNT]
+    samples = [word for row in words for word in row]
+    if len(words[0]) > 3 or len(whole) != 1:
+        return
+    samples.remove(whole[0])
+    if samples and all("." in word for word in samples):
+        remaining = (len(widths) - 1, int(np.sum(widths[1:])))
+        raise _wrong_count(words, float(whole[0]), remaining, number)
+
+
+def is_index_row(words: list[list[str]]) -> bool:
+    """Return True if the first row contains the numbers of the columns, counted from 0 or 1, in
+    place of values."""
+    first = words[0]
+    if len(first) < 2 or not all(map(_WITHOUT_POINT.fullmatch, first)):
+        return False
+    start = int(first[0])
+    is_counted = start in (0, 1) and [int(word) for word in first] == list(
+        range(start, start + len(first))
+    )
+    return is_counted and all("." in word for row in words[1:] for word in row[-1:])
+
+
+def has_card_numbers(words: list[list[str]], last: NDArray[np.float64]) -> bool:
+    """Return True if the last number of each line is the number of the line.
+
+    Parameters
+    ----------
+    words : list of list of str
+        Texts of the numbers in the first lines.
+    last : ndarray, shape (lines,)
+        Last number of each line.
+    """
+    is_whole = all(_WITHOUT_POINT.fullmatch(row[-1]) for row in words if row)
+    return is_whole and counts_rows(last)

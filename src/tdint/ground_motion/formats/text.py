@@ -1,18 +1,22 @@
-"""Plain text tables: a column of accelerations, or a time and one or more columns, described by a
-header.
+"""Text tables: columns of numbers, or rows of successive samples, with any header.
 
-The header consists of comments (after #, %, ;, ! or //), declarations `key = value` or `key:
-value`, with or without a comment mark (`# dt = 0.01 s, units = g`), and names of columns
-(`time_s,acceleration_m_s2`, `Time (s); Acceleration (g)`). Columns are separated by commas,
-semicolons, tabs or blanks. If the separator is a semicolon or a tab, a comma is a decimal point.
+A file consists of text and blocks of numbers (`tdint.ground_motion.formats.table_lines`). The text
+contains declarations `key = value`, statements in free wording and names of columns. The layout of
+the largest block follows from evidence, in this order:
 
-A table with one column must declare its sampling interval. If a table has several columns, the
-first must be a time in equal steps, unless the column names include no time. Columns without names
-are components named by their number (the column after the time is 2). Velocity and displacement
-columns next to an acceleration supply its peaks; without an acceleration column they are
-differentiated. Units are not guessed: if the file does not declare them, the user must specify
-them. The user may also specify the time step, the columns and the number of header lines
-(`TextLayout`); column names may then be arbitrary text.
+1. numbers in the first lines that are no samples (`table_evidence.first_numbers`);
+2. a column of times: it is named as a time, or its values increase by equal steps;
+3. the number of samples in the header: it is the number of values (rows of samples) or the number
+   of lines (columns);
+4. the answer of the user (`TextLayout.rows`, `TextLayout.column`);
+5. the continuity of the values (`table_evidence.continuity`).
+
+Otherwise the user is asked (`tdint.ground_motion.missing`). All numbers of a file are used or
+explained: a line of text, a lost or an unreadable number within the samples is an error, and
+numbers around the samples are accepted only if the header explains them.
+
+Columns named as acceleration are read. Velocity and displacement columns next to an acceleration
+supply its peaks; without an acceleration column they are differentiated. Units are not guessed.
 """
 
 from __future__ import annotations
@@ -20,136 +24,151 @@ from __future__ import annotations
 import re
 import warnings
 from array import array
-from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.choice import AS_STATED, SAME_STEP, TextLayout
-from tdint.ground_motion.formats.lines import ROW, Lines, equal_steps, read_lines, recognizes
+from tdint.ground_motion.choice import AS_STATED, TextLayout
+from tdint.ground_motion.formats.header_statements import (
+    Statements,
+    named_integrals,
+    named_spectra,
+    statements,
+)
+from tdint.ground_motion.formats.lines import Lines, read_lines, recognizes
 from tdint.ground_motion.formats.series import (
     Series,
-    code,
-    motion_scale,
-    motion_units,
-    required_units,
     to_stream,
 )
 from tdint.ground_motion.formats.table_columns import (
-    COLUMNS,
     COMMENT,
     MOTIONS,
-    ORIGIN,
     OTHER,
     SECONDS,
     TIME,
-    ColumnName,
-    TableHeader,
     any_names,
-    column_index,
     column_names,
-    declared_in,
-    lacks_first_name,
-    read_foreign_header,
-    read_header,
+    declarations,
+    quantity_of_units,
+    spectrum_name,
+    with_units,
 )
 from tdint.ground_motion.formats.table_evidence import (
-    FirstNumbers,
-    check_first_value,
+    are_times,
+    continuity,
     counts_rows,
     first_numbers,
+    has_card_numbers,
+    is_filled,
     paired,
     unexplained_first_line,
 )
-from tdint.ground_motion.miniseed_checks import SAMPLES, STEP
-from tdint.ground_motion.origin import stated_origin
+from tdint.ground_motion.formats.table_lines import (
+    NumberBlock,
+    Numbers,
+    TableText,
+    block_numbers,
+    table_text,
+    words_of,
+)
+from tdint.ground_motion.formats.table_series import (
+    Names,
+    TableColumns,
+    incomplete,
+    table_components,
+)
+from tdint.ground_motion.messages import caught_messages
+from tdint.ground_motion.missing import Missing, OtherContent
 from tdint.number_parsing import pluralize
-from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from obspy import Stream
 
-Columns = list[NDArray[np.float64]]
-Names = tuple[ColumnName, ...]
+_MIN_VALUES = 20  # numbers; a smaller table that cannot be read may be a part of any text
+_MAX_PARTS = 6
+"""Maximum number of parts of a table between blank lines that may be different quantities; a table
+with more parts has blank lines between its rows or pages."""
+
+_REGULAR = 0.9
+"""Fraction of the lines with the same number of values; a table with fewer such lines is not
+regular, and single lines cannot be named as the error."""
+
+_FIRST_LINES = 50  # lines that are compared with the form of the first lines
+_INTEGER = re.compile(r"\+?\d+")
+_WITHOUT_POINT = re.compile(r"[-+]?0*[1-9]\d*(?:[EeDd][-+]?\d+)?")
+"""Pattern of a number without a decimal point, except zero."""
+
+_SEPARATORS = re.compile(r"[\s,;]+")
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Components of a table, or the reason why it cannot be read.
+
+    Attributes
+    ----------
+    series : tuple of Series
+        Components; empty if the table cannot be read.
+    problem : RecordError or None
+        Error; None if the table can be read.
+    size : int
+        Number of numbers in the largest block.
+    """
+
+    series: tuple[Series, ...] = ()
+    notes: tuple[str, ...] = ()
+    problem: RecordError | None = None
+    size: int = 0
+
+    @property
+    def is_record(self) -> bool:
+        """True if the table is read, or is large enough to be a record that cannot be read."""
+        if isinstance(self.problem, OtherContent):
+            return False
+        return self.problem is None or self.size >= _MIN_VALUES
+
+    def read(self, *, headonly: bool = False) -> Stream:
+        """Return the components as an ObsPy stream.
+
+        Raises
+        ------
+        RecordError
+            The table cannot be read, or its peak differs from the peak in the header.
+        """
+        if self.problem:
+            raise self.problem
+        for note in self.notes:
+            warnings.warn(note, stacklevel=2)
+        return to_stream(self.series, headonly=headonly)
+
+
+def is_text(file: Any, **_: Any) -> bool:
+    """Return True if a file starts with declarations, names of columns and rows of numbers.
+
+    `find_table` reads more tables; this check is for `obspy.read`, which tries formats in any
+    order.
+    """
+    return recognizes(file, _starts_with_declarations)
+
 
 _OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
 """Pattern of a comment that identifies another format (CWB)."""
 
-_FIRST_LINES = 50  # lines that are compared with the form of the first line
-_MAX_COLUMNS = 50
-"""Maximum number of columns of a table."""
 
-
-def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
-    """Return True if a file contains a text table.
-
-    Without a layout, an optional header (comments, declarations `key = value`, column names) must
-    be followed by rows of a single number, or by rows of several numbers with an increasing first
-    number. With a layout, a table of numbers must follow the lines to skip.
-    """
-    return _is_table(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
-
-
-def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
-    """Read the start of a table with a user-specified layout. Return the lines between the lines to
-    skip and the first row of numbers, and the number of values in each of the first two rows (fewer
-    if the file ends or a row contains other text).
-    """
-    header_lines: list[str] = []
-    widths: list[int] = []
-    with suppress(RecordError):  # end of the file
-        lines = read_lines(file, text_only=True)
-        lines.skip(layout.skip_lines or 0)
-        header_lines = lines.take_until(ROW.fullmatch, "row of numbers")
-        while len(widths) < 2 and (width := len(_numbers(lines.take()))):
-            widths.append(width)
-    return header_lines, widths
-
-
-def _is_table(widths: list[int]) -> bool:
-    """Return True if `widths`, the numbers of values in the first rows, are two equal numbers of at
-    most `_MAX_COLUMNS`."""
-    return len(widths) == 2 and widths[0] == widths[1] <= _MAX_COLUMNS
-
-
-def table_in(data: bytes, layout: TextLayout) -> str:
-    """Describe the table in a file of unknown format and the options that are required to read it.
-
-    Returns
-    -------
-    str
-        Part of an error message; empty if the file contains no table.
-    """
-    header_lines, widths = _first_rows(BytesIO(data), layout)
-    if len(widths) == 1:
-        return (
-            "the file has only one row of numbers; a record needs at least two samples: check "
-            "that the file is complete"
-        )
-    if not _is_table(widths):
-        # If the file is a table without its quotation marks, the marks are the only error.
-        is_quoted = b'"' in data and _is_table(
-            _first_rows(BytesIO(data.replace(b'"', b"")), layout)[1]
-        )
-        return "its numbers are in quotation marks; remove the quotation marks" if is_quoted else ""
-    names = any_names(header_lines[-1], widths[0]) if header_lines else ()
-    if len(names) > 2 and names[0].quantity == TIME:
-        return (
-            "select the ground motion by `column`: "
-            f"{', '.join(name.text[:40] for name in names[1:])}"
-        )
-    skip_advice = ""
-    if header_lines:
-        skip_advice = f" and skip the lines above by `skip_lines={len(header_lines)}`"
-    return (
-        f"a table of numbers starts in line {len(header_lines) + 1}: specify it by `step` and "
-        f"`column`{skip_advice}"
+def _starts_with_declarations(lines: list[str]) -> bool:
+    """Return True if the first lines of a file are a table under declarations."""
+    text = table_text(Lines("\n".join(lines)))
+    is_table = bool(text.blocks) and len(text.blocks[0].lines) > 1
+    return is_table and all(
+        bool(COMMENT.fullmatch(line) or declarations(line) or column_names(line))
+        and not _OTHER_FORMAT.match(line)
+        for line in text.blocks[0].above
     )
 
 
@@ -161,389 +180,607 @@ def read_text(
     Raises
     ------
     RecordError
-        The sampling interval is not declared, times are not in equal steps, declarations contradict
-        each other or the values, or a row contains text other than numbers.
+        The file contains no table of numbers, or the table cannot be read.
     """
-    lines = read_lines(file)
-    skipped = layout.skip_lines or 0
-    lines.skip(skipped)
-    header_lines = lines.take_until(ROW.fullmatch, "row of numbers")
+    table = _table_in(file, layout)
+    if table is None:
+        raise RecordError("the file contains no table of numbers")
+    return table.read(headonly=headonly)
 
-    _check_first_name(header_lines, skipped)
-    first_lines = lines.preview(_FIRST_LINES)
-    columns = _columns(lines, sum(map(_count_names, header_lines)))
-    first = FirstNumbers()
-    if len(columns) == 1:
-        first = _numbers_above_samples(columns[0], first_lines, len(header_lines), layout)
-        columns = [columns[0][first.lines :]]
-    width = len(columns)
-    if layout:
-        header = read_foreign_header(header_lines, width, skipped)
-    else:
-        header = read_header(header_lines, width)
-    if width == 1 and not first.lines and not header.intervals():
-        check_first_value(first_lines, skipped + len(header_lines) + 1, layout)
-    header = _with_first_numbers(header, first)
-    if layout.rows and width > 1:
+
+def find_table(data: bytes, layout: TextLayout) -> TextTable | None:
+    """Find the accelerogram in a text file; return None if the file contains no table of
+    numbers."""
+    try:
+        return _table_in(BytesIO(data), layout)
+    except RecordError:
+        return None
+
+
+def _table_in(file: Any, layout: TextLayout) -> TextTable | None:
+    """Return the table in a file; None if the file has no row of numbers."""
+    lines = read_lines(file, text_only=True)
+    lines.skip(layout.skip_lines or 0)
+    text = table_text(lines)
+    if not text.blocks:
+        return None
+    block = text.blocks[text.main]
+    size = sum(len(line.split()) for line in block.lines[:_MIN_VALUES])
+    try:
+        # `read` repeats the warnings, which are ignored while formats are tried.
+        with caught_messages() as messages:
+            series, notes = _read_table(lines, text, layout)
+    except RecordError as error:
+        return TextTable(problem=error, size=size)
+    skipped = f"{pluralize(layout.skip_lines or 0, 'line')} ignored at the beginning, as requested"
+    notes = (*notes, *messages, *((skipped,) if layout.skip_lines else ()))
+    return TextTable(tuple(series), notes, size=size)
+
+
+class _LayoutError(RecordError):
+    """The file does not show the layout of its table, or contradicts its description."""
+
+
+def _read_table(
+    lines: Lines, text: TableText, layout: TextLayout
+) -> tuple[list[Series], tuple[str, ...]]:
+    """Read the ground motions in the main block of a text; return these and notes."""
+    blocks, main = text.blocks, text.main
+    numbers = block_numbers(blocks[main])
+    if numbers.sizes[0] == 1 and numbers.values.size < _MIN_VALUES:
         raise RecordError(
-            "`rows` contradicts the names or the times of the columns of the table; remove it"
+            "the file has only one row of numbers; a record needs at least two samples: check that "
+            "the file is complete"
         )
-    times = _times(columns, header.names, _selected(layout, header.names, width), layout)
-    if skipped:
-        warnings.warn(
-            f"{pluralize(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
+
+    # Separate the samples from numbers of a header above them and from quantities after them.
+    block, numbers = _with_separate_first_lines(blocks, main, numbers, layout)
+    first = first_numbers(
+        list(words_of(block.lines[:_FIRST_LINES])),
+        numbers.values,
+        numbers.widths,
+        layout,
+        block.line_numbers[0],
+    )
+    names, header = _names_and_header(blocks[: main + 1], numbers.width, layout)
+    stated = statements(header)
+    _check_content(names, header, stated)
+    start, end = (first.lines, None) if first.lines else _stated_part(block, numbers, stated)
+    block, numbers = block.part(start, end), numbers.part(start, end)
+    if first.count:
+        stated = replace(stated, counts=frozenset([first.count]))
+    if first.interval:
+        stated = stated.with_interval(first.interval)
+    numbers, notes = _without_filling(*_without_cards(block, numbers, names), stated)
+    notes = (*((first.note,) if first.note else ()), *notes)
+    is_confirmed = not stated.counts.isdisjoint(numbers.sizes)
+    _check_surroundings(blocks, main, text.below, stated, numbers)
+    if not is_confirmed:
+        _check_blank_lines(block)
+        if not first.lines:
+            words = list(words_of(block.lines[:_FIRST_LINES]))
+            unexplained_first_line(words, numbers.widths, block.line_numbers[0])
+
+    time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
+    if spectrum := _unnamed_spectrum(numbers, names, header, time):
+        raise OtherContent(spectrum)
+    table = TableColumns([], names, stated, time, ignored)
+    kind, reason = _layout_of(block, numbers, table, layout)
+    if kind in ("single", "rows", "numbered rows"):
+        _check_decimal_points(block, numbers, int(kind == "numbered rows"))
+    # Check whether the last number of the file is cut off.
+    lines.checked(array("d", numbers.values), block.line_numbers[0] - 1)
+    if kind == "pairs":
+        table = replace(table, time=0)
+    table = replace(table, columns=_columns(numbers, kind))
+    is_bare = not header and layout.step is not None and not layout.skip_lines
+    if (
+        kind == "columns"
+        and len(table.candidates) > 1
+        and not (names or table.time is not None or layout.column or is_bare)
+    ):
+        raise incomplete(
+            f"each of the {numbers.width} columns is a separate ground motion of "
+            f"{len(table.columns[0])} samples; select columns by `column`",
+            table,
+            layout,
+            Missing(columns=tuple(map(table.name, table.candidates))),
         )
-    return to_stream(table_series(columns, header, layout, times), headonly=headonly)
+    if reason:
+        notes = (*notes, f"each line continues the ground motion: {reason}")
+    series, unit_notes = table_components(table, layout, reason)
+    return series, (*notes, *unit_notes)
 
 
-def table_series(
-    columns: Columns, header: TableHeader, layout: TextLayout, times: NDArray[np.float64] | None
-) -> list[Series]:
-    """Return the components in the columns of a table.
+def _check_content(names: Names, header: Sequence[str], stated: Statements) -> None:
+    """Raise OtherContent if the names or the header show that the table contains spectra."""
+    if name := spectrum_name(names):
+        raise OtherContent(
+            f"the table contains a spectrum (column {name[:40]!r}: periods or frequencies), not a "
+            "ground motion; specify the file of the acceleration"
+        )
+    if not stated.counts and (spectra := named_spectra(header)):
+        raise OtherContent(
+            f"the file contains {spectra.lower()} (volume 3 of a record), not a ground motion; "
+            "specify the file of the acceleration (volume 1 or 2)"
+        )
 
-    Parameters
-    ----------
-    columns : list of ndarray
-        All columns of the table, including the times.
-    times : ndarray, shape (samples,), or None
-        Times in the first column, s; None if the table has no column of times.
+
+_SPECTRAL_WORD = re.compile(r"spectr|\bperiods?\b|\bfrequenc|\bp?sa\b", re.IGNORECASE)
+
+
+def _unnamed_spectrum(
+    numbers: Numbers, names: Names, header: Sequence[str], time: int | None
+) -> str:
+    """Return the reason why a table without the names of its columns is not a ground motion: its
+    values are positive, and the header mentions a spectrum."""
+    has_motion = any(name.quantity in MOTIONS for name in names)
+    if time is None or has_motion or numbers.values.size < _MIN_VALUES:
+        return ""
+    texts = [*header, *(name.text for name in names)]
+    word = next((match[0] for text in texts if (match := _SPECTRAL_WORD.search(text))), "")
+    if not word or np.any(numbers.values < 0.0):
+        return ""
+    return (
+        f"the header mentions {word!r}, and no value is negative: the table contains a spectrum, "
+        "not a ground motion; specify the file of the acceleration"
+    )
+
+
+# ---- Numbers around the samples
+
+
+def _columns(numbers: Numbers, kind: str) -> list[NDArray[np.float64]]:
+    """Return the columns of a table by its layout; rows of samples are one column."""
+    if kind in ("single", "rows"):
+        return [numbers.values]
+    if kind == "pairs":
+        return list(numbers.values.reshape(-1, 2).T.copy())
+    if kind == "numbered rows":
+        return [numbers.without_first().values]
+    return list(numbers.table().T.copy())
+
+
+def _with_separate_first_lines(
+    blocks: list[NumberBlock], main: int, numbers: Numbers, layout: TextLayout
+) -> tuple[NumberBlock, Numbers]:
+    """Return the main block with the count and the interval above it, which text may separate from
+    the samples (`name`, `4000 0.01`, `ACCELERATION IN G`)."""
+    block, previous = blocks[main], blocks[main - 1]
+    is_short = main > 0 and len(previous.lines) <= 2 and len(" ".join(previous.lines).split()) <= 3
+    if is_short:
+        joined = NumberBlock(
+            previous.above,
+            previous.lines + block.lines,
+            previous.line_numbers + block.line_numbers,
+            [index + len(previous.lines) for index in block.after_blank],
+        )
+        above = block_numbers(previous)
+        together = Numbers(
+            np.concatenate((above.values, numbers.values)),
+            np.concatenate((above.widths, numbers.widths)),
+        )
+        words = list(words_of(joined.lines[:_FIRST_LINES]))
+        with suppress(RecordError):
+            number = joined.line_numbers[0]
+            first = first_numbers(words, together.values, together.widths, layout, number)
+            if first.lines == len(previous.lines):
+                return joined, together
+    return block, numbers
+
+
+def _without_cards(
+    block: NumberBlock, numbers: Numbers, names: Names
+) -> tuple[Numbers, tuple[str, ...]]:
+    """Return the numbers without the numbers of the lines (of cards) at the ends of the lines, and
+    a note."""
+    if names or int(numbers.widths.min()) < 2:
+        return numbers, ()
+    last = numbers.values[numbers.line_ends[1:] - 1]
+    if not has_card_numbers(list(words_of(block.lines[:_FIRST_LINES])), last):
+        return numbers, ()
+    note = "the last number of each line is the number of the line and is not read"
+    return numbers.without_last(), (note,)
+
+
+def _without_filling(
+    numbers: Numbers, notes: tuple[str, ...], stated: Statements
+) -> tuple[Numbers, tuple[str, ...]]:
+    """Return the numbers without zeros that fill the last row after the stated number of samples,
+    and the notes."""
+    width, total = int(numbers.widths[-1]), numbers.values.size
+    counts = [n for n in stated.counts if is_filled(numbers.values, n, width)]
+    if len(counts) != 1 or not numbers.is_regular:
+        return numbers, notes
+    widths = numbers.widths.copy()
+    widths[-1] -= total - counts[0]
+    note = f"{pluralize(total - counts[0], 'zero')} after the {counts[0]} stated samples omitted"
+    return Numbers(numbers.values[: counts[0]], widths), (*notes, note)
+
+
+def _stated_part(
+    block: NumberBlock, numbers: Numbers, stated: Statements
+) -> tuple[int, int | None]:
+    """Return the first and the end line of the samples in a block by the stated number of samples.
+
+    The velocity and the displacement may follow the acceleration if the header names them. Numbers
+    of the header may precede the samples without a line of text, in lines with whole numbers or
+    with another number of values; other lines may be samples of another record.
+    """
+    lines, total = numbers.sizes
+    if not stated.counts.isdisjoint((lines, total)):
+        return 0, None
+    ends = numbers.line_ends
+    for count in sorted(stated.counts):
+        if total in (2 * count, 3 * count) and "velocity" in stated.integrals and count in ends:
+            return 0, int(np.searchsorted(ends, count))
+    for first in range(1, min(lines, _MAX_NUMBER_LINES)):
+        before = block.lines[first - 1]
+        has_whole = any(map(_INTEGER.fullmatch, before.split()))
+        if not has_whole and numbers.widths[first - 1] == numbers.width:
+            break
+        if int(total - ends[first]) in stated.counts and numbers.part(first).is_regular:
+            return first, None
+    return 0, None
+
+
+_MAX_NUMBER_LINES = 100  # lines of numbers in a header
+
+
+def _check_surroundings(
+    blocks: list[NumberBlock], main: int, below: list[str], stated: Statements, numbers: Numbers
+) -> None:
+    """Raise RecordError if lines around the samples are neither a header nor explained by it.
+
+    Otherwise a line of text or a damaged number would split the samples, and a part of the ground
+    motion would be lost without a message.
+    """
+    is_confirmed = not stated.counts.isdisjoint(numbers.sizes)
+    later = blocks[main + 1 :]
+    if is_confirmed and _are_integrals(blocks, main, later, stated, numbers):
+        later = []
+    for block in later:
+        is_remark = is_confirmed and len(" ".join(block.lines).split()) <= 2
+        if not is_remark:
+            text = block.above[-1].strip()[:40] if block.above else "a blank line"
+            raise RecordError(
+                f"the numbers that start in line {block.line_numbers[0]} follow the text {text!r}: "
+                "a text line interrupts the samples, or another record starts; remove the line, or "
+                "split the file"
+            )
+    if is_confirmed:
+        return
+    for block in blocks[:main]:
+        is_name = len(block.lines) <= 2 and all(
+            _INTEGER.fullmatch(word) for word in " ".join(block.lines).split()
+        )
+        if not is_name:
+            first, last = block.line_numbers[0], block.line_numbers[-1]
+            where = f"line {first}" if first == last else f"lines {first} to {last}"
+            raise RecordError(
+                f"the numbers in {where} precede the samples, and the header does not explain "
+                f"them; if they are no samples, skip them by `skip_lines={last}`"
+            )
+    # A damaged first or last row is not a row of numbers. The last row may be shorter.
+    width = numbers.width
+    after = blocks[main + 1].above if main + 1 < len(blocks) else below
+    neighbors = [
+        (line, range(width - 1 if width > 2 else width, width + 2))
+        for line in blocks[main].above[-1:]
+    ]
+    neighbors += [(line, range(1, width + 2)) for line in after[:1]]
+    for line, widths in neighbors:
+        words = _SEPARATORS.split(line.strip())
+        damaged = sum(map(_resembles_number, words))
+        if len(words) in widths and damaged and 2 * damaged >= len(words):
+            raise RecordError(
+                f"the line {line.strip()[:60]!r} next to the samples must contain numbers; correct "
+                "or remove it"
+            )
+
+
+def _resembles_number(word: str) -> bool:
+    """Return True if a word contains a decimal point and a digit, or marks a missing number."""
+    has_point = "." in word and any(map(str.isdecimal, word))
+    return has_point or word.lower().lstrip("-") in ("nan", "inf", "null", "none")
+
+
+def _are_integrals(
+    blocks: list[NumberBlock],
+    main: int,
+    later: list[NumberBlock],
+    stated: Statements,
+    numbers: Numbers,
+) -> bool:
+    """Return True if the blocks after the acceleration are its velocity and its displacement.
+
+    They must have the same number of values, and text must name them: the text above each block,
+    or the header if only blank lines separate the blocks. A repeated header starts another record.
+    """
+    if not 0 < len(later) <= 2:
+        return False
+    header = set(blocks[main].above)
+    for block in later:
+        text = [line for line in block.above if line not in header]
+        is_named = bool(named_integrals(text)) if block.above else bool(stated.integrals)
+        if not is_named or block_numbers(block).values.size != numbers.values.size:
+            return False
+    return True
+
+
+def _check_blank_lines(block: NumberBlock) -> None:
+    """Raise RecordError if blank lines divide a block into a few parts, which may be different
+    quantities."""
+    if 0 < len(block.after_blank) < _MAX_PARTS:
+        number = block.line_numbers[block.after_blank[0]]
+        raise RecordError(
+            f"a blank line before line {number} divides the numbers, and the header does not state "
+            "the number of samples; remove the blank line if the numbers are one ground motion, or "
+            "split the file"
+        )
+
+
+def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) -> None:
+    """Raise RecordError if a number has no decimal point, but all other numbers have the same
+    number of decimals: the point is lost. Zero may be written without a point. The first `skipped`
+    numbers of each line are not samples."""
+    lines, values = numbers.sizes
+    points = sum(line.count(".") for line in block.lines)
+    if points == values - skipped * lines or values < _MIN_VALUES:
+        return
+    rows = [_SEPARATORS.split(line.strip(" \t,;"))[skipped:] for line in block.lines]
+    decimals = {len(word.partition(".")[2]) for row in rows for word in row if "." in word}
+    if len(decimals) != 1:
+        return
+    for row, number in zip(rows, block.line_numbers, strict=True):
+        for word in row:
+            if _WITHOUT_POINT.fullmatch(word):
+                raise RecordError(
+                    f"line {number}: {word[:40]} has no decimal point, but all other numbers have "
+                    "the same number of decimals; correct it"
+                )
+
+
+# ---- Layout
+
+
+def _layout_of(
+    block: NumberBlock, numbers: Numbers, table: TableColumns, layout: TextLayout
+) -> tuple[str, str]:
+    """Return the layout of a block (`single`, `rows`, `numbered rows`, `columns`, `pairs`), and the
+    reason for rows; raise RecordError if the layout contradicts the file, or if it is
+    unknown."""
+    stated, names = table.stated, table.names
+    lines, total = numbers.sizes
+    width = numbers.width
+    if not numbers.is_regular:
+        if total in stated.counts:
+            return "rows", f"the header states {total} samples, the number of values"
+        raise _irregular(block, numbers)
+    if width == 1:
+        _check_count(stated, lines, lines, total)
+        return "single", ""
+
+    # Names and times show columns.
+    values = numbers.table()
+    pairs = None if names or table.ignored else paired(values)
+    if names or table.time is not None or pairs is not None:
+        if layout.rows:
+            raise _LayoutError(
+                f"`rows` contradicts the {'names of the columns' if names else 'times'} in the "
+                "table; remove it"
+            )
+        # The last line of pairs may be shorter.
+        if numbers.widths[-1] != width and (pairs is None or numbers.widths[-1] % 2):
+            raise _irregular(block, numbers)
+        count = lines if pairs is None else total // 2
+        _check_count(stated, count, lines, total)
+        return ("columns" if pairs is None else "pairs"), ""
+
+    # A column of line numbers is not a part of the samples.
+    is_numbered = bool(table.ignored) and width > 3
+    kind = "numbered rows" if is_numbered else "rows"
+    value_count = total - lines if is_numbered else total
+    if stated.counts:
+        _check_count(stated, value_count, lines, total, lines)
+        if value_count in stated.counts:
+            if layout.column:
+                raise _no_columns(f"the header states {value_count} samples")
+            return kind, f"the header states {value_count} samples, the number of values"
+        if layout.rows:
+            raise _LayoutError(
+                f"`rows` contradicts the header, which states {lines} samples, the number of "
+                "lines; remove it"
+            )
+        if numbers.widths[-1] != width:
+            raise _irregular(block, numbers)
+        return "columns", ""
+
+    # Line numbers and a single other column leave no choice.
+    if len(table.ignored) == width - 1:
+        return "columns", ""
+    evidence = continuity(values[:, int(is_numbered) :])
+    found = evidence.layout if evidence else ""
+    if layout.column and found == "rows":
+        raise _no_columns(str(evidence))
+    if layout.rows or found == "rows":
+        return kind, str(evidence) if found == "rows" else "as specified by `rows`"
+    # Rows of samples may have a shorter last line, columns may not.
+    is_complete = numbers.widths[-1] == width
+    if layout.column and not is_complete:
+        raise _irregular(block, numbers)
+    if layout.column or (found == "columns" and is_complete):
+        return "columns", ""
+    reason = str(evidence) if evidence else _NO_EVIDENCE.get(width, f"only {len(values)} lines")
+    columns = tuple(str(index + 1) for index in range(width) if index not in table.ignored)
+    raise incomplete(
+        f"the table that starts in line {block.line_numbers[0]} has {width} values per line, and "
+        f"the file does not show ({reason}) whether each line continues one ground motion (specify "
+        "`rows`) or each column is a separate ground motion (specify `column`)",
+        table,
+        layout,
+        Missing(columns=columns, rows=True),
+    )
+
+
+_NO_EVIDENCE = {2: "no times, no number of samples"}
+
+
+def _time_and_ignored(
+    numbers: Numbers, names: Names, ignored: frozenset[int], layout: TextLayout
+) -> tuple[int | None, frozenset[int]]:
+    """Return the index of the column of times, None if there is none, and the indices of columns of
+    text or line numbers.
+
+    A name or a unit of time shows the times. Otherwise, the first column that does not number the
+    lines contains times if it increases by equal steps under any name that is not an acceleration,
+    or if it increases and has no name.
+    """
+    width = numbers.width
+    if width == 1 or not numbers.is_regular:
+        return None, ignored
+    table = numbers.table()
+    for index, name in enumerate(names):
+        has_seconds = bool(name.units) and name.units in SECONDS and name.quantity == OTHER
+        if index not in ignored and (
+            name.quantity == TIME or (has_seconds and are_times(table[:, index]))
+        ):
+            # Line numbers may precede the times.
+            counted = {i for i in range(index) if counts_rows(table[:, i])}
+            return index, ignored | counted
+    for index in range(width):
+        column = table[:, index]
+        if index in ignored:
+            continue
+        if counts_rows(column):
+            ignored |= {index}
+            continue
+        # Pairs of times and values in a line also start with a time.
+        if not names and paired(table) is not None:
+            break
+        is_motion = bool(names) and bool(quantity_of_units(names[index].units))
+        if not is_motion and are_times(column):
+            return index, ignored
+        is_first = index == min(set(range(width)) - ignored)
+        if is_first and not (names or layout.rows) and _increases(column):
+            return index, ignored
+    return None, ignored
+
+
+def _increases(column: NDArray[np.float64]) -> bool:
+    """Return True if each number of a column is larger than the number above it."""
+    return column.size > 1 and bool(np.all(np.diff(column) > 0.0))
+
+
+def _no_columns(reason: str) -> _LayoutError:
+    """Return the error that the user selects a column of a table of rows."""
+    return _LayoutError(
+        f"`column` cannot be used: each line continues one ground motion ({reason}); remove it"
+    )
+
+
+def _check_count(stated: Statements, count: int, lines: int, total: int, *others: int) -> None:
+    """Raise RecordError if the header states numbers of samples, but neither `count` nor another
+    possible number."""
+    if stated.counts and stated.counts.isdisjoint((count, *others)):
+        numbers = " or ".join(map(str, sorted(stated.counts)))
+        values = "" if total == lines else f" with {total} values"
+        raise _LayoutError(
+            f"the header states {numbers} samples, but the table has {pluralize(lines, 'line')}"
+            f"{values}; complete the file, or correct the number"
+        )
+
+
+def _irregular(block: NumberBlock, numbers: Numbers) -> RecordError:
+    """Return the error for a block with different numbers of values per line."""
+    width = numbers.width
+    index = int(np.flatnonzero(numbers.widths != width)[0])
+    if np.mean(numbers.widths == width) < _REGULAR:
+        return RecordError(
+            f"the lines from line {block.line_numbers[0]} have different numbers of values, "
+            f"{numbers.widths[0]} to {numbers.widths.max()}; the number of samples in the header "
+            "must be equal to their sum"
+        )
+    number = block.line_numbers[index]
+    remedy = ""
+    header_rows = int(np.argmax(numbers.widths == width))
+    if 0 < header_rows <= _MAX_HEADER_ROWS and numbers.part(header_rows).is_regular:
+        skip = block.line_numbers[header_rows - 1]
+        remedy = f"; if it belongs to the header, skip it by `skip_lines={skip}`"
+    return RecordError(
+        f"line {number} must contain {width} numbers, got "
+        f"{block.lines[index].strip()[:60]!r}{remedy}"
+    )
+
+
+_MAX_HEADER_ROWS = 3  # rows of numbers at the start that may belong to the header
+
+
+def _names_and_header(
+    blocks: Sequence[NumberBlock], width: int, layout: TextLayout
+) -> tuple[Names, list[str]]:
+    """Return the names of the columns, and the other lines of text above the last block.
+
+    A line of recognized names may be followed by other lines, such as their units. Arbitrary text
+    names the columns only in the last line, if this line states nothing else and the rows are
+    separated in the same way.
 
     Raises
     ------
     RecordError
-        As by `read_text`, except for text in a row.
+        A line of recognized names has another number of names than the rows.
     """
-    width, size = len(columns), columns[0].size
-    selected = _selected(layout, header.names, width)
-    dt, is_stated = _sampling_interval(header, times, layout)
-    if header.declared.get("samples", str(size)) != str(size):
-        raise RecordError(
-            f"the header of the table states {header.get('samples')} samples, but the file has "
-            f"{size}"
-        )
-    compared = (
-        *((SAMPLES,) if header.get("samples") else ()),
-        *((STEP,) if times is not None else ()),
-    )
-    # All components of the table have these attributes; samples and units are added later.
-    common = Series(
-        np.empty(0),
-        dt,
-        "",
-        channel=code(header.get("component")),
-        station=code(header.get("station")),
-        location=code(header.get("location")),
-        network=code(header.get("network")),
-        start=header.start,
-        event=" ".join(header.get("event").split()),
-        compared=compared,
-    )
-    # A first column without a name that contains times or a sample count is not a ground motion.
-    has_times = times is not None or (width > 1 and _counts_samples(columns[0], layout.step))
-    component_columns = selected or _accelerations(header.names, range(int(has_times), width))
-    if not is_stated:
-        warnings.warn(
-            f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
-        )
-    # The continuity of the values suggests separate ground motions, but the file does not state it.
-    if width > 2 and not (header.names or has_times or selected):
-        assumption = f"each of {width} columns without names is read as a separate ground motion"
-        warnings.warn(
-            f"{assumption}; if the lines continue a single ground motion, specify `rows`",
-            stacklevel=2,
-        )
-    if header.get(ORIGIN) and len(component_columns) == 1:
-        origin = stated_origin(header.get(ORIGIN), columns[component_columns[0]])
-        common = replace(common, origin=origin)
-    return [
-        _series(common, columns, header, index, component_columns) for index in component_columns
-    ]
-
-
-def _selected(layout: TextLayout, names: Names, width: int) -> list[int]:
-    """Return the indices of the columns that the user selects, without repetition."""
-    indices = (column_index(column, names, width) for column in layout.column)
-    return list(dict.fromkeys(indices))
-
-
-def _numbers_above_samples(
-    values: NDArray[np.float64], first_lines: list[str], above: int, layout: TextLayout
-) -> FirstNumbers:
-    """Return the number of samples and the interval in the first lines of a column; `above` is the
-    number of header lines.
-
-    Raises RecordError if a first line contains a number of samples other than that of the column.
-    """
-    first = first_numbers(values, np.ones(values.size, dtype=np.int64))
-    if not first.lines and (line := unexplained_first_line(first_lines)):
-        number = (layout.skip_lines or 0) + above + 1
-        raise RecordError(
-            f"line {number}: {line[:60]!r} is not a sample, and the numbers in the first lines do "
-            f"not state the number of the {pluralize(values.size - 1, 'value')} below it; correct "
-            f"it, or skip it by `skip_lines={number}`"
-        )
-    return first
-
-
-def _with_first_numbers(header: TableHeader, first: FirstNumbers) -> TableHeader:
-    """Return a header with the number of samples and the interval in the first lines of a column;
-    raise RecordError if they contradict its declarations."""
-    declared = dict(header.declared)
-    if first.count:
-        declared.setdefault("samples", str(first.count))
-    if first.interval:
-        stated = header.intervals()
-        if stated and abs(stated[0] - first.interval) > SAME_STEP * first.interval:
+    block = blocks[-1]
+    above = [line for line in block.above if re.search(r"\w", line)]
+    header = [line for earlier in blocks[:-1] for line in earlier.above]
+    separator = block.separator
+    for index in range(len(above) - 1, max(len(above) - 1 - _MAX_LINES_BELOW_NAMES, -1), -1):
+        names = column_names(above[index], separator) or column_names(above[index])
+        others = [*above[:index], *above[index + 1 :]]
+        if len(names) == width:
+            units = above[index + 1 :]
+            if len(units) == 1:
+                names = with_units(names, units[0], separator) or names
+            return names, header + others
+        if len(names) > 1 and names[0].quantity == TIME and index == len(above) - 1:
             raise RecordError(
-                f"the file states several sampling intervals, {stated[0]:g} s and "
-                f"{first.interval:g} s; correct the header or the first lines"
+                f"the header of the table names {pluralize(len(names), 'column')}, but the rows "
+                f"have {pluralize(width, 'value')}"
             )
-        declared.setdefault("dt", f"{first.interval!r} s")
-    return replace(header, declared=declared)
+    if width > 1 and above:
+        for count in (2, 1):
+            if names := _other_names(above[-count:], separator, width, layout):
+                return names, header + above[:-count]
+    return (), header + above
 
 
-def _check_first_name(header_lines: list[str], skipped: int) -> None:
-    """Raise RecordError if the last header line names all columns except the first: the other names
-    would be shifted by one column. `skipped` is the number of lines before the header lines, for
-    the line number in the message.
+_MAX_LINES_BELOW_NAMES = 4  # lines between the names of the columns and the rows
+
+
+def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextLayout) -> Names:
+    """Return the column names in the last line, or in the line before the last line and their units
+    in the last line; empty if the lines do not name the columns.
+
+    Words that are separated by blanks may be a sentence. They name the columns only if one of them
+    is a time, or if the user selects one of them.
     """
-    filled = [index for index, line in enumerate(header_lines) if line.strip()]
-    if filled and lacks_first_name(header_lines[filled[-1]]):
-        raise RecordError(
-            f"line {skipped + filled[-1] + 1}: {header_lines[filled[-1]].strip()[:60]!r} has no "
-            "name for the first column, as if pandas wrote its index; omit the index "
-            "(index=False), or name the column time if it contains times"
-        )
-
-
-def _sampling_interval(
-    header: TableHeader, times: NDArray[np.float64] | None, layout: TextLayout
-) -> tuple[float, bool]:
-    """Return the sampling interval of a text table, s, and True if the file states it, False if
-    only the layout of the user specifies it.
-
-    RecordError is raised if the declarations of the header and the times state different intervals,
-    the times are not in equal steps, or the interval is unknown.
-    """
-    intervals = header.intervals()
-    if times is not None:
-        intervals.append(equal_steps(times)[0])
-    if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
-        values = " s and ".join(f"{dt:g}" for dt in intervals)
-        raise RecordError(
-            f"the file states several sampling intervals, {values} s; correct the header or the "
-            "times"
-        )
-    dt = next(iter(intervals), None) or layout.step
-    if dt is None:
-        raise RecordError(
-            "the sampling interval of the column of numbers is required; declare it in a first "
-            "line `# dt = 0.01 s, units = g`, or specify it by `step`"
-        )
-    return dt, bool(intervals)
-
-
-def _count_names(line: str) -> int:
-    """Return the number of column names in a header line; 0 if it does not name columns."""
-    return next(
-        (len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0
+    names = any_names(lines[0], separator, width)
+    is_statement = bool(statements(lines[:1]))
+    if len(lines) == 2:
+        return () if is_statement else with_units(names, lines[1], separator)
+    if not names or is_statement:
+        is_acceleration = any(name.quantity == "acceleration" and name.units for name in names)
+        return names if is_acceleration and names[0].quantity == TIME else ()
+    is_sentence = not re.search(r"[,;\t]|\s{2,}", lines[0].strip())
+    has_time = any(name.quantity == TIME for name in names) or (
+        bool(names[0].units) and names[0].units in SECONDS
     )
+    is_selected = any(_has_name(names, column) for column in layout.column)
+    return names if not is_sentence or has_time or is_selected else ()
 
 
-def _accelerations(names: Names, columns: range) -> list[int]:
-    """Return the indices of the columns that are read as ground motion.
-
-    Without names (no header), these are `columns`. Otherwise, they are the columns named as
-    acceleration; if there are no such columns, the velocity columns, or else the displacement
-    columns. If no name states a quantity, the only column that is not the time is returned; without
-    such a column the list is empty. Several such columns are a RecordError.
-    """
-    if not names:
-        return list(columns)
-    for quantity in MOTIONS:
-        if selected := [index for index, name in enumerate(names) if name.quantity == quantity]:
-            return selected
-    others = [index for index, name in enumerate(names) if name.quantity != TIME]
-    if len(others) > 1:
-        raise RecordError(
-            "the column names do not identify the acceleration; select a column by `column`: "
-            f"{', '.join(names[index].text[:40] for index in others)}"
-        )
-    return others
-
-
-def _series(
-    common: Series, columns: Columns, header: TableHeader, index: int, component_columns: list[int]
-) -> Series:
-    """Return the component in a column, with its units, channel and quantity.
-
-    `header` contains the declarations and column names. `index` is the index of the column.
-    `component_columns` contains the indices of all columns that are read as components.
-    """
-    names, declared = header.names, header.get("units")
-    component = replace(common, samples=columns[index])
-    if not names:
-        # The only component of a table with at most a time column in addition has the declared
-        # channel. Otherwise the channel is the number of the column, counted from 1 with the time
-        # column, as the user selects it by `column`.
-        is_single = len(component_columns) == 1 and len(columns) <= 2
-        return replace(
-            component,
-            units=required_units(declared) if declared else "",
-            channel=component.channel if is_single else str(index + 1),
-        )
-    name = names[index]
-    text = name.units or declared
-    # The quantity follows from the name of the column. If the name does not state it, the units in
-    # the name determine the quantity for the check of the units. The series then has the quantity
-    # "" (not stated by the file), so that the user may specify units of another quantity.
-    quantity = name.quantity
-    if name.quantity == OTHER:
-        motion = motion_units(name.units) if name.units else None
-        quantity = parse_units(motion).quantity if motion else "acceleration"
-    units = required_units(text, quantity) if text else ""
-    # A column of unknown quantity is named by its text in the file without units, which follow the
-    # name and are cut off here.
-    channel = code(name.component) or (
-        code(name.text[: len(name.plain)]) if name.quantity == OTHER else common.channel
+def _has_name(names: Names, column: str) -> bool:
+    """Return True if a column that the user selects is a name, not a number."""
+    return not column.isdecimal() and any(
+        column.lower() in (name.text.lower(), name.plain) for name in names
     )
-    component = replace(
-        component, units=units, channel=channel, quantity=quantity if name.quantity != OTHER else ""
-    )
-    if name.quantity != "acceleration":
-        return component
-
-    peaks: dict[str, float] = {}
-    for other_name, column in zip(names, columns, strict=True):
-        is_same_component = (
-            other_name.quantity in MOTIONS[1:] and other_name.component == name.component
-        )
-        if is_same_component and (scale := motion_scale(other_name.units, other_name.quantity)):
-            peaks.setdefault(other_name.quantity, scale * float(np.max(np.abs(column))))
-    return replace(component, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
-
-
-def _times(
-    columns: Columns, names: Names, selected: list[int], layout: TextLayout
-) -> NDArray[np.float64] | None:
-    """Return the times, s; None if the table has no column of times.
-
-    With a header, the first column contains times if it has the name of a time. Without a header
-    (no names), the first of several columns contains times unless the user selects it as data, or
-    specifies a sampling interval and the column does not increase or only numbers the samples.
-    RecordError is raised if the first column numbers the lines, and the user does not specify the
-    sampling interval.
-    """
-    if names:
-        return columns[0] * SECONDS[names[0].units] if names[0].quantity == TIME else None
-    if len(columns) == 1 or 0 in selected:
-        return None
-    first = columns[0]
-    if layout.step is None and counts_rows(first):
-        raise RecordError(
-            "the first column numbers the lines; specify the sampling interval by `step` (1 if the "
-            "numbers are times in s)"
-        )
-    if layout.step is not None and (
-        not np.all(np.diff(first) > 0.0) or _counts_samples(first, layout.step)
-    ):
-        return None
-    return first
-
-
-def _counts_samples(column: NDArray[np.float64], step: float | None) -> bool:
-    """Return True if a column counts the samples from 0 or 1 and the specified step is not 1 s."""
-    return (
-        step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))
-    )
-
-
-def _matches(lines: list[str]) -> bool:
-    """Return True if the first lines of a file are those of a text table.
-
-    Without a row of numbers, StopIteration is raised, which `recognizes` treats as False.
-    """
-    first_row = next(index for index, line in enumerate(lines) if ROW.fullmatch(line))
-    # A line of names that lacks the first name is no declaration. It is omitted here, so that the
-    # reader can report it.
-    lacks_name = first_row > 0 and lacks_first_name(lines[first_row - 1])
-    declared = [declared_in(line) for line in lines[: first_row - lacks_name]]
-    rows = [
-        _numbers(line) for line in lines[first_row:] if line.strip() and not COMMENT.fullmatch(line)
-    ]
-    name_count = sum(map(_count_names, lines[:first_row]))
-    width = Counter(map(len, rows)).most_common(1)[0][0]
-    if any(map(_OTHER_FORMAT.match, lines[:first_row])):
-        return False
-    deviating_rows = sum(len(row) != width for row in rows)
-    # A table with column names is recognized even if cells are empty in up to a quarter of its
-    # rows. The error message of the reader then names the line.
-    if (
-        None in declared
-        or len(rows) < 2
-        or width > _MAX_COLUMNS
-        or deviating_rows > (len(rows) // 4 if name_count else 0)
-    ):
-        return False
-    # Lines of several samples may be numbered, and lines of several pairs may end with a shorter
-    # line; the layout of such a table requires all its lines.
-    regular = np.array([row for row in rows if len(row) == width])
-    is_numbered = width > 3 and counts_rows(regular[:, 0])
-    if not name_count and (is_numbered or paired(regular) is not None):
-        return False
-    # Without column names, several columns are recognized only if the first increases like times.
-    return (
-        lacks_name
-        or bool(name_count)
-        or width == 1
-        or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
-    )
-
-
-def _columns(lines: Lines, name_count: int) -> Columns:
-    """Read the columns of numbers to the end of the file; comment lines are skipped.
-
-    RecordError is raised if a row has another number of values, other text or an empty cell, or the
-    table has too many columns.
-    """
-    first_line, width = lines.number, 0
-    values = array("d")
-    while (line := lines.peek()) is not None:
-        lines.take()
-        if COMMENT.fullmatch(line):
-            continue
-        numbers = _numbers(line) if ROW.fullmatch(line) else []
-        # The first row determines the number of columns. If it has an empty cell, the header does.
-        width = width or (name_count if _has_empty_cell(line) else len(numbers))
-        if len(numbers) != width or not 1 <= width <= _MAX_COLUMNS:
-            reason = "; a cell is empty" if _has_empty_cell(line) else ""
-            raise RecordError(
-                f"line {lines.number} must contain {width or 'a row of'} numbers, got "
-                f"{line.strip()[:60]!r}{reason}"
-            )
-        values.extend(numbers)
-    return list(lines.checked(values, first_line).reshape(-1, width).T.copy())
-
-
-def _has_empty_cell(line: str) -> bool:
-    """Return True if a row has an empty cell, including an empty last cell."""
-    return any(mark in line and not all(map(str.strip, line.split(mark))) for mark in ";\t,")
-
-
-def _numbers(line: str) -> list[float]:
-    """Return the numbers of a row; empty if a cell is empty or contains other text.
-
-    This function only counts the cells of the first rows to recognize a table. It accepts nan and
-    1_000, which are refused when the rows are read.
-    """
-    separator = next((mark for mark in ";\t," if mark in line.strip()), None)
-    # A separator at the end of a row does not start another cell.
-    cells = line.strip().removesuffix(separator or " ").split(separator)
-    point = "," if separator in (";", "\t") else "."
-    # D is the exponent of double precision in Fortran.
-    try:
-        return [
-            float(cell.replace(point, ".").replace("D", "E").replace("d", "e")) for cell in cells
-        ]
-    except ValueError:
-        return []

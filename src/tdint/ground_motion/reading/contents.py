@@ -27,6 +27,7 @@ from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
+from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
 
 if TYPE_CHECKING:
@@ -64,7 +65,8 @@ and SACXY do not detect corrupt files; DMX, PDAS, SEISAN, WIN and Y require a fi
 contains velocities; the remaining formats are not ground motion."""
 
 _CORRUPT_FILE_WARNING = re.compile(
-    r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp",
+    r"^ERROR|not be read|skip(?!_lines)|corrupt|truncat|integrity check|broken|contiguous|permuted|"
+    r"dropp",
     re.IGNORECASE,
 )
 """Pattern of reader warnings that indicate missing or wrong samples. Other warnings (for example of
@@ -73,6 +75,11 @@ an unusual header) become notes. Warnings of the readers of tdint must not match
 TEXT_TABLE = "TEXT"
 """Name of the format of plain text tables, the only format with a layout that the user may specify
 (`TextLayout`)."""
+
+_SPREADSHEET_MEMBERS = ("xl/workbook.xml", "xl/workbook.bin", "META-INF/manifest.xml")
+"""Ends of the names of files that only spreadsheets (.xlsx, .xlsb, .ods) contain."""
+
+_OLE_SIGNATURE = b"\xd0\xcf\x11\xe0"  # first bytes of a spreadsheet in the form .xls
 
 _END_OF_TEXT = re.compile(rb"\x1a[\x1a\s]*\Z")
 """Pattern of the mark ^Z with which DOS programs end a text file."""
@@ -254,10 +261,13 @@ class _Recognized:
     ----------
     read : callable
         Function without arguments that returns the ObsPy stream of the file.
+    is_record : bool
+        False for a table that contains something else, or is too small to be a record.
     """
 
     format: str
     read: Callable[[], Any]
+    is_record: bool = True
 
 
 @dataclass(frozen=True)
@@ -288,7 +298,8 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
         data = read_bytes(source)
         if is_zip(data):  # Spreadsheets are also zip files, so the suffix is checked.
             return str(source).lower().endswith(".zip")
-        return _recognize(data, layout) is not None
+        recognized = _recognize(data, layout)
+        return recognized is not None and recognized.is_record
     except RecordError:
         return True
 
@@ -342,6 +353,8 @@ def read_all_contents(
     if is_zip(data):
         files = [*archive_files(data, source)]
         records = [(name, content) for name, content in files if _recognize(content, layout)]
+        if any(name.endswith(_SPREADSHEET_MEMBERS) for name, _ in files):
+            raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV")
         if not records:
             names = [name.removeprefix(f"{source}/")[:60] for name, _ in files[:10]]
             raise RecordError(
@@ -410,6 +423,19 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     ]
     all_compared = tuple(dict.fromkeys([*compared, *compared_by_reader]))  # without repetition
     return Contents(name, numeric, notes, all_compared)
+
+
+def is_json(data: bytes) -> bool:
+    """Return True if a file contains an object or a list of JSON."""
+    if data.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (b"{", b"["):
+        return False
+    import json  # imported late: needed only for files that may be JSON
+
+    try:
+        json.loads(data)
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def _without_end_mark(data: bytes) -> bytes:
@@ -500,12 +526,16 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
     recognized = _recognize(data, layout)
     if recognized is not None:
         return recognized
-    from tdint.ground_motion.formats.free_table import find_table
-    from tdint.ground_motion.formats.text import table_in
-
     for first_bytes, program in _COMPRESSIONS.items():
         if data.startswith(first_bytes):
             raise RecordError(f"{source}: the file is compressed ({program}); uncompress it first")
+    if data.startswith(_OLE_SIGNATURE):
+        raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV")
+    if is_json(data):
+        raise RecordError(
+            f"{source}: the file is JSON, which is not read; write its samples to a text file with "
+            "the first line `# dt = 0.01 s, units = g`"
+        )
     # Pickle data start with the PROTO opcode 0x80 and end with the STOP opcode, a dot.
     if data.startswith(b"\x80") and data.endswith(b"."):
         reason = (
@@ -513,16 +543,6 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
             "record as MiniSEED"
         )
         raise RecordError(f"{source}: unknown format, {reason}")
-    if spectra := _spectra_in(data):
-        raise RecordError(
-            f"{source}: the file contains {spectra.lower()} (volume 3 of a record), "
-            "not a ground motion; specify the file of the acceleration (volume 1 or 2)"
-        )
-
-    # A text table without a sufficient header can be read if the user specifies its layout.
-    table = find_table(data, layout)
-    if reason := table.problem if table else table_in(data, layout):
-        raise RecordError(f"{source}: unknown format: {reason}")
     hint = (
         f", and no table of numbers found below its first {layout.skip_lines or 0} lines"
         if layout
@@ -535,48 +555,29 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
 def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
     """Return the format of a file; None if it is unknown.
 
-    Tables with a free header are tried after all formats. With a layout, the format of text tables
-    is tried once more at the end, because the layout permits tables that have no sufficient header.
+    Text tables, which have no mark of a format, are tried after all formats.
     """
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
-            if _recognizes(plugin, data):
-                options = {"layout": layout} if plugin.name == TEXT_TABLE else {}
-                return _Recognized(plugin.name, partial(_read_by, plugin, data, **options))
-        from tdint.ground_motion.formats.free_table import find_table  # needed only for tables
+            if plugin.name != TEXT_TABLE and _recognizes(plugin, data):
+                return _Recognized(plugin.name, partial(_read_by, plugin, data))
+        from tdint.ground_motion.formats.text import find_table  # needed only for tables
 
-        table = find_table(data, layout)
-        if table is not None and table.is_record:
-            return _Recognized(TEXT_TABLE, table.read)
-        # Spectra are no ground motion, unless the user has read their header and skips it.
-        is_described = bool(layout) and (layout.skip_lines or not _spectra_in(data))
-        for plugin in plugins() if is_described else ():
-            if plugin.name == TEXT_TABLE and _recognizes(plugin, data, layout=layout):
-                return _Recognized(plugin.name, partial(_read_by, plugin, data, layout=layout))
-    return None
+        table = None if is_json(data) else find_table(data, layout)
+    return _Recognized(TEXT_TABLE, table.read, table.is_record) if table else None
 
 
-def _spectra_in(data: bytes) -> str:
-    """Return the name of spectra at the start of a file; empty if it names none."""
-    from tdint.ground_motion.formats.header_statements import named_spectra
-
-    return named_spectra(data[:_HEADER_BYTES].decode("latin-1").splitlines())
-
-
-def _recognizes(plugin: Plugin, data: bytes, **options: Any) -> bool:
-    """Return True if the check of a format accepts a file.
-
-    `**options` contains the arguments of the check: `layout` for the format of text tables.
-    """
+def _recognizes(plugin: Plugin, data: bytes) -> bool:
+    """Return True if the check of a format accepts a file."""
     try:
-        return bool(_import_function(plugin.is_format)(BytesIO(data), **options))
+        return bool(_import_function(plugin.is_format)(BytesIO(data)))
     except Exception:  # A check that fails on the bytes of another format has not recognized them.
         return False
 
 
-def _read_by(plugin: Plugin, data: bytes, **options: Any) -> Any:
+def _read_by(plugin: Plugin, data: bytes) -> Any:
     """Read a file by the reader of its format; return an ObsPy stream."""
-    return _import_function(plugin.read_format)(BytesIO(data), **options)
+    return _import_function(plugin.read_format)(BytesIO(data))
 
 
 def _read(recognized: _Recognized) -> tuple[list[Any], list[str]]:

@@ -31,6 +31,7 @@ from tdint.ground_motion.reading.scale import (
     Motion,
     are_counts,
     declared_units,
+    first_sample_warnings,
     to_acceleration,
     to_motion,
 )
@@ -656,6 +657,7 @@ def _to_record(
     warnings = (
         *motion.warnings,
         *peak_warnings(float(np.max(np.abs(motion.samples), initial=0.0))),
+        *first_sample_warnings(motion.samples),
     )
     for warning in warnings:
         _LOGGER.warning("%s: %s", label, warning)

@@ -4,6 +4,10 @@ states.
 A MiniSEED file with the location code SI was exported by tdint and is in m/s^2. The location codes
 SV and SD are its velocity (m/s) and displacement (m).
 
+MiniSEED has no field for units. A name of the form of ESM and ITACA (`.ACC.MP.mseed`), or with the
+word velocity or displacement, shows the quantity of the samples, and the user is asked for their
+units.
+
 One assumption is made about units: floating-point MiniSEED of an accelerometer is in m/s^2. ObsPy
 and other programs that remove an instrument response write the result as floating-point numbers in
 SI units under the unchanged channel code, because MiniSEED has no field for units. The channel code
@@ -131,10 +135,13 @@ def to_motion(trace: Any, format_name: str, specified: Units | None, label: str)
         The units are unknown, or the units in the file contradict the units of the user.
     """
     declared = declared_units(trace, format_name, label, specified)
-    stated_quantity = trace.stats.get("tdint_quantity")
+    stated_quantity = trace.stats.get("tdint_quantity") or (
+        named_quantity(label) if format_name == "MSEED" and not declared else ""
+    )
     if specified and stated_quantity and stated_quantity != specified.quantity:
         raise RecordError(
-            f"{label}: the file states that its values are of the quantity {stated_quantity}, but "
+            f"{label}: the file or its name states that its values are of the quantity "
+            f"{stated_quantity}, but "
             f"the specified unit {specified.text} is a unit of {specified.quantity}; specify a "
             f"unit of {stated_quantity}"
         )
@@ -367,19 +374,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         )
 
     # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
-    samples = np.asarray(trace.data, dtype=np.float64)
-    peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
-    gravity = next(
-        (name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), ""
-    )
-    why_unlikely = ""
-    if peak > _MAX_PLAUSIBLE_ACCELERATION:
-        why_unlikely = f"the peak would be {peak:.4g} m/s^2, over 3 g"
-    elif gravity:
-        why_unlikely = f"the mean is {mean:.5g}, probably {gravity}"
-    elif peak and not np.any(samples % 1.0):
-        why_unlikely = "all samples are whole numbers, probably counts"
-    if why_unlikely:
+    if why_unlikely := _why_unlikely(trace, label):
         raise IncompleteRecord(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
             f"{why_unlikely}; {_SPECIFY_UNITS}",
@@ -388,4 +383,83 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     return Units("m/s^2", 1.0, has_factor=False), (
         "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "
         "units; specify the units to confirm"
+    )
+
+
+_PROCESSED = re.compile(r"\.(ACC|VEL|DIS)\.(?:MP|CV|AP)\b", re.IGNORECASE)
+"""Part of the names of processed files of ESM and ITACA, in cm/s^2, cm/s or cm: the quantity, and
+the type of processing (manual, converted or automatic)."""
+
+_WORDS = re.compile(
+    r"(?<![A-Z])(?:(VEL(?:OCITY)?)|(DISP?(?:L(?:ACEMENT)?)?))(?![A-Z])", re.IGNORECASE
+)
+"""Words for the velocity and the displacement in the name of a file."""
+
+_MAX_VELOCITY, _MAX_DISPLACEMENT = 5.0, 20.0
+"""m/s and m; more than the maximum velocity and displacement of the ground ever recorded (3.2 m/s
+and 9 m), with a margin for a baseline that is not corrected."""
+
+_MAX_JUMP = 2.0  # ratio of the first sample to the second; a larger ratio is no part of a pulse
+
+
+def named_quantity(label: str) -> str:
+    """Return the quantity that the name of a file states: `velocity` or `displacement`; empty if it
+    states none.
+
+    Parameters
+    ----------
+    label : str
+        Name of the file, which may precede a colon and the channel.
+    """
+    name = label.split(": ")[0].replace("\\", "/").rpartition("/")[2]
+    match = _PROCESSED.search(name)
+    if match:
+        return {"VEL": "velocity", "DIS": "displacement"}.get(match[1].upper(), "")
+    match = _WORDS.search(name)
+    return ("velocity" if match[1] else "displacement") if match else ""
+
+
+def _why_unlikely(trace: Any, label: str) -> str:
+    """Return the reason why the samples of a trace are unlikely to be an acceleration in m/s^2;
+    empty if they may be.
+
+    The integrals are computed without the mean of the acceleration and without the linear trend of
+    the velocity, so that an offset of the sensor does not matter.
+    """
+    name = label.split(": ")[0]
+    if _PROCESSED.search(name):
+        return "the name is that of a processed file of ESM or ITACA, in cm/s^2, cm/s or cm"
+    if quantity := named_quantity(label):
+        return f"the name of the file states that the samples are a {quantity}"
+    samples = np.asarray(trace.data, dtype=np.float64)
+    peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
+    gravity = next(
+        (name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), ""
+    )
+    if peak > _MAX_PLAUSIBLE_ACCELERATION:
+        return f"the peak would be {peak:.4g} m/s^2, over 3 g"
+    if gravity:
+        return f"the mean is {mean:.5g}, probably {gravity}"
+    if peak and not np.any(samples % 1.0):
+        return "all samples are whole numbers, probably counts"
+    dt = float(trace.stats.delta)
+    velocity = np.cumsum(samples - mean) * dt
+    pgv = float(np.max(np.abs(velocity), initial=0.0))
+    displacement = np.cumsum(velocity - np.mean(velocity)) * dt
+    displacement -= np.linspace(displacement[0], displacement[-1], displacement.size)
+    pgd = float(np.max(np.abs(displacement), initial=0.0))
+    if pgv > _MAX_VELOCITY or pgd > _MAX_DISPLACEMENT:
+        return f"the peak velocity would be {pgv:.3g} m/s and the peak displacement {pgd:.3g} m"
+    return ""
+
+
+def first_sample_warnings(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return a warning if the first sample is the peak, as if it were a number of the header."""
+    sizes = np.abs(acceleration[:2])
+    is_peak = sizes.size == 2 and sizes[0] > _MAX_JUMP * sizes[1]
+    if not is_peak or sizes[0] < float(np.max(np.abs(acceleration))):
+        return ()
+    return (
+        f"the first sample, {acceleration[0]:.4g} m/s^2, is the peak of the record: check that it "
+        "is not a number of the header (a count, a flag or the sampling interval)",
     )
