@@ -3,6 +3,7 @@
 The processing steps are always applied in this order: trim, baseline, pad, filters, resample.
 Therefore the mean is computed for the trimmed record, the filters are applied to a record between
 zeros, and the padding contains the signal that a filter spreads outside the ends of the record.
+Without `pad`, filters add the padding that they need.
 """
 
 from __future__ import annotations
@@ -169,7 +170,8 @@ class Processing(_OptionalFields):
         Baseline that is subtracted from the acceleration: `constant` (mean), `linear`
         (least-squares line) or `quadratic` (least-squares parabola).
     pad : tuple of two floats | None
-        Durations of zeros added before and after the record, s.
+        Durations of zeros added before and after the record, s. If None, filters add zeros until
+        their transients have decayed.
     highpass, lowpass : float | None
         Corner frequencies, Hz, of zero-phase Butterworth filters, which are applied forwards and
         backwards and therefore halve the amplitude at the corner frequency.
