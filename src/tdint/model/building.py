@@ -24,7 +24,7 @@ from tdint.model.damping import (
 )
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import Force, Model
-from tdint.model.modes import FreeVibration, Modes
+from tdint.model.modes import ComplexModes, FreeVibration, Modes, solve_complex_modes
 from tdint.model.story import POWER, Story, column_name, story_numbers
 from tdint.model.story_laws import CODES, LAWS
 from tdint.number_parsing import abbreviate
@@ -405,6 +405,23 @@ class Building:
     def modes(self) -> Modes:
         """Return the undamped modes of the initial stiffness, computed at the first call."""
         return self.vibration.modes
+
+    def complex_modes(self) -> ComplexModes:
+        """Return the damped modes of the initial stiffness with all linear dampers and their
+        braces; power-law dampers are omitted.
+        """
+        terms = self.linear_terms[:, :-1]
+        unbraced = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
+        dampers = np.where(unbraced, terms[rows.POWER_DAMPER], 0.0)
+        damping = self.damping_matrix() + _tridiagonal(dampers, terms[rows.LINK])
+        braced = np.flatnonzero((terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] == 1.0))
+        drifts = np.eye(self.stories) - np.diag(terms[rows.LINK, 1:], -1)
+        return solve_complex_modes(
+            self.modes(),
+            self.stiffness_matrix(),
+            damping,
+            (drifts[braced], terms[rows.BRACE, braced], terms[rows.BRACED_DAMPER, braced]),
+        )
 
     @cached_property
     def stiffest_modes(self) -> Modes:

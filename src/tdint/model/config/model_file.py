@@ -836,7 +836,8 @@ def _damping_text(damping: Damping) -> str:
 
     match damping:
         case RayleighRatio(ratios, modes, tangent):
-            values = f"ratio: {format_numbers(ratios)}, modes: {format_numbers(modes)}"
+            numbers = ", ".join(map(str, modes))
+            values = f"ratio: {format_numbers(ratios)}, modes: [{numbers}]"
             values += ", tangent: true" if tangent else ""
             return f"{{rayleigh: {{{values}}}}}"
         case RayleighCoefficients(mass, stiffness, tangent):
