@@ -89,6 +89,37 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     return np.asarray(np.hypot(distance, rate * initial_inverse_omega * softening))
 
 
+def possible_growth(building: Building, space: Workspace, *, is_at_rest: bool) -> float:
+    """Return by how much a peak drift may grow after the end of a run, relative to the peak, for the
+    story where this is largest.
+
+    The drift of a story in free vibration is at most its distance from zero without a force plus
+    its amplitude (`residual_oscillation`). If the ground moves at the end (`is_at_rest` is False),
+    only stories count whose drift is the peak and increases.
+    """
+    n = building.stories
+    drift, force = space.law_state[rows.DRIFT, :n], space.law_state[rows.FORCE, :n]
+    peak = space.peaks[rows.PEAK_DRIFT]
+    reach = np.abs(drift - force / building.initial_stiffness)
+    reach = reach + residual_oscillation(building, space)
+    counts = peak > 0.0
+    if not is_at_rest:
+        rate = _drift_rates(building, space.state[rows.VELOCITY])
+        counts &= (np.abs(drift) >= peak) & (drift * rate > 0.0)
+    return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
+
+
+def with_growth(bound: StoryErrors, stories: StoryPeaks, growth: float) -> StoryErrors:
+    """Return bounds of errors for peaks that may grow after the end of a run, relative to the peak;
+    residual drifts are unchanged."""
+    values = {
+        name: np.maximum(value, growth * getattr(stories, name))
+        for name, value in vars(bound).items()
+        if name != "residual_drift"
+    }
+    return StoryErrors(**values, residual_drift=bound.residual_drift)
+
+
 def _drift_rates(building: Building, floors: Array) -> Array:
     """Subtract from the velocity or acceleration of each floor that of the floor below.
 
