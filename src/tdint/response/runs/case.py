@@ -546,7 +546,9 @@ class Case:
         growth = 0.0
         if not (steps.continues or self.record is None or self.model.excitation.has_forces):
             is_at_rest = steps.count * steps.h >= self.record.duration
-            growth = possible_growth(self.building, space, is_at_rest=is_at_rest)
+            growth = possible_growth(
+                self.building, space, self.prepared.period, is_at_rest=is_at_rest
+            )
             growth = growth if growth > _GROWTH else 0.0
             if growth:
                 warnings = (
