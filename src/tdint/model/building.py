@@ -101,6 +101,20 @@ class Building:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
         return np.asarray(self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1])
 
+    def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
+        """Return the distance of each drift from its position of rest, where the story has no force,
+        m, and the present stiffness of the story, N/m.
+
+        A slope of the law that is not positive or exceeds the initial stiffness does not lead to
+        the position of rest; the initial stiffness replaces it.
+        """
+        drift, force, slope = law_state[[rows.DRIFT, rows.FORCE, rows.SLOPE], : self.stories]
+        initial_stiffness = self.initial_stiffness
+        is_usable = (slope > 0.0) & (slope < initial_stiffness)
+        stiffness = np.where(is_usable, slope, initial_stiffness)
+        # Force of the law plus P-delta
+        return (force + self.linear_terms[rows.GEOMETRIC, :-1] * drift) / stiffness, stiffness
+
     @property
     def story_laws(self) -> Array:
         """Columns of `law_parameters` of the stories, without the elements: views of the table."""

@@ -72,23 +72,14 @@ def residual_oscillation(
     divided by the maximum velocity of the run, times the square root of the ratio of initial to
     present stiffness.
     """
-    drift, force, slope = (
-        space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
-    )
-    initial_stiffness = building.initial_stiffness
-    # A slope that is not positive or exceeds the initial stiffness does not lead to the position of
-    # rest: use the initial stiffness instead.
-    is_usable = (slope > 0.0) & (slope < initial_stiffness)
-    present_stiffness = np.where(is_usable, slope, initial_stiffness)
-    # Force of the law plus P-delta
-    distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
+    distance, present_stiffness = building.rest_distance(space.law_state)
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     if inverse_omega is None:
         displacement, velocity = (
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
         )
         inverse_omega = displacement / velocity if velocity > 0.0 else 0.0
-    softening = np.sqrt(initial_stiffness / present_stiffness)
+    softening = np.sqrt(building.initial_stiffness / present_stiffness)
     return np.asarray(np.hypot(distance, rate * inverse_omega * softening))
 
 
@@ -102,10 +93,8 @@ def possible_growth(
     its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground moves at the end (`is_at_rest` is False),
     only stories count whose drift is the peak and increases.
     """
-    n = building.stories
-    drift, force = space.law_state[rows.DRIFT, :n], space.law_state[rows.FORCE, :n]
-    peak = space.peaks[rows.PEAK_DRIFT]
-    reach = np.abs(drift - force / building.initial_stiffness)
+    drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
+    reach = np.abs(drift - building.rest_distance(space.law_state)[0])
     reach = reach + residual_oscillation(building, space, period / (2.0 * np.pi))
     counts = peak > 0.0
     if not is_at_rest:

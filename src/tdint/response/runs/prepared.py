@@ -275,20 +275,20 @@ def _may_grow(building: Building, space: Workspace) -> bool:
     """Return True if the energy of a building at the end of a ground motion could raise the peak drift
     of a story.
 
-    A story reaches its peak drift again from its drift without force. The work is at least the
-    triangle of peak force and change of drift, if the path is a line or above it. Kinetic energy
-    and strain energy of all stories must supply it. The energies of velocities and accelerations
-    are in the same proportion; they are included while a drift can grow.
+    A story reaches its peak drift again from its position of rest. The work is at least the
+    triangle of peak force and change of drift, if the path is a line or above it. The kinetic
+    energy and the work to the positions of rest of all stories must supply it. The energies of
+    velocities and accelerations are in the same proportion; they are included while a drift can
+    grow.
     """
-    totals, peaks, n = space.totals, space.peaks, building.stories
+    totals, peaks = space.totals, space.peaks
     if totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE:
         return False
-    energy = (
-        totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_STRAIN] + totals[rows.ENERGY_BRACES]
-    )
-    drift, force = space.law_state[rows.DRIFT, :n], space.law_state[rows.FORCE, :n]
-    without_force = np.abs(drift - force / building.initial_stiffness)
-    triangle = 0.5 * peaks[rows.PEAK_SHEAR] * (peaks[rows.PEAK_DRIFT] - without_force)
+    distance, stiffness = building.rest_distance(space.law_state)
+    energy = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_BRACES]
+    energy += 0.5 * np.dot(stiffness, distance**2)
+    at_rest = np.abs(space.law_state[rows.DRIFT, : building.stories] - distance)
+    triangle = 0.5 * peaks[rows.PEAK_SHEAR] * (peaks[rows.PEAK_DRIFT] - at_rest)
     # A story without a force, such as a gap that does not close, does not need energy.
     least = triangle.min(initial=math.inf, where=peaks[rows.PEAK_SHEAR] > 0.0)
     return bool(energy > least * (1.0 if building.linear else _PART_OF_TRIANGLE))
