@@ -102,8 +102,8 @@ class Building:
         return np.asarray(self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1])
 
     def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
-        """Return the distance of each drift from its position of rest, where the story has no force,
-        m, and the present stiffness of the story, N/m.
+        """Return the distance of each drift from its position of rest, where the story has no
+        force, m, and the present stiffness of the story, N/m.
 
         A slope of the law that is not positive or exceeds the initial stiffness does not lead to
         the position of rest; the initial stiffness replaces it.
@@ -169,6 +169,16 @@ class Building:
             * self.law_parameters[rows.STIFFNESS, : self.stories]
         )
         return np.asarray(self.linear_terms[rows.STORY_DAMPER, :-1] + tangent)
+
+    @property
+    def has_power_law_dampers(self) -> bool:
+        """True if the force of a damper, with or without a brace, is not proportional to its
+        velocity."""
+        terms = self.linear_terms[:, :-1]
+        is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
+        return bool(
+            np.any(is_power | (terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] != 1.0))
+        )
 
     @cached_property
     def damped_by_devices(self) -> bool:
@@ -425,8 +435,8 @@ class Building:
         braces; power-law dampers are omitted.
         """
         terms = self.linear_terms[:, :-1]
-        unbraced = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
-        dampers = np.where(unbraced, terms[rows.POWER_DAMPER], 0.0)
+        is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
+        dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
         damping = self.damping_matrix() + _tridiagonal(dampers, terms[rows.LINK])
         braced = np.flatnonzero((terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] == 1.0))
         drifts = np.eye(self.stories) - np.diag(terms[rows.LINK, 1:], -1)

@@ -36,8 +36,8 @@ class RayleighRatio:
     ratios : tuple of float
         Damping ratio in each of the modes, in [0, 1).
     modes : tuple of int
-        Two different modes, or one, counted from 1. For a building with one story, both are 1; its mode
-        then has the first ratio, one half from the mass and one half from the stiffness.
+        Two different modes, or one, counted from 1. If both are 1 (a building with one story), the
+        mode has the first ratio, one half from the mass and one half from the stiffness.
     tangent : bool
         True if the damping follows the tangent stiffness of the stories.
     """

@@ -147,12 +147,17 @@ class ComplexModes:
     eigenvalues: NDArray[np.complex128]
 
     @property
+    def natural_period(self) -> Array:
+        """Periods 2 pi over the absolute value, s, shape (n,)."""
+        return np.asarray(2.0 * math.pi / np.abs(self.eigenvalues))
+
+    @property
     def damping(self) -> Array:
         """Damping ratios, the negative real part divided by the absolute value, shape (n,)."""
         return np.asarray(-self.eigenvalues.real / np.abs(self.eigenvalues))
 
     @property
-    def period(self) -> Array:
+    def damped_period(self) -> Array:
         """Periods of the damped vibration, 2 pi over the imaginary part, s, shape (n,)."""
         return np.asarray(2.0 * math.pi / self.eigenvalues.imag)
 

@@ -9,12 +9,12 @@ from scipy.optimize import brentq
 from building_cases import Law, model, noise, oscillator, story
 from exact_oscillators import transition
 from tdint import run
-from tdint.analysis.spectra.drift import drift_spectrum
-from tdint.analysis.spectra.elastic import spectrum
-from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
-from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.ground_motion.record import Record
+from tdint.response.spectra.drift import drift_spectrum
+from tdint.response.spectra.elastic import spectrum
+from tdint.response.spectra.inelastic import constant_ductility, constant_strength
+from tdint.response.spectra.rotated import rotated_spectrum
 from tdint.units import STANDARD_GRAVITY
 
 PERIODS = np.array([0.3, 1.0, 2.0, 4.0, 9.0])

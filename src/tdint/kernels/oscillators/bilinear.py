@@ -527,9 +527,7 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     # the displacement still grows, it belongs to the same motion as the peak.
     residual = _vibrate_freely(state, series, oscillator) if events > 0 else 0.0
     peak = state_at_end[PEAK]
-    later_residual = _continue_after_motion(
-        state_at_end, series, oscillator, ground[-1], dt, parts
-    )
+    later_residual = _continue_after_motion(state_at_end, series, oscillator, ground[-1], dt, parts)
     results[LARGEST] = state_at_end[PEAK]
     results[RESIDUAL] = later_residual if state_at_end[PEAK] > peak else residual
     return events

@@ -68,9 +68,9 @@ def residual_oscillation(
 
     As in a free vibration, the amplitude is sqrt(d^2 + (v / omega)^2), with the distance d from the
     position of rest and the drift rate v. At rest, no story has a force, so d is the force of the
-    story divided by its present stiffness. 1 / omega (`inverse_omega`, s) is approximated by the maximum displacement
-    divided by the maximum velocity of the run, times the square root of the ratio of initial to
-    present stiffness.
+    story divided by its present stiffness. 1 / omega is `inverse_omega` (s; by default the maximum
+    displacement divided by the maximum velocity of the run), times the square root of the ratio of
+    initial to present stiffness.
     """
     distance, present_stiffness = building.rest_distance(space.law_state)
     rate = _drift_rates(building, space.state[rows.VELOCITY])

@@ -657,9 +657,7 @@ class PreparedBuilding:
                     loop, run.steps, criterion, integrator, space
                 )
             elif code == 0 and run.steps.continues:
-                code, completed = self._continue_while_growing(
-                    integrator, run.steps, ground, space
-                )
+                code, completed = self._continue_while_growing(integrator, run.steps, ground, space)
             result.peaks[i], result.totals[i] = space.peaks, space.totals
             result.drifts[i] = space.law_state[rows.DRIFT, :n]
             result.ends[i] = code, completed, at_rest
