@@ -213,6 +213,7 @@ def process(
     lowpass: float | None = None,
     filter_order: int | None = None,
     resample: float | None = None,
+    time_scale: float | None = None,
 ) -> Record:
     """Apply the requested processing steps to a record.
 
@@ -222,7 +223,7 @@ def process(
     ----------
     record : Record
         Record to process; it is not changed.
-    trim, baseline, pad, highpass, lowpass, filter_order, resample
+    trim, baseline, pad, highpass, lowpass, filter_order, resample, time_scale
         Same as in `Processing`. A single number for `pad` applies to both ends.
 
     Returns
@@ -244,7 +245,10 @@ def process(
         )
     durations = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
     return processed(
-        record, Processing(trim, baseline, durations, highpass, lowpass, filter_order, resample)
+        record,
+        Processing(
+            trim, baseline, durations, highpass, lowpass, filter_order, resample, time_scale
+        ),
     )
 
 
@@ -269,6 +273,10 @@ def processed(record: Record, steps: Processing) -> Record:
         record = butterworth(record, requested, order, pads=steps.pad is None)
     if steps.resample is not None:
         record = resample(record, steps.resample)
+    if steps.time_scale is not None:
+        dt = record.dt * steps.time_scale
+        note = f"times multiplied by {steps.time_scale:g}: the sampling interval is {dt:.6g} s"
+        record = _replace_samples(record, record.acceleration, note, dt=dt)
     return record
 
 

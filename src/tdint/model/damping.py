@@ -179,8 +179,9 @@ def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficient
     one mode without a share of the mass.
 
     `frequencies` contains the circular frequencies of the modes, rad/s. The ratio of a mode is xi =
-    a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both modes are the same, mass and stiffness contribute half of the damping each. This is the limit
-    for equal ratios as the two frequencies approach each other.
+    a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both modes are the same, mass and
+    stiffness contribute half of the damping each. This is the limit for equal ratios as the two
+    frequencies approach each other.
 
     Raises
     ------

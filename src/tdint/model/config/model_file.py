@@ -95,6 +95,7 @@ PROCESSING = (
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
     Key("filter_order", Integer(1, MAX_FILTER_ORDER), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
+    Key("time_scale", POSITIVE, "factor on the times; 0.2 compresses them by 5"),
 )
 
 LAYOUT = (

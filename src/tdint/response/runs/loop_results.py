@@ -86,12 +86,13 @@ def residual_oscillation(
 def possible_growth(
     building: Building, space: Workspace, period: float, *, is_at_rest: bool
 ) -> float:
-    """Return by how much a peak drift may grow after the end of a run, relative to the peak, for the
-    story where this is largest.
+    """Return by how much a peak drift may grow after the end of a run, relative to the peak, for
+    the story where this is largest.
 
     The drift of a story in free vibration is at most its distance from zero without a force plus
-    its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground moves at the end (`is_at_rest` is False),
-    only stories count whose drift is the peak and increases.
+    its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground
+    moves at the end (`is_at_rest` is False), only stories count whose drift is the peak and
+    increases.
     """
     drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
     reach = np.abs(drift - building.rest_distance(space.law_state)[0])

@@ -272,8 +272,8 @@ _PART_OF_TRIANGLE = 0.5
 
 
 def _may_grow(building: Building, space: Workspace) -> bool:
-    """Return True if the energy of a building at the end of a ground motion could raise the peak drift
-    of a story.
+    """Return True if the energy of a building at the end of a ground motion could raise the peak
+    drift of a story.
 
     A story reaches its peak drift again from its position of rest. The work is at least the
     triangle of peak force and change of drift, if the path is a line or above it. The kinetic

@@ -361,9 +361,9 @@ def spectrum(
     maxima : str, optional
         `exact`, the default, includes maxima between samples and after the last sample. `peer`
         evaluates steps of dt / ceil(10 dt / T), as in spectra published by PEER. `samples`
-        evaluates the samples of the record, as USGS does. Both end with the record. These names cannot be used with a method; its maxima are
-        `interpolated` between time steps by the quintic through displacements, velocities and
-        accelerations at the endpoints.
+        evaluates the samples of the record, as USGS does. Both end with the record. These names
+        cannot be used with a method; its maxima are `interpolated` between time steps by the
+        quintic through displacements, velocities and accelerations at the endpoints.
     interpolation : str, optional
         Ground motion between its samples: `linear`, the default, or `band-limited`, the unique
         motion through the samples without frequencies above half the sampling rate.

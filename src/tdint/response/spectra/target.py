@@ -114,15 +114,15 @@ def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
 
 
 def _ec8(parameters: Texts) -> DesignSpectrum:
-    """Return the elastic spectrum Se of Eurocode 8 (EN 1998-1:2004, 3.2.2.2), or the design spectrum
-    Sd (3.2.2.5) if the parameters include the behavior factor `q`.
+    """Return the elastic spectrum Se of Eurocode 8 (EN 1998-1:2004, 3.2.2.2), or the design
+    spectrum Sd (3.2.2.5) if the parameters include the behavior factor `q`.
 
     The design spectrum is 2/3 ag S at period 0, 2.5 ag S / q on the plateau and at least 0.2 ag for
-    longer periods; damping is included in q. An elastic spectrum of type 1 extends to 10 s; from the period TE on it follows the displacements of eq.
-    A.2 (Annex A). A spectrum of type 2 extends to 4 s. The parameters are the texts of `type` (1 or
-    2), `soil` (A to E), `ag` (peak ground acceleration with its unit) and `damping` (ratio, 5 % by
-    default); and `s` (soil factor), `tb`, `tc` and `td` (corner periods, s) of a National Annex, by
-    default the recommended values.
+    longer periods; damping is included in q. An elastic spectrum of type 1 extends to 10 s; from
+    the period TE on it follows the displacements of eq. A.2 (Annex A). A spectrum of type 2 extends
+    to 4 s. The parameters are the texts of `type` (1 or 2), `soil` (A to E), `ag` (peak ground
+    acceleration with its unit) and `damping` (ratio, 5 % by default); and `s` (soil factor), `tb`,
+    `tc` and `td` (corner periods, s) of a National Annex, by default the recommended values.
     """
     soils = _EC8_PARAMETERS.get(parameters["type"])
     if soils is None:
