@@ -32,8 +32,9 @@ class _OptionalFields:
     False."""
 
     def _set_fields(self) -> dict[str, Any]:
-        """Return names and values of the fields that are set.""" values = {field.name:
-        getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type] return {
+        """Return names and values of the fields that are set."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return {
             name: value
             for name, value in values.items()
             if value not in (None, ()) and value is not False
