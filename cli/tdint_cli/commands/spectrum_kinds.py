@@ -239,8 +239,8 @@ class SpectrumRequest(TablesRequest):
         needs="--ductility, --strength or --reduction",
         type=Ratio(0.0, 1.0, max_open=True),
         rare=True,
-        help="With --ductility, --strength or --reduction: post-yield stiffness divided by initial stiffness; 0 "
-        "by default (elastoplastic).",
+        help="With --ductility, --strength or --reduction: post-yield stiffness divided by initial "
+        "stiffness; 0 by default (elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",

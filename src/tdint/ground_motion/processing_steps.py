@@ -213,7 +213,6 @@ def process(
     lowpass: float | None = None,
     filter_order: int | None = None,
     resample: float | None = None,
-    time_scale: float | None = None,
 ) -> Record:
     """Apply the requested processing steps to a record.
 
@@ -223,7 +222,7 @@ def process(
     ----------
     record : Record
         Record to process; it is not changed.
-    trim, baseline, pad, highpass, lowpass, filter_order, resample, time_scale
+    trim, baseline, pad, highpass, lowpass, filter_order, resample
         Same as in `Processing`. A single number for `pad` applies to both ends.
 
     Returns
@@ -245,10 +244,7 @@ def process(
         )
     durations = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
     return processed(
-        record,
-        Processing(
-            trim, baseline, durations, highpass, lowpass, filter_order, resample, time_scale
-        ),
+        record, Processing(trim, baseline, durations, highpass, lowpass, filter_order, resample)
     )
 
 

@@ -628,9 +628,6 @@ def _special_settings(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
     return settings
 
 
-_SAME = 1e-9  # relative difference of strengths of one spectrum that are equal except for rounding
-
-
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
     """Plot inelastic spectra: a line per component, damping ratio, and ductility or strength.
 
@@ -647,14 +644,7 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     ]
     # An inelastic spectrum is computed for a prescribed ductility, or for a prescribed strength,
     # which is the same at all periods or reduces the elastic force by the same factor.
-    prescribed = [
-        f"ductility {spectrum.target:g}"
-        if spectrum.target is not None
-        else f"strength {spectrum.yield_strength_ratio[0]:.4g}"
-        if np.ptp(spectrum.yield_strength_ratio) <= _SAME * spectrum.yield_strength_ratio[0]
-        else f"strength reduced by {spectrum.reduction_factor[0]:.4g}"
-        for spectrum in spectra
-    ]
+    prescribed = [spectrum.prescribed for spectrum in spectra]
     has_several_values = len(set(prescribed)) > 1
     # A few components have separate columns of panels. The title of a column is the component, with
     # the file name if there are several files.

@@ -110,6 +110,17 @@ class InelasticSpectrum(Tabular):
         )
 
     @property
+    def prescribed(self) -> str:
+        """Value that is the same at all periods, for labels: ductility, strength or its
+        reduction."""
+        if self.target is not None:
+            return f"ductility {self.target:g}"
+        strength = self.yield_strength_ratio
+        if np.allclose(strength, strength[0], rtol=1e-9):  # equal except for rounding
+            return f"strength {strength[0]:.4g}"
+        return f"strength reduced by {self.reduction_factor[0]:.4g}"
+
+    @property
     def ductility(self) -> Annotated[Array, Quantity("1", "largest over yield displacement")]:
         """Ductility: below 1 if the oscillator does not yield, nan if its strength is zero."""
         return _quotient(self.sd, self.yield_displacement)
