@@ -287,9 +287,9 @@ def command(request: SpectrumRequest) -> None:
     integrated with the sampling interval as time step. If a record fails, the remaining records are
     processed.
 
-    --ductility, --strength and --reduction write a different table, for oscillators with bilinear hysteresis:
-    yield force divided by weight, ductility, residual displacement, maximum and yield displacement,
-    yield force divided by mass, and maximum elastic force divided by yield force.
+    --ductility, --strength and --reduction write a different table, for oscillators with bilinear
+    hysteresis: yield force divided by weight, ductility, residual displacement, maximum and yield
+    displacement, yield force divided by mass, and maximum elastic force divided by yield force.
 
     --rotd writes a different table, for two horizontal components: percentiles of the
     pseudo-acceleration over 180 directions, the geometric mean of both components, and the
