@@ -612,7 +612,9 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     u, v = result.space.state[[rows.DISPLACEMENT, rows.VELOCITY], :-1]
     by_u, by_v = omega**2, 2.0 * damping * omega
     p = by_u * u + by_v * v  # the relative acceleration is -p
-    vibrations = [Vibration(*row, record.dt) for row in np.stack([by_u, by_v], axis=1).tolist()]
+    vibrations = [
+        Vibration(k, c, record.dt) for k, c in zip(by_u.tolist(), by_v.tolist(), strict=True)
+    ]
     peaks = [
         list(map(largest_afterwards, values, rates, vibrations, result.space.peaks[row]))
         for values, rates, row in zip(
