@@ -650,20 +650,19 @@ def _read_stiffness(
     `stiffness` is optional, and a different value is an error.
     """
     factor = unit.factor(force=1, length=-1)
-    name = "period" if section.has("period") else "stiffness"
-    if name == "period" and section.has("stiffness"):
+    entry, period = section.get("stiffness"), section.get("period")
+    if entry and period:
         section.value.fault("give either `stiffness` or `period`, not both; remove one")
-    if stiffness_of_law is None and name == "stiffness":
+    if stiffness_of_law is None and not period:
         return section.number("stiffness", scale=factor)
-    entry = section.get(name)
-    if entry:
-        stiffness = (
-            entry.number(scale=factor)
-            if name == "stiffness"
-            else mass * (2.0 * math.pi / entry.number()) ** 2
-        )
-        if stiffness_of_law is None:
-            return stiffness
+    stiffness = math.nan
+    if period:
+        stiffness = mass * (2.0 * math.pi / period.number()) ** 2
+    elif entry:
+        stiffness = entry.number(scale=factor)
+    if stiffness_of_law is None:
+        return stiffness
+    if entry := entry or period:
         if abs(stiffness - stiffness_of_law) > _STIFFNESS_TOLERANCE * stiffness_of_law:
             initial = (
                 f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law_name} law"
