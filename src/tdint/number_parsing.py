@@ -132,7 +132,8 @@ def number_or_nan(text: str) -> float:
 
 
 def parse_ratio(text: str) -> float:
-    """Parse a ratio: a number such as `0.05`, or a percentage such as `5%`.
+    """Parse a ratio: a number such as `0.05`, a percentage such as `5%`, or a fraction such as
+    `1/550`.
 
     Raises
     ------
@@ -140,12 +141,25 @@ def parse_ratio(text: str) -> float:
         The text has another form, or the number is not finite.
     """
     stripped = text.strip()
-    number = stripped.removesuffix("%")
-    is_percentage = number != stripped
-    ratio = number_or_nan(number) / (100.0 if is_percentage else 1.0)
+    number, divisor = ratio_parts(stripped)
+    divided_by = number_or_nan(divisor)
+    ratio = number_or_nan(number) / divided_by if divided_by else math.nan
     if not math.isfinite(ratio):
-        raise UsageError(f"{text!r} is neither a ratio such as 0.05 nor a percentage such as 5%")
+        raise UsageError(
+            f"{text!r} is neither a ratio such as 0.05 or 1/20 nor a percentage such as 5%"
+        )
     return ratio
+
+
+def ratio_parts(text: str) -> tuple[str, str]:
+    """Return the texts of the two numbers whose quotient is a ratio: `5%` is 5 over 100, `1/550` is
+    1 over 550, and `0.05` is 0.05 over 1.
+    """
+    number = text.removesuffix("%")
+    if number != text:
+        return number.rstrip(), "100"
+    number, slash, divisor = text.partition("/")
+    return (number.rstrip(), divisor.lstrip()) if slash else (text, "1")
 
 
 def parse_positive(name: str, text: str) -> float:

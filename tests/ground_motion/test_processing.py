@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, sosfilt
 
 from selection import every
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import Processing, parse_pad, parse_trim
-from tdint.ground_motion.processing_steps import process
+from tdint.ground_motion.processing_steps import process, processed
 from tdint.ground_motion.record import Input, Record
 
 DT = 0.01
@@ -67,9 +69,7 @@ def test_order_of_processing_steps_is_fixed():
     for step in (
         ["trim"],
         ["baseline"],
-        ["pad"],
-        ["highpass", "filter_order"],
-        ["lowpass", "filter_order"],
+        ["pad", "highpass", "lowpass", "filter_order"],
         ["resample"],
     ):
         one_by_one = process(one_by_one, **{name: EVERYTHING[name] for name in step})
@@ -87,7 +87,7 @@ def test_every_step_is_noted_and_other_attributes_are_kept():
     np.testing.assert_array_equal(before.acceleration, copy)
     assert after.notes == ("before", *after.processing)
     assert [note.split()[0] for note in after.processing] == [
-        "trimmed", "a", "padded", "highpass", "lowpass", "resampled",
+        "trimmed", "a", "padded", "highpass", "resampled",
     ]  # fmt: skip
     assert (after.id, after.component, after.source, after.units) == (
         "TD.X..HNE",
@@ -174,6 +174,65 @@ def test_pad_adds_zeros(pad, before, after):
 # Filters
 
 
+def inner(samples, before):
+    """Return the part of padded samples at the times of a record."""
+    first = (samples.size - before.acceleration.size) // 2
+    return samples[first : first + before.acceleration.size]
+
+
+def filtered_between_long_zeros(samples, sections, zeros):
+    """Return samples after both passes of a filter, with so many zeros on either side."""
+    forwards = sosfilt(sections, np.pad(samples, zeros))
+    return sosfilt(sections, forwards[::-1])[::-1]
+
+
+def ground_peaks(acceleration, dt):
+    """Return the peak velocity and displacement of a motion from rest."""
+    velocity = cumulative_trapezoid(acceleration, dx=dt, initial=0.0)
+    displacement = cumulative_trapezoid(velocity, dx=dt, initial=0.0)
+    return np.max(np.abs(velocity)), np.max(np.abs(displacement))
+
+
+@pytest.mark.parametrize("order", [2, 4, 8])
+@pytest.mark.parametrize("corners", [(0.05, None), (0.1, 25.0), (0.5, 10.0)])
+def test_filters_add_the_padding_that_they_need(corners, order):
+    """Butterworth filters of scipy on a record between zeros for twenty orders over the corner."""
+    low, high = corners
+    before = noise(2000)
+    found = process(before, highpass=low, lowpass=high, filter_order=order)
+    sections = np.concatenate(
+        [
+            butter(order, corner, kind, fs=1.0 / DT, output="sos")
+            for kind, corner in (("highpass", low), ("lowpass", high))
+            if corner
+        ]
+    )
+    zeros = round(20.0 * order / low / DT)
+    expected = filtered_between_long_zeros(before.acceleration, sections, zeros)
+    np.testing.assert_allclose(
+        ground_peaks(found.acceleration, DT), ground_peaks(expected, DT), rtol=1e-3
+    )
+    added = (found.acceleration.size - before.acceleration.size) * DT
+    assert 2.0 * 1.4 / low < added < 2.0 * 3.0 * order / low
+    assert [note.split()[0] for note in found.processing] == ["padded", "highpass"]
+
+
+def test_explicit_padding_stays():
+    before = noise(2000)
+    found = process(before, highpass=0.1, pad=(3.0, 7.0))
+    assert found.acceleration.size == before.acceleration.size + 1000
+
+
+def test_times_are_multiplied_by_a_factor():
+    before = noise()
+    found = processed(before, Processing(time_scale=0.2))
+    np.testing.assert_array_equal(found.acceleration, before.acceleration)
+    assert found.dt == pytest.approx(0.2 * DT)
+    assert "times multiplied by 0.2" in found.processing[-1]
+    with pytest.raises(UsageError, match="time_scale must be a positive number"):
+        Processing(time_scale=0.0)
+
+
 @pytest.mark.parametrize("corners", [None, 1, 2, 8])
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 5.0, 12.0])
 def test_filter_changes_amplitude_but_not_phase_of_sine(frequency, corners):
@@ -181,8 +240,9 @@ def test_filter_changes_amplitude_but_not_phase_of_sine(frequency, corners):
     low = process(before, lowpass=5.0, filter_order=corners).acceleration
     high = process(before, highpass=5.0, filter_order=corners).acceleration
     kept = gain(5.0, frequency, corners or 4)
-    np.testing.assert_allclose(middle(low), kept * middle(before.acceleration), atol=1e-9)
-    np.testing.assert_allclose(middle(high), (1.0 - kept) * middle(before.acceleration), atol=1e-9)
+    sine_before = middle(before.acceleration)
+    np.testing.assert_allclose(middle(inner(low, before)), kept * sine_before, atol=1e-9)
+    np.testing.assert_allclose(middle(inner(high, before)), (1.0 - kept) * sine_before, atol=1e-9)
 
 
 @pytest.mark.parametrize("filter_type", ["highpass", "lowpass"])
@@ -194,7 +254,8 @@ def test_filter_does_not_depend_on_zero_padding(filter_type, corner, corners):
     padded = process(
         noise(), pad=(20.0, 500.0), **{filter_type: corner}, filter_order=corners
     ).acceleration
-    np.testing.assert_allclose(alone, padded[2000:4000], atol=1e-10 * np.max(np.abs(alone)))
+    alone, padded = inner(alone, noise()), padded[2000 : 2000 + noise().acceleration.size]
+    np.testing.assert_allclose(alone, padded, atol=1e-10 * np.max(np.abs(alone)))
 
 
 # Resampling

@@ -119,6 +119,8 @@ def command(
         note(*(f"{valid.model.source}: {text}" for text in model_notes(valid.model)))
         warn(*(f"{valid.model.source}: {text}" for text in valid.warnings))
     if overviews:
-        emit_table(Table.of_results(columns.OVERVIEW, overviews).in_units(output_units or SI))
+        has_dampers = any(valid.complex_period is not None for valid in overviews)
+        shown = columns.OVERVIEW_WITH_DAMPERS if has_dampers else columns.OVERVIEW
+        emit_table(Table.of_results(shown, overviews).in_units(output_units or SI))
     if failures:
         raise Failures(failures)

@@ -15,6 +15,7 @@ from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
+    from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.response.spectra.modal import ModalResponse
@@ -75,7 +76,8 @@ def command(
 
     CSV, one row per undamped mode with initial stiffness: period, frequency, damping ratio,
     participation factor of the shape with unit roof displacement, effective modal mass divided by
-    the total mass, and cumulative effective modal mass. MODEL.yaml is a model file, - is standard
+    the total mass, and cumulative effective modal mass; with dampers, also the period and damping
+    ratio of the damped (complex) modes. MODEL.yaml is a model file, - is standard
     input. With --target, one row per story: drifts, shears and displacements of the linear building
     under a design spectrum, with modal peaks combined by SRSS and CQC; floor accelerations, floor
     forces and overturning moments. The JSON file next to -o contains the contribution of each mode.
@@ -102,8 +104,11 @@ def command(
     modes = building.modes()
     matrix = building.damping_matrix()
     ratios = modes.own_damping(matrix)
-    table = tables.buildings.mode_table(modes, ratios, shapes)
+    complex_modes = building.complex_modes() if building.damped_by_devices else None
+    table = tables.buildings.mode_table(modes, ratios, shapes, complex_modes=complex_modes)
     notes = []
+    if complex_modes is not None:
+        notes.append(_complex_note(building))
     # `damping_ratios` also returns None for a negative ratio, which `warn_of` has reported.
     if modes.damping_ratios(matrix) is None and ratios.min() >= 0.0:
         notes.append(
@@ -130,7 +135,7 @@ def command(
         sentences = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *record_notes)]
         page_text = PageText(sentences=sentences, head=loaded.page_head, inputs=files_read())
         # The shapes are in the figure: omit their columns.
-        page_table = tables.buildings.mode_table(modes, ratios)
+        page_table = tables.buildings.mode_table(modes, ratios, complex_modes=complex_modes)
         return mode_page(loaded, page_table, draw, page_text, page_units, record)
 
     outputs.deliver(table, draw, page=page)
@@ -202,6 +207,16 @@ def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
     return (
         f"{result.model.name}: maximum {amplitude}, at {roof.frequency:.4g} Hz; first natural "
         f"frequency {frequency:.4g} Hz."
+    )
+
+
+def _complex_note(building: Building) -> str:
+    """Return the note on the modes with and without dampers."""
+    omitted = "; power-law dampers are omitted, because their damping depends on the amplitude"
+    return (
+        "period and damping are those of the undamped modes, without the braces of dampers; the "
+        "columns complex_period_s, damped_period_s and complex_damping include the dampers"
+        f"{omitted if building.has_power_law_dampers else ''}"
     )
 
 

@@ -281,14 +281,15 @@ def command(request: SpectrumRequest) -> None:
 
     RECORD is a file, a directory (all records in it), or - for standard input. All components are
     used unless --component selects one. CSV: relative displacement, pseudo-velocity,
-    pseudo-acceleration, relative velocity and absolute acceleration: maxima from the first to the
-    last sample, also between the samples. The values are exact for a ground motion that is linear
-    between its samples; with --method they are integrated with the sampling interval as time step.
-    If a record fails, the remaining records are processed.
+    pseudo-acceleration, relative velocity and absolute acceleration: maxima also between the
+    samples and in the free vibration after the last sample. The values are exact for a ground
+    motion that is linear between its samples and at rest after them; with --method they are
+    integrated with the sampling interval as time step. If a record fails, the remaining records are
+    processed.
 
-    --ductility and --strength write a different table, for oscillators with bilinear hysteresis:
-    yield force divided by weight, ductility, residual displacement, maximum and yield displacement,
-    yield force divided by mass, and maximum elastic force divided by yield force.
+    --ductility, --strength and --reduction write a different table, for oscillators with bilinear
+    hysteresis: yield force divided by weight, ductility, residual displacement, maximum and yield
+    displacement, yield force divided by mass, and maximum elastic force divided by yield force.
 
     --rotd writes a different table, for two horizontal components: percentiles of the
     pseudo-acceleration over 180 directions, the geometric mean of both components, and the
@@ -317,7 +318,7 @@ def command(request: SpectrumRequest) -> None:
     choices: tuple[tuple[Any, type[TableType]], ...] = (
         (request.fourier, kinds.Fourier),
         (request.against, kinds.Against),
-        (request.ductility or request.strength, kinds.Inelastic),
+        (request.ductility or request.strength or request.reduction, kinds.Inelastic),
         (request.oscillator, kinds.Histories),
         (request.rotd, kinds.Rotated),
     )

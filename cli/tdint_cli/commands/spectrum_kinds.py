@@ -228,12 +228,19 @@ class SpectrumRequest(TablesRequest):
         help="Write inelastic spectra instead: the response for each of these ratios of yield "
         "force to weight.",
     )
+    reduction: tuple[float, ...] | None = options.spectra.option(
+        rare=True,
+        type=ListOf(Number(0.0, min_open=True)),
+        metavar="R,...",
+        help="Write inelastic spectra instead: the response for yield forces that are the maximum "
+        "elastic force at the period divided by each of these factors.",
+    )
     hardening: float | None = options.spectra.option(
-        needs="--ductility or --strength",
+        needs="--ductility, --strength or --reduction",
         type=Ratio(0.0, 1.0, max_open=True),
         rare=True,
-        help="With --ductility or --strength: post-yield stiffness divided by initial stiffness; 0 "
-        "by default (elastoplastic).",
+        help="With --ductility, --strength or --reduction: post-yield stiffness divided by initial "
+        "stiffness; 0 by default (elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",
@@ -300,7 +307,7 @@ class SpectrumRequest(TablesRequest):
         elastic = self.elastic_settings
         # A setting that this table does not use is stored as null, not as its default.
         hardening = None
-        if self.ductility or self.strength:
+        if self.ductility or self.strength or self.reduction:
             hardening = self.hardening or 0.0
         return super().settings() | {
             "method": self.method or "exact",
@@ -452,18 +459,23 @@ class Elastic(_OscillatorSpectra):
 
 
 class Inelastic(_OscillatorSpectra):
-    """Inelastic spectra of oscillators with bilinear hysteresis, for constant ductility or constant
-    strength."""
+    """Inelastic spectra of oscillators with bilinear hysteresis, for constant ductility, strength
+    or reduction of the strength."""
 
-    mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
+    mode = Mode(
+        "with --ductility, --strength or --reduction",
+        _PERIODS | {"ductility", "strength", "reduction"},
+    )
 
     def check(self, request: SpectrumRequest) -> None:
-        if request.ductility and request.strength:
-            raise UsageError("--ductility and --strength cannot be used together; omit one of them")
+        kinds = ("ductility", "strength", "reduction")
+        requested = [f"--{name}" for name in kinds if getattr(request, name)]
+        if len(requested) > 1:
+            raise UsageError(f"{' and '.join(requested)} cannot be used together; use one of them")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the spectrum of each component for each damping ratio and each ductility or
-        strength.
+        """Compute the spectrum of each component for each damping ratio and each ductility,
+        strength or reduction.
         """
         from tdint.response.spectra.inelastic import constant_ductility, constant_strength
 
@@ -476,9 +488,18 @@ class Inelastic(_OscillatorSpectra):
                     lines += constant_ductility(
                         record, periods, request.ductility, damping, hardening=hardening
                     )
+                elif request.strength:
+                    lines += constant_strength(
+                        record, periods, request.strength, damping, hardening=hardening
+                    )
                 else:
                     lines += constant_strength(
-                        record, periods, request.strength or (), damping, hardening=hardening
+                        record,
+                        periods,
+                        [1.0 / factor for factor in request.reduction or ()],
+                        damping,
+                        hardening=hardening,
+                        relative_to="elastic",
                     )
         return Results(lines, records)
 

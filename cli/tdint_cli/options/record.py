@@ -192,6 +192,13 @@ _PROCESSING = (
         help="New sampling interval, s, by band-limited resampling, with an anti-aliasing filter "
         "if the interval becomes longer.",
     ),
+    _rare(
+        "--time-scale",
+        type=Number(0.0, min_open=True),
+        metavar="FACTOR",
+        help="Multiply the times by this factor, after the other steps; 0.2 compresses the record "
+        "by 5, for a model on a shake table.",
+    ),
 )
 
 

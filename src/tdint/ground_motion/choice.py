@@ -1,8 +1,9 @@
 """Options for reading and processing records; `tdint.ground_motion.processing_steps` applies them.
 
-The processing steps are always applied in this order: trim, baseline, pad, filters, resample.
-Therefore the mean is computed for the trimmed record, the filters are applied to a record between
-zeros, and the padding contains the signal that a filter spreads outside the ends of the record.
+The processing steps are always applied in this order: trim, baseline, pad, filters, resample,
+time_scale. Therefore the mean is computed for the trimmed record, the filters are applied to a
+record between zeros, and the padding contains the signal that a filter spreads outside the ends of
+the record. Without `pad`, filters add the padding that they need.
 """
 
 from __future__ import annotations
@@ -152,7 +153,8 @@ class TextLayout(_OptionalFields):
         if self.step is not None and not self.has_step(dt):
             raise RecordError(
                 f"the sampling interval in the file is {dt:.9g} s, which contradicts "
-                f"`step={self.step:.9g}`; remove it"
+                f"`step={self.step:.9g}`; remove it, or compress the time by "
+                f"`time_scale={self.step / dt:.6g}`"
             )
 
 
@@ -173,7 +175,8 @@ class Processing(_OptionalFields):
         Baseline that is subtracted from the acceleration: `constant` (mean), `linear`
         (least-squares line) or `quadratic` (least-squares parabola).
     pad : tuple of two floats | None
-        Durations of zeros added before and after the record, s.
+        Durations of zeros added before and after the record, s. If None, filters add zeros until
+        their transients have decayed.
     highpass, lowpass : float | None
         Corner frequencies, Hz, of zero-phase Butterworth filters, which are applied forwards and
         backwards and therefore halve the amplitude at the corner frequency.
@@ -182,6 +185,9 @@ class Processing(_OptionalFields):
     resample : float | None
         New sampling interval, s, of the band-limited motion. An anti-aliasing filter is applied if
         the new interval is longer.
+    time_scale : float | None
+        Factor on the times of the processed record, such as 0.2 for a model on a shake table at a
+        length scale of 1:25. Accelerations do not change.
 
     Raises
     ------
@@ -196,6 +202,7 @@ class Processing(_OptionalFields):
     lowpass: float | None = None
     filter_order: int | None = None
     resample: float | None = None
+    time_scale: float | None = None
 
     def __post_init__(self) -> None:
         for problem in _problems(self):
@@ -263,7 +270,7 @@ def parse_pad(text: str) -> tuple[float, float]:
 def _problems(steps: Processing) -> Iterator[str]:
     """Yield an error message for each invalid value or combination of values; none after a trim or
     pad that is not a pair."""
-    for name in ("highpass", "lowpass", "resample"):
+    for name in ("highpass", "lowpass", "resample", "time_scale"):
         value = getattr(steps, name)
         if value is not None and not 0.0 < value < math.inf:
             yield f"{name} must be a positive number, got {value}"

@@ -149,10 +149,8 @@ def in_band(
     is_held = quantity == "displacement"
     from tdint.ground_motion.processing_steps import zero_phase
 
-    lower, upper = band
-    order = DEFAULT_FILTER_ORDER
-    above_lower = zero_phase(samples, dt, "highpass", lower, order, label, held=is_held)
-    return zero_phase(above_lower, dt, "lowpass", upper, order, label)
+    corners = dict(zip(("highpass", "lowpass"), band, strict=True))
+    return zero_phase(samples, dt, corners, DEFAULT_FILTER_ORDER, label, held=is_held)
 
 
 def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:

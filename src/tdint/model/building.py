@@ -24,7 +24,7 @@ from tdint.model.damping import (
 )
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import Force, Model
-from tdint.model.modes import FreeVibration, Modes
+from tdint.model.modes import ComplexModes, FreeVibration, Modes, solve_complex_modes
 from tdint.model.story import POWER, Story, column_name, story_numbers
 from tdint.model.story_laws import CODES, LAWS
 from tdint.number_parsing import abbreviate
@@ -96,6 +96,20 @@ class Building:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
         return np.asarray(self.story_laws[rows.STIFFNESS] + self.linear_terms[rows.GEOMETRIC, :-1])
 
+    def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
+        """Return the distance of each drift from its position of rest, where the story has no
+        force, m, and the present stiffness of the story, N/m.
+
+        A slope of the law that is not positive or exceeds the initial stiffness does not lead to
+        the position of rest; the initial stiffness replaces it.
+        """
+        drift, force, slope = law_state[[rows.DRIFT, rows.FORCE, rows.SLOPE], : self.stories]
+        initial_stiffness = self.initial_stiffness
+        is_usable = (slope > 0.0) & (slope < initial_stiffness)
+        stiffness = np.where(is_usable, slope, initial_stiffness)
+        # Force of the law plus P-delta
+        return (force + self.linear_terms[rows.GEOMETRIC, :-1] * drift) / stiffness, stiffness
+
     @property
     def story_laws(self) -> Array:
         """Columns of `law_parameters` of the stories, without the elements: views of the table."""
@@ -150,6 +164,16 @@ class Building:
             * self.law_parameters[rows.STIFFNESS, : self.stories]
         )
         return np.asarray(self.linear_terms[rows.STORY_DAMPER, :-1] + tangent)
+
+    @property
+    def has_power_law_dampers(self) -> bool:
+        """True if the force of a damper, with or without a brace, is not proportional to its
+        velocity."""
+        terms = self.linear_terms[:, :-1]
+        is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
+        return bool(
+            np.any(is_power | (terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] != 1.0))
+        )
 
     @cached_property
     def damped_by_devices(self) -> bool:
@@ -368,6 +392,23 @@ class Building:
     def modes(self) -> Modes:
         """Return the undamped modes of the initial stiffness, computed at the first call."""
         return self.vibration.modes
+
+    def complex_modes(self) -> ComplexModes:
+        """Return the damped modes of the initial stiffness with all linear dampers and their
+        braces; power-law dampers are omitted.
+        """
+        terms = self.linear_terms[:, :-1]
+        is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
+        dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
+        damping = self.damping_matrix() + _tridiagonal(dampers, terms[rows.LINK])
+        braced = np.flatnonzero((terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] == 1.0))
+        drifts = np.eye(self.stories) - np.diag(terms[rows.LINK, 1:], -1)
+        return solve_complex_modes(
+            self.modes(),
+            self.stiffness_matrix(),
+            damping,
+            (drifts[braced], terms[rows.BRACE, braced], terms[rows.BRACED_DAMPER, braced]),
+        )
 
     @cached_property
     def stiffest_modes(self) -> Modes:

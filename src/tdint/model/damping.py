@@ -174,12 +174,14 @@ def _damping_without_isolators(
     return np.array(dampers).reshape(len(dampers), n + 1)
 
 
-def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
-    """Compute the coefficients a0 and a1 of Rayleigh damping from the ratios of two modes.
+def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficients:
+    """Compute the coefficients a0 and a1 of Rayleigh damping from the ratios of two modes, or of
+    one mode without a share of the mass.
 
-    The ratio of a mode is xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both
-    modes are the same, mass and stiffness contribute half of the damping each. This is the limit
-    for equal ratios as the two frequencies approach each other.
+    `frequencies` contains the circular frequencies of the modes, rad/s. The ratio of a mode is xi =
+    a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both modes are the same, mass and
+    stiffness contribute half of the damping each. This is the limit for equal ratios as the two
+    frequencies approach each other.
 
     Raises
     ------
@@ -187,7 +189,9 @@ def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> Rayleigh
         The two frequencies are numerically equal, or the difference of their squares exceeds the
         range of floats.
     """
-    xi_1, xi_2 = damping.ratios
+    if len(frequencies) == 1:
+        return RayleighCoefficients(0.0, 2.0 * damping.ratios[0] / frequencies[0], damping.tangent)
+    (xi_1, xi_2), (omega_1, omega_2) = damping.ratios, frequencies
     if damping.modes[0] == damping.modes[1]:
         return RayleighCoefficients(xi_1 * omega_1, xi_1 / omega_1, damping.tangent)
     difference = omega_2**2 - omega_1**2

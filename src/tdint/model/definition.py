@@ -28,21 +28,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RayleighRatio:
-    """Rayleigh damping through the damping ratios of two modes.
+    """Rayleigh damping through the damping ratios of two modes, or damping proportional to the
+    stiffness through the ratio of one mode.
 
     Attributes
     ----------
     ratios : tuple of float
-        Damping ratio in each of the two modes, in [0, 1).
+        Damping ratio in each of the modes, in [0, 1).
     modes : tuple of int
-        Two different modes, counted from 1. For a building with one story, both are 1; its mode
-        then has the first ratio, one half from the mass and one half from the stiffness.
+        Two different modes, or one, counted from 1. If both are 1 (a building with one story), the
+        mode has the first ratio, one half from the mass and one half from the stiffness.
     tangent : bool
         True if the damping follows the tangent stiffness of the stories.
     """
 
-    ratios: tuple[float, float]
-    modes: tuple[int, int]
+    ratios: tuple[float, ...]
+    modes: tuple[int, ...]
     tangent: bool = False
 
 
@@ -484,7 +485,7 @@ def damped_by(model: Model, ratio: float) -> Damping:
     """
     match model.damping:
         case RayleighRatio(_, modes, tangent):
-            return RayleighRatio((ratio, ratio), modes, tangent)
+            return RayleighRatio((ratio,) * len(modes), modes, tangent)
         case ModalDamping(old_ratios) as modal:
             return replace(modal, ratios=tuple(ratio if old else 0.0 for old in old_ratios))
     has_no_ratio = "is undamped" if model.damping is None else "specifies damping by coefficients"

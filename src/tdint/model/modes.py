@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
@@ -130,6 +131,84 @@ class Modes(Tabular):
         if np.any(coupling > rounding):
             return None
         return diagonal / (2.0 * self.omega)
+
+
+@dataclass(frozen=True)
+class ComplexModes:
+    """Damped modes of a building, one for each undamped mode; nan for a mode without vibration
+    (critical damping or more).
+
+    Attributes
+    ----------
+    eigenvalues : ndarray of complex, shape (n,)
+        Eigenvalues of the state matrix with a positive imaginary part, 1/s.
+    """
+
+    eigenvalues: NDArray[np.complex128]
+
+    @property
+    def natural_period(self) -> Array:
+        """Periods 2 pi over the absolute value, s, shape (n,)."""
+        return np.asarray(2.0 * math.pi / np.abs(self.eigenvalues))
+
+    @property
+    def damping(self) -> Array:
+        """Damping ratios, the negative real part divided by the absolute value, shape (n,)."""
+        return np.asarray(-self.eigenvalues.real / np.abs(self.eigenvalues))
+
+    @property
+    def damped_period(self) -> Array:
+        """Periods of the damped vibration, 2 pi over the imaginary part, s, shape (n,)."""
+        return np.asarray(2.0 * math.pi / self.eigenvalues.imag)
+
+
+def solve_complex_modes(
+    modes: Modes, stiffness: Array, damping: Array, braces: tuple[Array, Array, Array]
+) -> ComplexModes:
+    """Compute the damped modes of a building from its state matrix.
+
+    The state contains the displacements u, the velocities v and the forces f of the dampers with
+    braces:
+
+        M v' = -K u - C v - B^T f,   f' = k (B v - f / c)
+
+    Parameters
+    ----------
+    modes : Modes
+        Undamped modes. Each receives the damped mode with the most similar shape.
+    stiffness, damping : ndarray, shape (n, n)
+        Matrices K (N/m) and C (N s/m).
+    braces : tuple of ndarray, shapes (b, n), (b,) and (b,)
+        Rows of B, which give the drifts of the dampers; stiffnesses k of the braces, N/m, and
+        coefficients c of the dampers, N s/m.
+    """
+    from scipy.linalg import eig
+
+    drifts, brace, damper = braces
+    mass, n, b = modes.mass, modes.mass.size, brace.size
+    state = np.zeros((2 * n + b, 2 * n + b))
+    state[:n, n : 2 * n] = np.eye(n)
+    state[n : 2 * n] = -np.hstack([stiffness, damping, drifts.T]) / mass[:, None]
+    state[2 * n :, n : 2 * n] = brace[:, None] * drifts
+    state[2 * n :, 2 * n :] = -np.diag(brace / damper)
+    eigenvalues, vectors = eig(state)
+    # Of each conjugate pair, the eigenvalue with the positive imaginary part. Rounding errors of a
+    # double real eigenvalue may be imaginary.
+    vibrates = eigenvalues.imag > _VIBRATES * np.abs(eigenvalues)
+    eigenvalues, shapes = eigenvalues[vibrates], vectors[:n, vibrates]
+    similarity = np.abs((modes.shapes.T * mass) @ shapes)
+    similarity /= np.sqrt(mass @ np.abs(shapes) ** 2)
+    result = np.full(n, complex(math.nan, math.nan))
+    for _ in range(eigenvalues.size):
+        mode, damped = np.unravel_index(np.argmax(similarity), similarity.shape)
+        result[mode] = eigenvalues[damped]
+        similarity[mode] = similarity[:, damped] = -1.0
+    return ComplexModes(result)
+
+
+_VIBRATES = 1e-7
+"""Minimum imaginary part of the eigenvalue of a vibration, divided by its absolute value. Rounding
+errors of a double eigenvalue are of the order of the square root of the machine precision, 1e-8."""
 
 
 def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:

@@ -104,6 +104,8 @@ def damping_text(model: Model) -> str:
     match model.damping:
         case RayleighRatio(ratios, modes, tangent):
             kind = "Rayleigh damping with the tangent stiffness" if tangent else "Rayleigh damping"
+            if len(modes) == 1:
+                kind = f"damping proportional to the {'tangent ' if tangent else ''}stiffness"
             # A dict removes a repeated pair of ratio and mode and keeps the order.
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
             listed = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)

@@ -45,6 +45,8 @@ class Overview(Tabular):
     period: float
     damping: float
     warnings: tuple[str, ...] = ()
+    complex_period: float | None = None
+    complex_damping: float | None = None
 
     def _headline(self) -> str:
         stories = pluralize(self.stories, "story")
@@ -78,6 +80,10 @@ class Overview(Tabular):
         """File of the ground motion."""
         record = self.model.excitation.record
         return record.file if record else None
+
+
+_MAX_COMPLEX_STORIES = 100
+"""Maximum number of stories for which an overview includes the first damped mode."""
 
 
 def overview(source: str | Path) -> Overview:
@@ -137,6 +143,9 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
     ):
         pga, interval = record.pga, record.dt
     period = 2.0 * math.pi / omega
+    # The damped modes of taller buildings take seconds.
+    has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES
+    complex_modes = building.complex_modes() if has_complex_modes else None
     warnings = (
         *plausibility_warnings(model, building, pga, has_motion=source_of_record is not None),
         *long_step(building, model.analysis.dt, interval),
@@ -153,6 +162,11 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         period,
         damping,
         warnings,
+        *(
+            (float(complex_modes.natural_period[0]), float(complex_modes.damping[0]))
+            if complex_modes
+            else ()
+        ),
     )
 
 

@@ -34,6 +34,9 @@ class Steps:
         Requested end, s. The last step ends at this time or less than one step after it.
     done : int
         Number of steps that are already completed.
+    continues : bool
+        True if the run continues after its end as long as a peak could still be exceeded; False if
+        the user has requested the end.
     note : str
         Reason of a time step that neither the user nor a record has determined; otherwise empty.
     """
@@ -44,6 +47,7 @@ class Steps:
     stride: int = 1
     end: float = field(default=math.inf, compare=False)
     done: int = 0
+    continues: bool = field(default=False, compare=False)
     note: str = field(default="", compare=False)
 
     @property
@@ -68,7 +72,8 @@ def choose_steps(
     """Return the time steps for a requested dt and duration.
 
     A time step divides the sampling interval of the record or is an integer multiple of it. The
-    last step ends at the duration or after it.
+    last step ends at the duration or after it. Without a requested duration, a run continues after
+    the record if necessary.
 
     Parameters
     ----------
@@ -102,9 +107,11 @@ def choose_steps(
             f"dt must be the {interval_name}, {record_dt:.6g} s, multiplied or divided by an "
             f"integer up to {MAX_STEPS:.0e}, got {dt:.6g} s"
         )
+    continues = duration is None
     duration = record_duration if duration is None else duration
     if dt is None:
-        return Steps(record_dt, _count(duration, record_dt), end=duration)
+        count = _count(duration, record_dt)
+        return Steps(record_dt, count, end=duration, continues=continues)
     # If the time step divides the sampling interval or is a multiple of it, except for rounding, it
     # is computed from the sampling interval, so that steps and samples coincide exactly.
     for ratio, divides in ((record_dt / dt, True), (dt / record_dt, False)):
@@ -112,7 +119,8 @@ def choose_steps(
         if factor >= 1 and abs(ratio - factor) <= _STEP_TOLERANCE * factor:
             h = record_dt / factor if divides else record_dt * factor
             per_sample, stride = (factor, 1) if divides else (1, factor)
-            return Steps(h, _count(duration, h), per_sample, stride, end=duration)
+            count = _count(duration, h)
+            return Steps(h, count, per_sample, stride, end=duration, continues=continues)
     # Otherwise, report the next smaller and the next larger compatible time step.
     factor = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
     if dt > record_dt:

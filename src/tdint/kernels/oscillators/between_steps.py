@@ -1,4 +1,5 @@
-"""Maximum of the response of an oscillator between the endpoints of a step.
+"""Maximum of the response of an oscillator between the endpoints of a step, and after the last
+step.
 
 If the ground acceleration is linear within the step, the second derivative q'' of every required
 quantity q is a free vibration. This bounds the amount by which q can exceed its values at both
@@ -174,6 +175,31 @@ def largest_between(q, rates, d1, vibration, n, series):
     first_zero = _root(rate_series, n - 1, 0.0, inflection, d * h, speed_at_inflection)
     second_zero = _root(rate_series, n - 1, inflection, 1.0, speed_at_inflection, d1 * h)
     return max(abs(_value(q_series, n, first_zero)[0]), abs(_value(q_series, n, second_zero)[0]))
+
+
+@outlined
+def largest_afterwards(q, d, vibration, best):
+    """Return the larger value of `best` and of the maximum of |q| in the free vibration that
+    follows the state q, d = q'.
+
+    During free vibration, E = omega^2 q^2 + 2 xi omega q q' + q'^2 decays as exp(-2 xi omega t). At
+    an extremum, q' is zero and E is omega^2 q^2. The first extremum is therefore the largest, and
+
+        |q| = sqrt(E) / omega exp(-xi omega t),   tan(wd t) = wd q' / (omega^2 q + xi omega q')
+
+    with the values of q, q' and E at the start, the time t of the first extremum, and
+    wd = omega sqrt(1 - xi^2).
+    """
+    by_u, by_v, _ = vibration
+    amplitude = math.sqrt(max(by_u * q * q + by_v * q * d + d * d, 0.0) / by_u)
+    # Most responses have decayed at the end of a ground motion.
+    if amplitude <= best:
+        return best
+    decay = 0.5 * by_v
+    damped = math.sqrt(by_u - decay * decay)
+    angle = math.atan2(damped * d, by_u * q + decay * d)
+    time = (angle if angle >= 0.0 else angle + math.pi) / damped
+    return max(best, amplitude * math.exp(-decay * time))
 
 
 @outlined

@@ -18,7 +18,11 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, local, outlined
-from tdint.kernels.oscillators.between_steps import narrow_bracket
+from tdint.kernels.oscillators.between_steps import (
+    Vibration,
+    largest_afterwards,
+    narrow_bracket,
+)
 
 # Elements of the state of an oscillator: displacement (m), velocity (m/s) and the branch.
 U = 0
@@ -31,7 +35,7 @@ PEAK = 6  # maximum |u| until now, m
 STATE_ROWS = 7
 
 # Elements of the array `results` of `bilinear_response`
-LARGEST = 0  # maximum |u|, m
+LARGEST = 0  # maximum |u|, also after the ground motion, m
 RESIDUAL = 1  # u after the decay of the free vibration, m
 RESULTS = 2
 
@@ -438,38 +442,63 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
 
 
 @outlined
-def _residual_displacement(state, series, oscillator):
-    """Return the displacement after the decay of the free vibration, m.
+def _vibrate_freely(state, series, oscillator):
+    """Integrate an oscillator without ground motion until its vibration remains within the elastic
+    branch, and return the displacement after the decay of this vibration, m.
 
-    The oscillator is integrated without ground motion, from the state at the end of the motion,
-    until its vibration remains within the elastic branch. The result is the center of this
-    vibration, -OFFSET / k, also for an undamped oscillator. It is NaN if a step has too many
-    changes of branch. The integration ends after _FREE_VIBRATION steps; if the oscillator yields at
-    this time, the result is its displacement.
+    The result is the center of the vibration, -OFFSET / k, also for an undamped oscillator. It is
+    NaN if a step has too many changes of branch. The integration ends after _FREE_VIBRATION steps;
+    if the oscillator yields at this time, the result is its displacement. PEAK includes the two
+    largest extrema of the remaining vibration, one on each side of its center.
     """
     # The length of a step is one radian of the elastic vibration.
-    k = oscillator.k
+    k, c = oscillator.k, oscillator.c
     h = 1.0 / math.sqrt(k)
     for _ in range(_FREE_VIBRATION):
         # If the free vibration remains within the elastic branch, it decays to its center.
         if state[SIDE] == 0.0:
-            center = -state[OFFSET] / k
+            center = 0.0 - state[OFFSET] / k  # not -0.0 if OFFSET is zero
             amplitude = math.sqrt((state[U] - center) ** 2 + state[V] ** 2 / k)
             tolerance = 1e-9 * (state[UPPER] - state[LOWER])
             if (
                 center + amplitude <= state[UPPER] + tolerance
                 and center - amplitude >= state[LOWER] - tolerance
             ):
+                first = largest_afterwards(state[U] - center, state[V], Vibration(k, c, h), 0.0)
+                # The next extremum is half a damped period later.
+                ratio = c / math.sqrt(4.0 * k - c * c)
+                second = first * math.exp(-math.pi * ratio)
+                # The velocity has the sign of the first extremum.
+                is_upper = state[V] > 0.0 or (state[V] == 0.0 and state[U] > center)
+                side = 1.0 if is_upper else -1.0
+                state[PEAK] = max(
+                    state[PEAK], max(abs(center + side * first), abs(center - side * second))
+                )
                 return center
         if _integrate_step(state, series, oscillator, 0.0, 0.0, h) < 0:
             return math.nan
     return -state[OFFSET] / k if state[SIDE] == 0.0 else state[U]
 
 
+@outlined
+def _continue_after_motion(state, series, oscillator, last_sample, dt, parts):
+    """Continue after the last sample of a ground motion, update PEAK, and return the displacement
+    after the decay of the free vibration (m). The ground acceleration decreases to zero within a
+    sampling interval, which has `parts` steps.
+    """
+    h = dt / parts
+    for part in range(parts):
+        g = last_sample * (1.0 - part / parts)
+        if _integrate_step(state, series, oscillator, g, -last_sample / dt, h) < 0:
+            return math.nan
+    return _vibrate_freely(state, series, oscillator)
+
+
 @kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=(), vectorized=True)
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
-    """Compute the response of a bilinear oscillator from rest to a ground motion. Return the number
-    of branch changes, or TOO_MANY_EVENTS (-1).
+    """Compute the response of a bilinear oscillator from rest to a ground motion, and to the ground
+    at rest after it. Return the number of branch changes during the ground motion, or
+    TOO_MANY_EVENTS (-1).
 
     The equation of motion is u'' + 2 xi omega u' + f = -ag, with the ground acceleration ag, linear
     between its samples, and the bilinear restoring force f over the mass with the initial stiffness
@@ -491,6 +520,14 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     state[UPPER], state[LOWER] = yield_displacement, -yield_displacement
     oscillator = _Hysteretic(k, c, hardening, strength)
     events = _integrate_motion(ground, parts, h, oscillator, steps, series, state)
-    results[LARGEST] = state[PEAK]
-    results[RESIDUAL] = _residual_displacement(state, series, oscillator) if events > 0 else 0.0
+    state_at_end = local(STATE_ROWS)
+    for row in range(STATE_ROWS):
+        state_at_end[row] = state[row]
+    # The residual displacement is the one after a ground motion that ends at its last sample. If
+    # the displacement still grows, it belongs to the same motion as the peak.
+    residual = _vibrate_freely(state, series, oscillator) if events > 0 else 0.0
+    peak = state_at_end[PEAK]
+    later_residual = _continue_after_motion(state_at_end, series, oscillator, ground[-1], dt, parts)
+    results[LARGEST] = state_at_end[PEAK]
+    results[RESIDUAL] = later_residual if state_at_end[PEAK] > peak else residual
     return events

@@ -12,6 +12,8 @@ maximum at the samples and between the samples:
   the overall maximum. These intervals are integrated again, separately for each oscillator.
 3. If q' changes its sign between two samples of such an interval, Newton's method computes the zero
   with the Taylor series of q. With omega h <= 1 the error of the series is below 1e-9.
+4. After the last sample, the ground is at rest. The first extremum of the free vibration, which is
+  the largest, follows from its closed form.
 
 The caller divides longer steps, for each oscillator as required.
 """
@@ -49,6 +51,7 @@ from tdint.kernels.oscillators.between_steps import (
     Vibration,
     excess_factor,
     interpolate_samples,
+    largest_afterwards,
     largest_between,
     may_exceed,
     term_count,
@@ -134,8 +137,8 @@ def peaks(
         Table of oscillators, one column each: rows A11 to B21, coefficients of the step, then
         BY_DISPLACEMENT, omega^2 (1/s^2), and BY_VELOCITY, 2 xi omega (1/s).
     between_steps : int
-        1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
-        only.
+        1 to include maxima between the steps (omega h must not exceed 1) and in the free vibration
+        after the last sample, which must be zero; 0 for maxima at the steps only.
     result : ndarray, shape (PEAKS, k)
         Receives the peaks of the first k oscillators: displacement (m), velocity (m/s) and absolute
         acceleration (m/s^2). The remaining oscillators only complete the last group.
@@ -268,9 +271,10 @@ def _search(oscillator, maxima, ground_maxima):
         if maxima[c, 2] > best[2]:
             interval_a, best[2] = c, maxima[c, 2]
     # The steps after the last complete interval have no stored maxima.
-    _integrate_interval(oscillator, intervals)
+    u, v = _integrate_interval(oscillator, intervals)
     if oscillator.between_steps == 0:
         return
+    _vibrate_freely(oscillator, u, v)
     # Few other intervals can exceed the maxima of the intervals with the maximum samples.
     if interval_u < intervals:
         _integrate_interval(oscillator, interval_u)
@@ -296,8 +300,20 @@ def _search(oscillator, maxima, ground_maxima):
 
 
 @outlined
+def _vibrate_freely(oscillator, u, v):
+    """Update the maxima of an oscillator with the free vibration from the state u, v."""
+    vibration, best = _vibration(oscillator), oscillator.best
+    by_u, by_v, _ = vibration
+    p = by_u * u + by_v * v  # the relative acceleration is -p
+    best[0] = largest_afterwards(u, v, vibration, best[0])
+    best[1] = largest_afterwards(v, -p, vibration, best[1])
+    best[2] = largest_afterwards(p, by_u * v - by_v * p, vibration, best[2])
+
+
+@outlined
 def _integrate_interval(oscillator, interval):
-    """Integrate one oscillator over an interval of steps and update its maxima.
+    """Integrate one oscillator over an interval of steps, update its maxima, and return its
+    displacement and velocity at the end.
 
     -p = -(omega^2 u + 2 xi omega v) is the absolute acceleration, a = -p - ag the relative
     acceleration and j = -p' - ag' its rate. `dp`, `ddp` and `dddp` are the first, second and third
@@ -345,3 +361,4 @@ def _integrate_interval(oscillator, interval):
                     best[2], largest_between(p, (dp, ddp, dddp), dp1, vibration, n, series)
                 )
         u, v, p, a, g0 = u1, v1, p1, a1, g1
+    return u, v

@@ -8,6 +8,10 @@ time is divided into chunks. In each chunk all modes are integrated together and
 each story. The first pass computes the maxima at the steps. The second pass processes the chunks
 that can contain the maximum between the steps again, and computes the maximum from the closed form
 of the modes.
+
+After the last sample, the ground acceleration decreases to zero within a sampling interval. The
+modes then vibrate freely, and the time integration continues as long as the sum of their amplitudes
+exceeds a maximum.
 """
 
 from __future__ import annotations
@@ -32,6 +36,7 @@ from tdint.kernels.oscillators.between_steps import (
     narrow_bracket,
 )
 from tdint.kernels.stepping import Array
+from tdint.kernels.time_loop.ground import ground_at
 
 # Rows of the table of modes after those of the recursion. The variables u and v of the recursion
 # are the modal coordinate q and its rate.
@@ -93,24 +98,19 @@ class _Steps(NamedTuple):
     rate: Array
     motion: Array
     drift: Array
-    rows: int
 
 
 @outlined
-def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
+def _integrate_modes(ground, parts, first, modes, q, rate, motion):
     """Integrate the modes from row 0 of `q` and `rate` to the following rows, and interpolate the
     ground acceleration (`motion`).
 
-    `first` is the index of the first step of the chunk. `rows` is its number of steps plus 1. The
-    last row of the last chunk is the last sample.
+    `first` is the index of the first step of the chunk.
     """
     count = modes.shape[1]
-    for row in range(rows):
-        i, part = divmod(first + row, parts)
-        motion[row] = (
-            ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
-        )
-    for row in range(1, rows):
+    for row in range(_CHUNK_STEPS + 1):
+        motion[row] = ground_at(ground, first + row, parts, 1)
+    for row in range(1, _CHUNK_STEPS + 1):
         previous_ground, next_ground = motion[row - 1], motion[row]
         for j in range(count):
             u, v = q[row - 1, j], rate[row - 1, j]
@@ -174,7 +174,7 @@ def _superpose(q, shapes, static, motion, drift):
 
 
 @outlined
-def _update_maxima(drift, rows, column_maxima, column_curvatures):
+def _update_maxima(drift, column_maxima, column_curvatures):
     """Store the maximum absolute value and the maximum absolute second difference of each column in
     a chunk.
 
@@ -185,11 +185,11 @@ def _update_maxima(drift, rows, column_maxima, column_curvatures):
     for c in range(columns):
         column_maxima[c] = abs(drift[0, c])
         column_curvatures[c] = 0.0
-    for row in range(1, rows):
+    for row in range(1, _CHUNK_STEPS + 1):
         for c in range(columns):
             size = abs(drift[row, c])
             column_maxima[c] = size if size > column_maxima[c] else column_maxima[c]
-    for row in range(1, rows - 1):
+    for row in range(1, _CHUNK_STEPS):
         for c in range(columns):
             size = abs(drift[row - 1, c] - 2.0 * drift[row, c] + drift[row + 1, c])
             column_curvatures[c] = size if size > column_curvatures[c] else column_curvatures[c]
@@ -220,7 +220,7 @@ def _column_at(sums, steps, row, slope, t, c):
     solution and its rate at t = 0.
     """
     modes, shapes, static, _ = sums
-    q, rate, motion, _, _ = steps
+    q, rate, motion, _ = steps
     g0 = motion[row]
     value = -static[c] * (g0 + slope * t)
     speed = -static[c] * slope
@@ -285,24 +285,45 @@ def _refine(sums, steps, first, last, threshold, best):
     Only the intervals next to a step with an absolute value of at least `threshold` are searched.
     """
     value, column = best
-    _, _, _, drift, rows = steps
+    drift = steps.drift
     for c in range(first, last):
-        for row in range(rows):
+        for row in range(_CHUNK_STEPS + 1):
             if abs(drift[row, c]) < threshold:
                 continue
-            # A chunk has at least two rows, so that at least one interval exists. The last argument
-            # is a lower limit of the result, which therefore includes the value at this step.
+            # The last argument is a lower limit of the result, which therefore includes the value
+            # at this step.
             for start in (row - 1, row):
-                if 0 <= start < rows - 1:
+                if 0 <= start < _CHUNK_STEPS:
                     size = _maximum_after(sums, steps, start, c, abs(drift[row, c]))
                     if size > value:
                         value, column = size, float(c)
     return value, column
 
 
-def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
+@outlined
+def _may_grow(modes, shapes, q, rate, story_maximum, roof_maximum):
+    """Return True if the drift ratio of a story or of the roof can exceed its maximum in the free
+    vibration from row 0 of `q` and `rate`.
+
+    A drift ratio is at most the sum of the amplitudes of the modes, sqrt(q^2 + 2 xi q q' / omega +
+    (q' / omega)^2), which do not increase.
+    """
+    columns = shapes.shape[1]
+    for c in range(columns):
+        bound = 0.0
+        for j in range(shapes.shape[0]):
+            if shapes[j, c] != 0.0:
+                u, v = q[0, j], rate[0, j] / modes[OMEGA, j]
+                square = u * u + 2.0 * modes[DAMPING, j] * u * v + v * v
+                bound += abs(shapes[j, c]) * math.sqrt(max(square, 0.0))
+        if bound > (roof_maximum if c == columns - 1 else story_maximum):
+            return True
+    return False
+
+
+def scratch(steps: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
     """Return the scratch arrays of `largest_drifts`, filled with zeros, in the order of its
-    arguments.
+    arguments, for a maximum number of steps.
 
     Returns
     -------
@@ -320,7 +341,7 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
     chunk_maxima : ndarray, shape (chunks, 2)
         Maximum absolute drift ratio of each chunk: of all stories, and of the roof.
     """
-    chunks = -(-(samples - 1) * parts // _CHUNK_STEPS)  # rounded up
+    chunks = -(-steps // _CHUNK_STEPS) + 1  # rounded up; and one for the end of the ground motion
     # A chunk has one row more than steps. `_superpose` processes four rows at a time.
     rows = _CHUNK_STEPS + 4
     shapes = (
@@ -349,7 +370,8 @@ def largest_drifts(
     drift ratio.
 
     The first pass computes the maxima at the steps. The second pass integrates again all chunks
-    that can contain the maximum between the steps. The result is always 0.
+    that can contain the maximum between the steps. The result is 1 if the scratch arrays are too
+    small for the free vibration that can exceed the maxima, otherwise 0.
 
     Parameters
     ----------
@@ -367,21 +389,26 @@ def largest_drifts(
         the state of rest, and the maxima in `chunk_maxima` start from zero.
     """
     sums = _Sum(modes, shapes, static, h)
-    steps = (ground.size - 1) * parts
+    steps = ground.size * parts  # until the ground is at rest
     count, columns = shapes.shape
-    chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
     # of the stories and of the roof
     curvatures = local(2)
     curvatures[:] = 0.0
     # First pass
     story_maximum = roof_maximum = 0.0
+    chunks = chunk_maxima.shape[0]
+    may_grow = 1
     for chunk in range(chunks):
-        rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
+        if chunk * _CHUNK_STEPS >= steps and not _may_grow(
+            modes, shapes, q, rate, story_maximum, roof_maximum
+        ):
+            chunks, may_grow = chunk, 0
+            break
         for j in range(count):
             start_q[chunk, j], start_rate[chunk, j] = q[0, j], rate[0, j]
-        _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, rows, modes, q, rate, motion)
+        _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, modes, q, rate, motion)
         _superpose(q, shapes, static, motion, drift)
-        _update_maxima(drift, rows, column_maxima, column_curvatures)
+        _update_maxima(drift, column_maxima, column_curvatures)
         for c in range(columns):
             # Group 0 contains the stories, group 1 the roof, which is the last column.
             group = 1 if c == columns - 1 else 0
@@ -390,7 +417,7 @@ def largest_drifts(
         story_maximum = max(story_maximum, chunk_maxima[chunk, 0])
         roof_maximum = max(roof_maximum, chunk_maxima[chunk, 1])
         for j in range(count):
-            q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
+            q[0, j], rate[0, j] = q[_CHUNK_STEPS, j], rate[_CHUNK_STEPS, j]
     # Second pass. Between two steps, a smooth curve exceeds its values at both steps by at most
     # about one eighth of the second difference; _TOLERANCE exceeds one eighth with a margin.
     story_tolerance, roof_tolerance = _TOLERANCE * curvatures[0], _TOLERANCE * curvatures[1]
@@ -400,12 +427,11 @@ def largest_drifts(
         may_contain_roof_maximum = chunk_maxima[chunk, 1] >= roof_maximum - roof_tolerance
         if not (may_contain_story_maximum or may_contain_roof_maximum):
             continue
-        rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
         for j in range(count):
             q[0, j], rate[0, j] = start_q[chunk, j], start_rate[chunk, j]
-        _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, rows, modes, q, rate, motion)
+        _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, modes, q, rate, motion)
         _superpose(q, shapes, static, motion, drift)
-        chunk_steps = _Steps(q, rate, motion, drift, rows)
+        chunk_steps = _Steps(q, rate, motion, drift)
         if may_contain_story_maximum:
             story = _refine(
                 sums, chunk_steps, 0, columns - 1, story_maximum - story_tolerance, story
@@ -415,4 +441,4 @@ def largest_drifts(
                 sums, chunk_steps, columns - 1, columns, roof_maximum - roof_tolerance, roof
             )
     results[PEAK], results[STORY], results[ROOF] = story[0], story[1], roof[0]
-    return 0
+    return may_grow

@@ -56,6 +56,7 @@ from tdint.kernels.oscillators.between_steps import (
     Vibration,
     excess_factor,
     interpolate_samples,
+    largest_afterwards,
     largest_between,
     may_exceed,
     term_count,
@@ -163,7 +164,7 @@ def rotated_peaks(
     directions : ndarray, shape (2, ANGLES)
         Cosine and sine of each direction, at 0, 1, ..., 179 degrees.
     between_steps : int
-        As in `tdint.kernels.oscillators.elastic.peaks`.
+        As in `tdint.kernels.oscillators.elastic.peaks`; the last samples must then be zero.
     result : ndarray, shape (k, ANGLES)
         Receives the peaks of the first k oscillators, m.
     ground, starts, maxima : ndarray
@@ -303,7 +304,8 @@ def _search(oscillator, maxima, margin):
        to the final maxima, so that few intervals can exceed them.
     2. Final maxima, with the maxima between the steps. An interval is skipped if its bounds show
        that no displacement of the interval can exceed a maximum in `best`. The remaining steps have
-       no bounds and are always integrated.
+       no bounds and are always integrated. The free vibration after the last sample is included if
+       maxima between the steps are.
 
     The bounds along the edges follow from those along the axes (`_interpolate`). Row _LOWEST of
     `scratch` contains, for each sector, the smallest of the maxima in its directions.
@@ -324,7 +326,13 @@ def _search(oscillator, maxima, margin):
             last_interval = interval
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
-    _integrate_interval(oscillator, intervals, margin, False)
+    x, v, y, w = _integrate_interval(oscillator, intervals, margin, False)
+    if margin > 0.0:
+        for k in range(ANGLES):
+            c, d = oscillator.directions[0, k], oscillator.directions[1, k]
+            best[k] = largest_afterwards(
+                c * x + d * y, c * v + d * w, oscillator.vibration, best[k]
+            )
     for c in range(intervals):
         _interpolate(maxima[c], scratch)
         if _count_higher(scratch, margin * maxima[c, _ACCELERATION]) > 0:
@@ -368,7 +376,8 @@ def _lowest(best, sector):
 
 @outlined
 def _integrate_interval(oscillator, interval, margin, coarse):
-    """Integrate one oscillator over an interval of steps and update its maxima in all directions.
+    """Integrate one oscillator over an interval of steps, update its maxima in all directions, and
+    return displacement and velocity along both components at the end.
 
     p and q are the rates of the relative accelerations a and b (jerks) along both components,
     m/s^3. The suffixes 0 and 1 denote the start and the end of a step; x, y, v, w, a and b without
@@ -433,6 +442,7 @@ def _integrate_interval(oscillator, interval, margin, coarse):
             for k in range(_SECTORS + 1):
                 start_values[k] = end_values[k]
         x, v, y, w, a, b, f0, g0 = x1, v1, y1, w1, a1, b1, f1, g1
+    return x, v, y, w
 
 
 @outlined

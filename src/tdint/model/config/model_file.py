@@ -95,6 +95,7 @@ PROCESSING = (
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
     Key("filter_order", Integer(1, MAX_FILTER_ORDER), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
+    Key("time_scale", POSITIVE, "factor on the times; 0.2 compresses them by 5"),
 )
 
 LAYOUT = (
@@ -836,7 +837,8 @@ def _damping_text(damping: Damping) -> str:
 
     match damping:
         case RayleighRatio(ratios, modes, tangent):
-            values = f"ratio: {format_numbers(ratios)}, modes: {format_numbers(modes)}"
+            numbers = ", ".join(map(str, modes))
+            values = f"ratio: {format_numbers(ratios)}, modes: [{numbers}]"
             values += ", tangent: true" if tangent else ""
             return f"{{rayleigh: {{{values}}}}}"
         case RayleighCoefficients(mass, stiffness, tangent):

@@ -169,8 +169,8 @@ def read_file_units(value: Value | None) -> SampleUnits | None:
 # ---- The section `damping` of a model file. The declared types also convert the values (`make`).
 
 _ONE_STORY_ERROR = (
-    "a one-story model has one mode, and the form with ratio and modes requires two; write "
-    "damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
+    "a one-story model has one mode; write damping: 5%, {rayleigh: {ratio: 5%, modes: [1]}} "
+    "(proportional to the stiffness), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
 )
 _SHORT_LIST_ERROR = (
     "a list must contain at least two damping ratios; write a single ratio without brackets"
@@ -189,7 +189,11 @@ def _damping_type(count: int | None) -> Either:
     mode = numbered(count)
     two_ratios = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT_LIST_ERROR)
     modes = EntriesOf(
-        mode, 2, 2, "a list of two modes", distinct="" if count == 1 else "two different modes"
+        mode,
+        1,
+        2,
+        "a list of two modes, or of one mode for damping proportional to the stiffness",
+        distinct="" if count == 1 else "two different modes",
     )
     rayleigh = Keys(
         (
@@ -202,7 +206,8 @@ def _damping_type(count: int | None) -> Either:
             Key(
                 "modes",
                 modes,
-                "two modes, from 1 at the longest period",
+                "two modes, from 1 at the longest period; one mode for damping proportional to the "
+                "stiffness",
                 advice=f"give {modes.description}",
             ),
             Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
@@ -297,9 +302,12 @@ def _rayleigh(
     """
     if mass is not None:
         return RayleighCoefficients(mass, stiffness, bool(tangent))
-    if count == 1:
+    if count == 1 and len(modes) > 1:
         value.fault(_ONE_STORY_ERROR)
-    ratios = ratio if isinstance(ratio, tuple) else (ratio, ratio)
+    ratios = ratio if isinstance(ratio, tuple) else (ratio,) * len(modes)
+    if len(ratios) > len(modes):
+        value.fault("two damping ratios require two modes; give one ratio for one mode")
+        return None
     return RayleighRatio(ratios, modes, bool(tangent))
 
 

@@ -425,6 +425,7 @@ _STORY = Keys(
         Key("weight", POSITIVE, "weight of the floor above, instead of its mass"),
         Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
         Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
+        Key("period", POSITIVE, "natural period of a single story, s, instead of its stiffness"),
         Key("law", LAW, "hysteretic law; default: linear"),
         Key("elements", ELEMENTS, "springs in parallel, instead of `stiffness` and `law`"),
         Key(
@@ -481,6 +482,8 @@ def read_stories(
         if len(stories) + (repeat or 1) > MAX_STORIES:
             entry.fault(f"the model has more than {MAX_STORIES} stories; check `repeat`")
             return (), None
+        if (period := entry.peek("period")) and (len(entries) > 1 or (repeat or 1) > 1):
+            period.fault("applies to a model with one story; give the stiffness of the story")
         stories += [story] * (repeat or 1)
         count = count + repeat if count is not None and repeat is not None else None
     return tuple(stories), count or None
@@ -496,7 +499,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     law_entry, elements_entry = section.get("law"), section.get("elements")
     elements: tuple[Element, ...] = ()
     if elements_entry:
-        for name in ("law", "stiffness"):
+        for name in ("law", "stiffness", "period"):
             if section.has(name):
                 section.value.fault(
                     f"give either `{name}` or `elements`, not both; move the {name} into an element"
@@ -521,7 +524,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         if len(elements) == 1:  # a story with a single element is a story with a law
             law, elements = elements[0].law, ()
     else:
-        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
+        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
 
     # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
     # does not apply to an isolator unless the value is `rayleigh`.
@@ -634,19 +637,32 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
 
 
 def _read_stiffness(
-    section: Section, law_name: str, stiffness_of_law: float | None, unit: ModelUnits
+    section: Section,
+    law_name: str,
+    stiffness_of_law: float | None,
+    unit: ModelUnits,
+    mass: float = math.nan,
 ) -> float:
-    """Return the initial stiffness of a story, N/m, or nan after reporting an error.
+    """Return the initial stiffness of a story or of an element, N/m, or nan after reporting an
+    error. For a story of mass `mass` (kg), the natural period can specify the stiffness.
 
     If the parameters of the law determine the initial stiffness (otherwise None), the key
     `stiffness` is optional, and a different value is an error.
     """
     factor = unit.factor(force=1, length=-1)
-    if stiffness_of_law is None:
+    entry, period = section.get("stiffness"), section.get("period")
+    if entry and period:
+        section.value.fault("give either `stiffness` or `period`, not both; remove one")
+    if stiffness_of_law is None and not period:
         return section.number("stiffness", scale=factor)
-    entry = section.get("stiffness")
-    if entry:
+    stiffness = math.nan
+    if period:
+        stiffness = mass * (2.0 * math.pi / period.number()) ** 2
+    elif entry:
         stiffness = entry.number(scale=factor)
+    if stiffness_of_law is None:
+        return stiffness
+    if entry := entry or period:
         if abs(stiffness - stiffness_of_law) > _STIFFNESS_TOLERANCE * stiffness_of_law:
             initial = (
                 f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law_name} law"

@@ -20,14 +20,14 @@ from typing import Any, Protocol, TypeVar
 from tdint.errors import MAX_LISTED_FAULTS, ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.story import MAX_STORIES
-from tdint.number_parsing import LARGEST, SMALLEST
+from tdint.number_parsing import LARGEST, SMALLEST, ratio_parts
 
 # ---- Declarations of keys. Both the reader and the JSON schema (with which editors check a file
 # during writing) use the names and bounds that are declared here.
 
 Schema = dict[str, Any]
 
-_PERCENTAGE = r"^[0-9.]+([eE][+-]?[0-9]+)?%$"
+_PERCENTAGE_OR_FRACTION = r"^[0-9.]+([eE][+-]?[0-9]+)? *(%|/ *[0-9.]+([eE][+-]?[0-9]+)?)$"
 
 
 class ValueType(Protocol):
@@ -39,7 +39,7 @@ class ValueType(Protocol):
 
 @dataclass(frozen=True)
 class Bounds:
-    """Range of allowed numbers. A `ratio` can be written as 0.05 or as 5%."""
+    """Range of allowed numbers. A `ratio` can be written as 0.05, as 5% or as 1/20."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -65,14 +65,15 @@ class Bounds:
         return " ".join(["a number", " and ".join(limit_texts)]).rstrip()
 
     def schema(self) -> Schema:
-        """Return the schema of a number within the bounds; percentages are checked by form only."""
+        """Return the schema of a number within the bounds; percentages and fractions are checked
+        by form only."""
         result: Schema = {"type": "number"}
         if self.low > -math.inf:
             result["minimum" if self.low_allowed else "exclusiveMinimum"] = self.low
         if self.high < math.inf:
             result["maximum" if self.high_allowed else "exclusiveMaximum"] = self.high
         return (
-            {"anyOf": [result, {"type": "string", "pattern": _PERCENTAGE}]}
+            {"anyOf": [result, {"type": "string", "pattern": _PERCENTAGE_OR_FRACTION}]}
             if self.ratio
             else result
         )
@@ -691,12 +692,14 @@ class Value:
     def _number_in_file(self, bounds: Bounds) -> float:
         """Return the number in the file without conversion of units; nan if it is not a number.
 
-        If the bounds are those of a ratio, a percentage is converted to a ratio.
+        If the bounds are those of a ratio, a percentage or a fraction is converted to a ratio.
         """
-        text, divisor = self._plain_text(), 1.0
-        if bounds.ratio and isinstance(self.node, ScalarNode) and self.node.text.endswith("%"):
-            text, divisor = self.node.text[:-1].rstrip(), 100.0
-        return float(text) / divisor if _NUMBER.fullmatch(text) else math.nan
+        text, divisor = self._plain_text(), "1"
+        if bounds.ratio and isinstance(self.node, ScalarNode) and set(self.node.text) & set("%/"):
+            text, divisor = ratio_parts(self.node.text)
+        if not (_NUMBER.fullmatch(text) and _NUMBER.fullmatch(divisor) and float(divisor)):
+            return math.nan
+        return float(text) / float(divisor)
 
     def _plain_text(self) -> str:
         """Return the text of a scalar without quotation marks; empty for other values."""

@@ -643,13 +643,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         (f"maximum displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
     # An inelastic spectrum is computed for a prescribed ductility, or for a prescribed strength,
-    # which is the same at all periods.
-    prescribed = [
-        f"strength {spectrum.yield_strength_ratio[0]:.4g}"
-        if spectrum.target is None
-        else f"ductility {spectrum.target:g}"
-        for spectrum in spectra
-    ]
+    # which is the same at all periods or reduces the elastic force by the same factor.
+    prescribed = [spectrum.prescribed for spectrum in spectra]
     has_several_values = len(set(prescribed)) > 1
     # A few components have separate columns of panels. The title of a column is the component, with
     # the file name if there are several files.

@@ -27,7 +27,7 @@ from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model
-    from tdint.model.modes import Modes
+    from tdint.model.modes import ComplexModes, Modes
     from tdint.model.story import Story
     from tdint.model.story_laws import Law
     from tdint.response.spectra.modal import ModalResponse
@@ -372,6 +372,17 @@ OVERVIEW = (
     METHOD_SPEC,
     Column("record", "text", "record", "file of the ground motion"),
 )
+OVERVIEW_WITH_DAMPERS = (
+    *OVERVIEW,
+    Column(
+        "complex_t1_s",
+        "s",
+        "complex_period",
+        "period of the first mode with all linear dampers and their braces; empty without dampers",
+    ),
+    Column("complex_t1_damping", "1", "complex_damping", "damping ratio of this mode"),
+)
+"""Columns of the overview of models of which at least one has dampers."""
 
 MODE = (
     Column(
@@ -405,6 +416,25 @@ def mode_damping(ratios: Any) -> Column:
         lambda modes: ratios,
         "damping ratio; if damping couples the modes, of the mode without the coupling terms",
     )
+
+
+COMPLEX_MODE = (
+    Column(
+        "complex_period_s",
+        "s",
+        "natural_period",
+        "period of the mode with all linear dampers and their braces: 2 pi over the absolute value "
+        "of the complex eigenvalue; empty without vibration",
+    ),
+    Column(
+        "damped_period_s",
+        "s",
+        "damped_period",
+        "period of the vibration of this mode, 2 pi over the imaginary part",
+    ),
+    Column("complex_damping", "1", "damping", "damping ratio of this mode"),
+)
+"""Columns of the modes of a building with dampers (`tdint.model.modes.ComplexModes`)."""
 
 
 COMPARISON_SPECTRA = (
@@ -584,11 +614,19 @@ def _dashpot_text(story: Story, units: OutputUnits) -> str:
     return text
 
 
-def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
+def mode_table(
+    modes: Modes,
+    damping: Array,
+    norm: str | None = None,
+    *,
+    complex_modes: ComplexModes | None = None,
+) -> Table:
     """Return the table of the modes of a building, with one row per mode, longest period first.
 
     Parameters
     ----------
+    complex_modes : ComplexModes, optional
+        Damped modes, which add columns.
     norm : str, optional
         Normalization of the mode shapes (`tdint.model.modes.Modes.normalized`). If it is specified,
         the table has a column with the ordinates of the mode shapes for each floor.
@@ -600,4 +638,9 @@ def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
         Column(f"floor_{floor}_shape", "1", shape, meaning)
         for floor, shape in enumerate(shapes, start=1)
     )
-    return Table.of_results((*MODE, mode_damping(damping), *MODE_END, *shape_columns), [modes])
+    complex_columns = (
+        replace(column, value=np.asarray(column.of(complex_modes)))
+        for column in (COMPLEX_MODE if complex_modes else ())
+    )
+    columns = (*MODE, mode_damping(damping), *MODE_END, *complex_columns, *shape_columns)
+    return Table.of_results(columns, [modes])

@@ -12,7 +12,7 @@ and repeats failed runs with half the time step.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -94,6 +94,14 @@ class Subject:
             return self.loaded(record, scale).case(None)
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         return Case(self.model, self.prepared, scaled, self.integrator)
+
+    def throughout(self) -> Subject:
+        """Return the building without the duration in the `analysis` section of its model."""
+        analysis = self.model.analysis
+        if analysis.duration is None:
+            return self
+        model = replace(self.model, analysis=replace(analysis, duration=None))
+        return Subject(model, self.method)
 
     def loaded(self, load_case: LoadCase, scale: float = 1.0) -> Subject:
         """Return the building under a load case times `scale`."""

@@ -39,8 +39,10 @@ from tdint.response.runs.loop_results import (
     interstep_peak_errors,
     named_energies,
     named_history,
+    possible_growth,
     residual_oscillation,
     story_peaks,
+    with_growth,
 )
 from tdint.response.runs.outcome import (
     DIVERGED,
@@ -85,6 +87,11 @@ note is added.
 _VIBRATION_FRACTION = 0.01
 """Dimensionless. Amplitude of a drift at the end divided by the maximum drift, above which a note
 states that residual drifts are instantaneous values.
+"""
+
+_GROWTH = 0.02
+"""Dimensionless. Growth of a peak after a requested end of the run, relative to the peak, above
+which a warning is added. The amplitude of the free vibration is approximate (about 1 %).
 """
 
 _REMEDY = "use a smaller step or another method"
@@ -170,6 +177,14 @@ class Case:
             Ground motion; None for free vibration or forces on floors only.
         """
         return replace(self, record=record)
+
+    def throughout(self, record: Record) -> Case:
+        """Return the same building and method under another ground motion, without the duration in
+        the model's `analysis` section."""
+        if self.model.analysis.duration is None:
+            return self.under(record)
+        analysis = replace(self.model.analysis, duration=None)
+        return replace(self, model=replace(self.model, analysis=analysis), record=record)
 
     def scaled(self, factor: float) -> Case:
         """Return the same case with the ground motion multiplied by a factor other than zero.
@@ -268,8 +283,12 @@ class Case:
             if collapse is None:
                 raise self._failure(steps, result.space, result.code)
             # The run failed after a collapse. Repeat it up to the collapse, which is its result.
-            steps = replace(steps, count=round(collapse.time / steps.h))
+            steps = replace(steps, count=round(collapse.time / steps.h), continues=False)
             result = self._integrate(steps, history)
+        elif history and result.completed > steps.count:
+            # The history in memory includes the motion after the record.
+            longer = replace(steps, count=result.completed, continues=False)
+            result = self._integrate(longer, history)
         error = named_energies(result.space.totals).error
         # A negative error is energy produced by the method. The negated comparison is also true if
         # the error is nan.
@@ -524,13 +543,28 @@ class Case:
             *self._ductility_warnings(stories),
             *_imbalance_warnings(energy),
         )
+        growth = 0.0
+        if not (steps.continues or self.record is None or self.model.excitation.has_forces):
+            is_at_rest = steps.count * steps.h >= self.record.duration
+            growth = possible_growth(
+                self.building, space, self.prepared.period, is_at_rest=is_at_rest
+            )
+            growth = growth if growth > _GROWTH else 0.0
+            if growth:
+                warnings = (
+                    *warnings,
+                    f"the run ends at {steps.count * steps.h:.6g} s, while peaks still grow: they "
+                    f"may become {100.0 * growth:.2g} % larger; use a longer duration, or omit it",
+                )
+        late = 0.0 if result.completed > steps.count else steps.late
+        bound = interstep_peak_errors(self.building, space, late, stories)
         response = Response(
             model=self.model,
             record=self.record,
             status=collapse.status if collapse else "done",
             method=self.method.label,
             dt=steps.h,
-            steps=steps.count,
+            steps=result.completed,
             iterations=int(space.totals[rows.ITERATIONS]),
             # Halvings of steps that did not converge
             substeps=int(space.totals[rows.HALVINGS]),
@@ -542,7 +576,7 @@ class Case:
             # The imbalances in a chunk are relative to the reference energy of the complete run.
             history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
-            interstep_bound=interstep_peak_errors(self.building, space, steps.late, stories),
+            interstep_bound=bound,
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
             warnings=warnings,
@@ -550,7 +584,11 @@ class Case:
                 self.model, element_results(space.law_state, self.building.stories), stories
             ),
         )
-        return replace(response, notes=self._notes(response, steps))
+        return replace(
+            response,
+            notes=self._notes(response, steps),
+            interstep_bound=with_growth(bound, stories, growth),
+        )
 
     def _ductility_warnings(self, stories: StoryPeaks) -> list[str]:
         """Return the warning on unusually large ductilities of stories, if this applies."""
@@ -569,7 +607,12 @@ class Case:
         notes = [*model_notes(self.model), *self.remarks, *(record.notes if record else ())]
         notes += self._baseline_notes
         # The tolerance 1e-9 excludes the rounding of a number of steps times their length.
-        if record and end > record.duration * (1.0 + 1e-9):
+        if record and steps.continues and response.steps > steps.count:
+            notes.append(
+                f"the response still grew at the end of the record at {record.duration:.6g} s: the "
+                f"run continues to {end:.6g} s with the ground at rest"
+            )
+        elif record and end > record.duration * (1.0 + 1e-9):
             notes.append(
                 f"the record ends at {record.duration:.6g} s; the ground is at rest after it"
             )

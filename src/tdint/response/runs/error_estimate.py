@@ -250,7 +250,7 @@ def with_error_estimate(
     Response
         Response with the error estimate in `check`, and further notes.
     """
-    steps = replace(steps, count=response.steps)
+    steps = replace(steps, count=response.steps, continues=False)
     other = attempt(reference(case), reference_steps(case, steps))
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
@@ -533,8 +533,10 @@ def _with_error(history: History, other: History) -> History:
     """Return a history with its estimated errors: the values of `other`, the history of the
     additional run at the same times, minus its own values.
     """
+    # The additional run includes the motion after the record, which a file omits.
+    count = history.time.size
     errors = {
-        field.name: getattr(other, field.name) - getattr(history, field.name)
+        field.name: getattr(other, field.name)[:count] - getattr(history, field.name)
         for field in fields(ErrorHistory)
     }
     return replace(history, error=ErrorHistory(**errors))

@@ -60,33 +60,59 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
     return StoryPeaks(height=building.heights, **values)
 
 
-def residual_oscillation(building: Building, space: Workspace) -> Array:
+def residual_oscillation(
+    building: Building, space: Workspace, inverse_omega: float | None = None
+) -> Array:
     """Return approximate amplitudes of the drifts about their positions of rest at the end of a
     run, m.
 
     As in a free vibration, the amplitude is sqrt(d^2 + (v / omega)^2), with the distance d from the
     position of rest and the drift rate v. At rest, no story has a force, so d is the force of the
-    story divided by its present stiffness. 1 / omega is approximated by the maximum displacement
-    divided by the maximum velocity of the run, times the square root of the ratio of initial to
-    present stiffness.
+    story divided by its present stiffness. 1 / omega is `inverse_omega` (s; by default the maximum
+    displacement divided by the maximum velocity of the run), times the square root of the ratio of
+    initial to present stiffness.
     """
-    drift, force, slope = (
-        space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
-    )
-    initial_stiffness = building.initial_stiffness
-    # A slope that is not positive or exceeds the initial stiffness does not lead to the position of
-    # rest: use the initial stiffness instead.
-    is_usable = (slope > 0.0) & (slope < initial_stiffness)
-    present_stiffness = np.where(is_usable, slope, initial_stiffness)
-    # Force of the law plus P-delta
-    distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
+    distance, present_stiffness = building.rest_distance(space.law_state)
     rate = _drift_rates(building, space.state[rows.VELOCITY])
-    displacement, velocity = (
-        float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
-    )
-    initial_inverse_omega = displacement / velocity if velocity > 0.0 else 0.0  # s
-    softening = np.sqrt(initial_stiffness / present_stiffness)
-    return np.asarray(np.hypot(distance, rate * initial_inverse_omega * softening))
+    if inverse_omega is None:
+        displacement, velocity = (
+            float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
+        )
+        inverse_omega = displacement / velocity if velocity > 0.0 else 0.0
+    softening = np.sqrt(building.initial_stiffness / present_stiffness)
+    return np.asarray(np.hypot(distance, rate * inverse_omega * softening))
+
+
+def possible_growth(
+    building: Building, space: Workspace, period: float, *, is_at_rest: bool
+) -> float:
+    """Return by how much a peak drift may grow after the end of a run, relative to the peak, for
+    the story where this is largest.
+
+    The drift of a story in free vibration is at most its distance from zero without a force plus
+    its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground
+    moves at the end (`is_at_rest` is False), only stories count whose drift is the peak and
+    increases.
+    """
+    drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
+    reach = np.abs(drift - building.rest_distance(space.law_state)[0])
+    reach = reach + residual_oscillation(building, space, period / (2.0 * np.pi))
+    counts = peak > 0.0
+    if not is_at_rest:
+        rate = _drift_rates(building, space.state[rows.VELOCITY])
+        counts &= (np.abs(drift) >= peak) & (drift * rate > 0.0)
+    return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
+
+
+def with_growth(bound: StoryErrors, stories: StoryPeaks, growth: float) -> StoryErrors:
+    """Return bounds of errors for peaks that may grow after the end of a run, relative to the peak;
+    residual drifts are unchanged."""
+    values = {
+        name: np.maximum(value, growth * getattr(stories, name))
+        for name, value in vars(bound).items()
+        if name != "residual_drift"
+    }
+    return StoryErrors(**values, residual_drift=bound.residual_drift)
 
 
 def _drift_rates(building: Building, floors: Array) -> Array:

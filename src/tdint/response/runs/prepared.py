@@ -88,6 +88,8 @@ class IntegrationResult:
     ----------
     space : Workspace
         Arrays at the end of the time integration or after the failed step.
+    completed : int
+        Number of steps of the run, with those after the requested end.
     code : int
         0, or the negative code of the step that failed.
     seconds, wall : float
@@ -95,6 +97,7 @@ class IntegrationResult:
     """
 
     space: Workspace
+    completed: int
     code: int
     seconds: float
     wall: float
@@ -246,6 +249,50 @@ def _integrate_to_rest(
         if max_velocity <= criterion.quiet * space.peaks[rows.PEAK_DISPLACEMENT].max():
             return code, completed, True
     return 0, completed, False
+
+
+_MOST_WINDOWS = 100
+"""Maximum number of periods for which a run continues while peaks grow. In an undamped building the
+energy does not decrease.
+"""
+
+_QUIET_WINDOWS = 2
+"""Number of successive windows without growth after which a run ends. The period of a building that
+has become softer can be up to four times the period of the window, as half a period contains all
+extrema.
+"""
+
+_GROWTH = 1e-6
+"""Dimensionless. Relative growth of a peak in a window that counts; the minimum error estimate is
+1e-5."""
+
+_PART_OF_TRIANGLE = 0.5
+"""Dimensionless. Energy for a drift of a story that is not linear, divided by the triangle of
+`_may_grow`. The path of a law with pinching is below the triangle.
+"""
+
+
+def _may_grow(building: Building, space: Workspace) -> bool:
+    """Return True if the energy of a building at the end of a ground motion could raise the peak
+    drift of a story.
+
+    A story reaches its peak drift again from its position of rest. The work is at least the
+    triangle of peak force and change of drift, if the path is a line or above it. The kinetic
+    energy and the work to the positions of rest of all stories must supply it. The energies of
+    velocities and accelerations are in the same proportion; they are included while a drift can
+    grow.
+    """
+    totals, peaks = space.totals, space.peaks
+    if totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE:
+        return False
+    distance, stiffness = building.rest_distance(space.law_state)
+    energy = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_BRACES]
+    energy += 0.5 * np.dot(stiffness, distance**2)
+    at_rest = np.abs(space.law_state[rows.DRIFT, : building.stories] - distance)
+    triangle = 0.5 * peaks[rows.PEAK_SHEAR] * (peaks[rows.PEAK_DRIFT] - at_rest)
+    # A story without a force, such as a gap that does not close, does not need energy.
+    least = triangle.min(initial=math.inf, where=peaks[rows.PEAK_SHEAR] > 0.0)
+    return bool(energy > least * (1.0 if building.linear else _PART_OF_TRIANGLE))
 
 
 def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> None:
@@ -427,8 +474,13 @@ class PreparedBuilding:
         space.steps_per_row = steps.count // history_rows if history_rows else 1
         loop = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
-        code = self._integrate_interruptibly(loop, steps)
-        return IntegrationResult(space, code, system.seconds() - began, time.perf_counter() - wall)
+        code, completed = self._integrate_interruptibly(loop, steps), steps.count
+        if code == 0 and steps.continues:
+            code, completed = self._continue_while_growing(
+                integrator, steps, np.zeros(1) if ground is None else ground, space
+            )
+        seconds, wall = system.seconds() - began, time.perf_counter() - wall
+        return IntegrationResult(space, completed, code, seconds, wall)
 
     def integrate_in_chunks(
         self, integrator: Integrator, steps: Steps, ground: Array, *, every: int
@@ -605,6 +657,8 @@ class PreparedBuilding:
                 code, completed, at_rest = _integrate_to_rest(
                     loop, run.steps, criterion, integrator, space
                 )
+            elif code == 0 and run.steps.continues:
+                code, completed = self._continue_while_growing(integrator, run.steps, ground, space)
             result.peaks[i], result.totals[i] = space.peaks, space.totals
             result.drifts[i] = space.law_state[rows.DRIFT, :n]
             result.ends[i] = code, completed, at_rest
@@ -653,6 +707,46 @@ class PreparedBuilding:
             result.ends[i, STEPS_COMPLETED] = reached
             on_history(i, space.history[: reached // every + 1])
         return result
+
+    def _continue_while_growing(
+        self, integrator: Integrator, steps: Steps, ground: Array, space: Workspace
+    ) -> tuple[int, int]:
+        """Continue a completed run with the ground at rest as long as a peak could be exceeded, and
+        return 0 or the code of the failed step, and the number of steps.
+
+        The run continues in windows of a period until the energy is too small (`_may_grow`), or
+        until no peak grows in `_QUIET_WINDOWS` windows. If no peak has grown at all, the results at
+        the end of `steps` are restored. The history ends with `steps`.
+        """
+        if self.forces.size or not _may_grow(self.building, space):
+            return 0, steps.count
+        changed = (*space.memory, space.observer_state, space.peaks, space.totals)
+        at_end = [array.copy() for array in changed]
+        history, space.history = space.history, space.history[:0]
+        loop = self.loop(integrator, steps.h, ground, space)
+        space.history = history
+        completed, quiet, has_grown = steps.count, 0, False
+        for _ in range(_MOST_WINDOWS):
+            before = space.peaks[: rows.PEAK_ROWS].copy()
+            # As in a free vibration, the period is 2 pi over the ratio of the largest velocity to
+            # the largest displacement.
+            fastest = space.peaks[rows.PEAK_VELOCITY].max()
+            ratio = space.peaks[rows.PEAK_DISPLACEMENT].max() / fastest if fastest else 0.0
+            last = completed + max(1, math.ceil(2.0 * math.pi * ratio / steps.h))
+            code = loop(replace(steps, count=last), completed, last)
+            if code < 0:
+                return code, completed
+            completed = last
+            grows = bool(np.any(space.peaks[: rows.PEAK_ROWS] > (1.0 + _GROWTH) * before))
+            has_grown |= grows
+            quiet = 0 if grows else quiet + 1
+            if quiet == _QUIET_WINDOWS or not _may_grow(self.building, space):
+                break
+        if has_grown:
+            return 0, completed
+        for array, values in zip(changed, at_end, strict=True):
+            array[...] = values
+        return 0, steps.count
 
     def _loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
         """Check that the method supports the building, load the kernels, and return `arrays`."""

@@ -176,16 +176,15 @@ def integrate_sequence(
     of the settings is not used."""
     sequence = sequence_of(case, records, rest=rest, dt=settings.dt)
     joined_record = sequence.joined
-    duration = joined_record.duration
-    joined = replace(case.under(joined_record), remarks=(*case.remarks, *sequence.notes))
+    joined = replace(case.throughout(joined_record), remarks=(*case.remarks, *sequence.notes))
     response = integrate_case(
         joined,
-        replace(settings, duration=duration),
+        replace(settings, duration=None),
         history=history,
         history_errors=history_errors,
         tolerance=tolerance,
     )
-    steps = replace(joined.steps(response.dt, duration), count=response.steps)
+    steps = replace(joined.steps(response.dt), count=response.steps)
     return replace(
         response, events=event_responses(joined, sequence, steps, check=response.check is not None)
     )

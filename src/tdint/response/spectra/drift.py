@@ -39,6 +39,10 @@ _RESOLVED_FREQUENCY_RATIO = 20.0
 # Minimum number of modes of a beam. All modes with periods above half a sampling interval are
 # included in any case.
 _MIN_BEAM_MODES = 64
+# Maximum duration of the free vibration after a record, in fundamental periods. The sum of the
+# amplitudes of the modes falls below the maximum earlier if the building is damped. Without
+# damping, it does not decay, and most maxima occur in the first periods.
+_LONGEST_VIBRATION = 10.0
 
 
 @dataclass(frozen=True)
@@ -152,7 +156,8 @@ def drift_spectrum(
     The buildings are linear. They have equal masses, story stiffnesses and story heights, and the
     same damping ratio in all modes. Their response is the sum of the modal responses, which are
     exact for a ground motion that is linear between its samples. Maxima between the samples are
-    included.
+    included, and those of the free vibration after the last sample as long as it can exceed them,
+    without damping for ten fundamental periods.
 
     Parameters
     ----------
@@ -394,7 +399,11 @@ def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: fl
             np.pad(building.shapes, ((0, padding), (0, 0))),
             building.static,
             result,
-            *drifts.scratch(ground.size, p, table.shape[1] + padding, building.shapes.shape[1]),
+            *drifts.scratch(
+                ground.size * p + math.ceil(_LONGEST_VIBRATION * building.period * p / record.dt),
+                table.shape[1] + padding,
+                building.shapes.shape[1],
+            ),
         )
     return results
 

@@ -26,6 +26,8 @@ from tdint.kernels.oscillators.between_steps import (
     B20,
     B21,
     RECURSION_ROWS,
+    Vibration,
+    largest_afterwards,
 )
 from tdint.methods.exact import oscillator
 from tdint.number_parsing import pluralize
@@ -174,8 +176,12 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
     absolute acceleration (m/s^2) of linear oscillators, shape (3, k).
 
     The ground acceleration (m/s^2) is linear between samples. The oscillators are at rest at the
-    first sample, and maxima are evaluated until the last sample.
+    first sample. With maxima between the samples, the ground acceleration decreases to zero within
+    a sampling interval after the last sample, and maxima include the free vibration. Otherwise,
+    maxima are evaluated until the last sample.
     """
+    if maxima.between:
+        ground = np.append(ground, 0.0)
     result = np.empty((spectra.PEAKS, omega.size))
     for indices, parts, table in groups(omega, damping, dt, maxima, _lanes):
         lanes = _lanes(indices.size)
@@ -342,8 +348,8 @@ def spectrum(
     ----------
     record : Record, str, Path or ObsPy trace
         Ground motion, or a list of ground motions, for which the result is a `ResultList`. The
-        oscillators are at rest at its first sample, and maxima are evaluated until its last sample.
-        To include the free vibration after the record, append zeros to it.
+        oscillators are at rest at its first sample. The ground is at rest after its last sample,
+        and maxima include the free vibration.
     periods : ndarray, shape (k,)
         Periods, s. At period 0 (rigid oscillator), accelerations are the peak ground acceleration
         and all other quantities are 0.
@@ -353,11 +359,11 @@ def spectrum(
         Method that integrates the oscillators with the sampling interval as time step. By default,
         the exact solution is used (Nigam and Jennings 1969).
     maxima : str, optional
-        `exact`, the default, includes maxima between samples. `peer` evaluates steps of dt /
-        ceil(10 dt / T), as in spectra published by PEER. `samples` evaluates the samples of the
-        record, as USGS does. These names cannot be used with a method; its maxima are
-        `interpolated` between time steps by the quintic through displacements, velocities and
-        accelerations at the endpoints.
+        `exact`, the default, includes maxima between samples and after the last sample. `peer`
+        evaluates steps of dt / ceil(10 dt / T), as in spectra published by PEER. `samples`
+        evaluates the samples of the record, as USGS does. Both end with the record. These names
+        cannot be used with a method; its maxima are `interpolated` between time steps by the
+        quintic through displacements, velocities and accelerations at the endpoints.
     interpolation : str, optional
         Ground motion between its samples: `linear`, the default, or `band-limited`, the unique
         motion through the samples without frequencies above half the sampling rate.
@@ -591,7 +597,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
             f"period {2.0 * math.pi / omega[instability.index]:.6g} s; use longer periods or "
             "another method"
         )
-    steps = Steps(record.dt, record.acceleration.size - 1)
+    # The ground is at rest at the end of the last step, one sampling interval after the record.
+    steps = Steps(record.dt, record.acceleration.size)
     result = PreparedBuilding(oscillators(omega, ratios)).integrate(
         integrator, steps, record.acceleration.copy()
     )
@@ -602,7 +609,19 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
             "method"
         )
     peak_rows = [rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_ACCELERATION]
-    return integrator.label, result.space.peaks[peak_rows]
+    u, v = result.space.state[[rows.DISPLACEMENT, rows.VELOCITY], :-1]
+    by_u, by_v = omega**2, 2.0 * damping * omega
+    p = by_u * u + by_v * v  # the relative acceleration is -p
+    vibrations = [
+        Vibration(k, c, record.dt) for k, c in zip(by_u.tolist(), by_v.tolist(), strict=True)
+    ]
+    peaks = [
+        list(map(largest_afterwards, values, rates, vibrations, result.space.peaks[row]))
+        for values, rates, row in zip(
+            (u, v, p), (v, -p, by_u * v - by_v * p), peak_rows, strict=True
+        )
+    ]
+    return integrator.label, np.array(peaks)
 
 
 SA_DAMPING = 0.05

@@ -110,6 +110,17 @@ class InelasticSpectrum(Tabular):
         )
 
     @property
+    def prescribed(self) -> str:
+        """Value that is the same at all periods, for labels: ductility, strength or its
+        reduction."""
+        if self.target is not None:
+            return f"ductility {self.target:g}"
+        strength = self.yield_strength_ratio
+        if np.allclose(strength, strength[0], rtol=1e-9):  # equal except for rounding
+            return f"strength {strength[0]:.4g}"
+        return f"strength reduced by {self.reduction_factor[0]:.4g}"
+
+    @property
     def ductility(self) -> Annotated[Array, Quantity("1", "largest over yield displacement")]:
         """Ductility: below 1 if the oscillator does not yield, nan if its strength is zero."""
         return _quotient(self.sd, self.yield_displacement)
@@ -213,6 +224,7 @@ def constant_strength(
     damping: float | str = 0.05,
     *,
     hardening: float = 0.0,
+    relative_to: str = "weight",
 ) -> list[InelasticSpectrum]:
     """Compute inelastic spectra of constant strength.
 
@@ -222,6 +234,9 @@ def constant_strength(
         The same as in `constant_ductility`.
     strengths : sequence of float
         Yield strength ratios (yield force divided by weight), positive.
+    relative_to : str
+        `weight`, the default, or `elastic`: the strengths are then the yield forces divided by the
+        maximum elastic forces, 1 / R for the reduction factor R.
 
     Returns
     -------
@@ -241,11 +256,18 @@ def constant_strength(
             f"yield strength ratios must be numbers from {_MIN_STRENGTH:g} to {_MAX_STRENGTH:g}, "
             f"got {strengths!r:.60}"
         )
+    if relative_to not in ("weight", "elastic"):
+        raise UsageError(f"relative_to must be weight or elastic, got {relative_to!r}")
     results = np.zeros((len(strengths), len(oscillators), 3))
     for i, oscillator in enumerate(oscillators):
+        unit = STANDARD_GRAVITY / oscillator.omega**2
+        if relative_to == "elastic":
+            unit = oscillator.elastic
         for result, strength in zip(results, strengths, strict=True):
-            yield_displacement = strength * STANDARD_GRAVITY / oscillator.omega**2
-            result[i] = yield_displacement, *oscillator.response(yield_displacement)
+            # Without an elastic displacement, all results remain 0.
+            if unit > 0.0:
+                yield_displacement = strength * unit
+                result[i] = yield_displacement, *oscillator.response(yield_displacement)
     return [_spectrum(arguments, oscillators, None, result) for result in results]
 
 

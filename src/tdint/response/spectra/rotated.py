@@ -166,7 +166,9 @@ def _directional_displacements(
     )
     (first, dt), (second, _) = components
     result = np.empty((omega.size, rotation.ANGLES))
-    includes_interstep_maxima = int(settings.maxima.between)
+    if settings.maxima.between:
+        # After the last sample, the ground acceleration decreases to zero.
+        first, second = np.append(first, 0.0), np.append(second, 0.0)
     # Each group contains oscillators with the same number of parts of a sampling interval. The
     # compiled kernel computes one group at a time.
     for indices, parts, table in groups(
@@ -181,7 +183,7 @@ def _directional_displacements(
             parts,
             table,
             _directions(),
-            includes_interstep_maxima,
+            int(settings.maxima.between),
             peaks,
             *scratch,
         )

@@ -64,6 +64,7 @@ _EC8_PARAMETERS = {
 and 3.3)."""
 
 _MIN_ETA = 0.55  # minimum damping correction factor eta, EN 1998-1 3.2.2.2 (3)
+_MIN_OF_DESIGN = 0.2  # beta, lower bound of the design spectrum over ag, EN 1998-1 3.2.2.5 (4)
 _EC8_END = 4.0
 """Period, s, above which EN 1998-1 Annex A applies, which covers only spectra of type 1."""
 # Period TE, s, by ground type (EN 1998-1:2004 table A.1), from which the displacements of Annex A
@@ -113,13 +114,15 @@ def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
 
 
 def _ec8(parameters: Texts) -> DesignSpectrum:
-    """Return the elastic spectrum Se of Eurocode 8 (EN 1998-1:2004, 3.2.2.2).
+    """Return the elastic spectrum Se of Eurocode 8 (EN 1998-1:2004, 3.2.2.2), or the design
+    spectrum Sd (3.2.2.5) if the parameters include the behavior factor `q`.
 
-    A spectrum of type 1 extends to 10 s; from the period TE on it follows the displacements of eq.
-    A.2 (Annex A). A spectrum of type 2 extends to 4 s. The parameters are the texts of `type` (1 or
-    2), `soil` (A to E), `ag` (peak ground acceleration with its unit) and `damping` (ratio, 5 % by
-    default); and `s` (soil factor), `tb`, `tc` and `td` (corner periods, s) of a National Annex, by
-    default the recommended values.
+    The design spectrum is 2/3 ag S at period 0, 2.5 ag S / q on the plateau and at least 0.2 ag for
+    longer periods; damping is included in q. An elastic spectrum of type 1 extends to 10 s; from
+    the period TE on it follows the displacements of eq. A.2 (Annex A). A spectrum of type 2 extends
+    to 4 s. The parameters are the texts of `type` (1 or 2), `soil` (A to E), `ag` (peak ground
+    acceleration with its unit) and `damping` (ratio, 5 % by default); and `s` (soil factor), `tb`,
+    `tc` and `td` (corner periods, s) of a National Annex, by default the recommended values.
     """
     soils = _EC8_PARAMETERS.get(parameters["type"])
     if soils is None:
@@ -142,9 +145,22 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
     damping = parse_ratio(parameters.get("damping", "5%"))
     if not 0.0 < damping < 1.0:
         raise UsageError(f"damping must be between 0 and 100 %, got {parameters['damping']!r}")
-    eta = max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _MIN_ETA)
-    plateau = 2.5 * eta
-    te = _TE[parameters["soil"].upper()]
+    corners = [tb, tc, td]
+    if "q" in parameters:
+        q = parse_positive("q", parameters["q"])
+        if q < 1.0:
+            raise UsageError(f"the behavior factor q must be at least 1, got {q:g}")
+        if "damping" in parameters:
+            raise UsageError("q includes the damping of the building; remove damping or q")
+        at_zero, plateau, lowest = 2.0 / 3.0, 2.5 / q, _MIN_OF_DESIGN / s
+        te, last = _TF, _TF  # Annex A applies to elastic spectra
+        # Period where the spectrum reaches its lower bound
+        end = plateau * tc / lowest
+        corners.append(end if end <= td else math.sqrt(end * td))
+    else:
+        eta = max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _MIN_ETA)
+        at_zero, plateau, lowest, te = 1.0, 2.5 * eta, 0.0, _TE[parameters["soil"].upper()]
+        last = _TF if parameters["type"] == "1" else _EC8_END
 
     def curve(periods: Array) -> Array:
         """Return the pseudo-accelerations (m/s^2) at periods (s), shape (k,)."""
@@ -153,13 +169,14 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
         # Displacement of eq. A.2 relative to ag S: it decreases between TE and TF to the ground
         # displacement.
-        displacement = (
-            0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
-        )
+        part = np.clip((t - te) / max(_TF - te, tb), 0.0, 1.0)
+        displacement = 0.025 * tc * td * (plateau + part * (1.0 - plateau))
         shape = np.where(t <= te, shape, displacement * (2.0 * np.pi / t) ** 2)
-        return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
+        shape = np.maximum(shape, np.where(t > tc, lowest, 0.0))
+        rise = at_zero + periods / tb * (plateau - at_zero)
+        return ag * s * np.where(periods < tb, rise, shape)
 
-    return curve, (tb, tc, td), damping, _TF if parameters["type"] == "1" else _EC8_END
+    return curve, tuple(corners), damping, last
 
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}
@@ -173,6 +190,7 @@ CODES: Mapping[str, tuple[Callable[[Texts], DesignSpectrum], Mapping[str, bool]]
             "soil": True,
             "ag": True,
             "damping": False,
+            "q": False,
             "s": False,
             "tb": False,
             "tc": False,
@@ -363,7 +381,7 @@ def read_target(source: str) -> TargetSpectrum:
     grid = np.geomspace(low, longest, int(count))
     periods = np.unique([*grid, *(corner for corner in corners if grid[0] < corner < grid[-1])])
     zero = float(curve(np.zeros(1))[0])
-    _, end_of_constant_acceleration, _ = corners
+    _, end_of_constant_acceleration, *_ = corners
     return TargetSpectrum(
         source, periods, curve(periods), zero, damping, curve, end_of_constant_acceleration
     )

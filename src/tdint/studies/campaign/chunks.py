@@ -510,7 +510,8 @@ class Batch:
             self,
             motions=Motions({run.motion: sequence.joined}),
             spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
-            settings=replace(self.settings, duration=sequence.joined.duration),
+            subject=self.subject.throughout(),
+            settings=replace(self.settings, duration=None),
         )
         joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
         (run_row,) = joined_rows.runs
@@ -519,10 +520,8 @@ class Batch:
         if run_row.steps is not None:
             # The demands of the events require the response history: the run is repeated with the
             # same time step and the same number of steps.
-            joined_case = case.under(sequence.joined)
-            joined_steps = replace(
-                joined_case.steps(run_row.dt, sequence.joined.duration), count=run_row.steps
-            )
+            joined_case = case.throughout(sequence.joined)
+            joined_steps = replace(joined_case.steps(run_row.dt), count=run_row.steps)
             events = event_responses(
                 joined_case,
                 sequence,

@@ -571,7 +571,7 @@ def _ratio_setter(i: int) -> Callable[[Model, float], Model]:
         assert isinstance(model.damping, ModalDamping | RayleighRatio)
         ratios = list(model.damping.ratios)
         ratios[i] = ratio
-        return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))  # type: ignore[arg-type]
+        return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))
 
     return set_ratio
 
