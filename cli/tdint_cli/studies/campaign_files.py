@@ -128,7 +128,7 @@ class Profiles:
         UsageError
             The baseline is not a building of the campaign.
         """
-        from tdint.studies.campaign.story_profiles import ratios
+        from tdint.studies.campaign.variants import ratios
 
         self._require_profiles("--baseline")
         return studies.campaign.campaign_tables.ratio_table(
@@ -251,10 +251,7 @@ class Profiles:
 
         `profile` contains the results of one building under the suite at a single intensity level.
         """
-        counts = {"collapsed": profile.collapsed, "failed": profile.failed}
-        counts_text = " and ".join(
-            f"{count} {outcome}" for outcome, count in counts.items() if count
-        )
+        counts_text = profile.lost_text
         if not counts_text:
             return ""
         if remaining := len(profile.motions):
@@ -458,7 +455,7 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     building of the campaign; AnalysisError, if an option requires the peaks of all stories, which
     the campaign does not store.
     """
-    from tdint.studies.campaign.story_profiles import check_baseline
+    from tdint.studies.campaign.variants import check_baseline
 
     check_limit_options(request.limit, request.require, plan.models)
     needs_stories = {

@@ -88,8 +88,8 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     scale,
                     math.nan,
                     [[] for _ in done],  # only the number of ground motions is used here
+                    [[] for _ in range(collapsed)],
                     pairs=0,
-                    collapsed=collapsed,
                     failed=selected.size - done.size - collapsed,
                     measure=("", ""),
                     pair_demand="",
