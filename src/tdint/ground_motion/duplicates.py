@@ -128,4 +128,4 @@ def _resampled(record: Record, step: float) -> Array:
     if np.isclose(step, record.dt, rtol=1e-6, atol=0.0):
         return np.asarray(samples)
     times = np.arange(0.0, record.duration, step)
-    return np.interp(times, np.arange(samples.size) * record.dt, samples)
+    return np.asarray(np.interp(times, np.arange(samples.size) * record.dt, samples))
