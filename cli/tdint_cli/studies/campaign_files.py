@@ -209,8 +209,10 @@ class Profiles:
         from tdint.studies.campaign.suite_report import suite_page
 
         request = self.request
-        # A collapse is a result and belongs to the verdict; failed runs are warnings.
+        # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of
+        # several buildings contains their collapses.
         lost_motions = []
+        has_variants = len({profile.building for profile in self.profiles}) > 1
         for profile in self.profiles:
             if text := self._lost_motions_text(profile):
                 lost_motions.append((profile.collapsed > 0, text))
@@ -227,7 +229,11 @@ class Profiles:
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
             inputs=files_read(),
             verdict=[
-                *((False, text) for collapsed, text in lost_motions if collapsed),
+                *(
+                    (False, text)
+                    for collapsed, text in lost_motions
+                    if collapsed and not has_variants
+                ),
                 *self.limits.page_verdicts(page_units(shown_units)),
             ],
             limits=self.limits.table(page_units(shown_units)),
@@ -239,6 +245,7 @@ class Profiles:
             self.profiles,
             page_text,
             limit=self.limits.drift_line,
+            baseline=request.baseline,
             ratios=ratios,
             floors=floors,
             units=shown_units,
@@ -305,7 +312,11 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
+        from tdint.studies.campaign.variants import comparisons
+
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
+        if self.request.baseline is not None:
+            lines = [text for level in comparisons(self.profiles) if (text := level.note)] or lines
         # A campaign with the buildings of a region can have collapses in many buildings, which are
         # results of the study. Then only the first lines are shown, as notes and not as warnings.
         omitted = len(lines) - _MAX_LINES

@@ -166,6 +166,11 @@ class SuiteLevel:
         return len(self.collapsed_runs)
 
     @property
+    def lost(self) -> int:
+        """Number of motions with collapse or without a result, which means exclude."""
+        return self.collapsed + self.failed
+
+    @property
     def runs(self) -> int:
         """Number of motions; a pair is one motion."""
         return len(self.completed) + self.collapsed + self.failed
@@ -243,7 +248,7 @@ class Profile(SuiteLevel):
             self.height,
             self.motions,
             name=self.building,
-            has_failure=bool(self.collapsed or self.failed),
+            has_failure=bool(self.lost),
         )
 
     @property

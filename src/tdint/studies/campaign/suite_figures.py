@@ -252,9 +252,9 @@ def _finish_row(
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
     # Each building has its number, because a sum over buildings is not a number of motions.
     lost = {
-        profile.building: f"{profile.collapsed + profile.failed} of {profile.runs}"
+        profile.building: f"{profile.lost} of {profile.runs}"
         for profile in profiles
-        if profile.collapsed + profile.failed
+        if profile.lost
     }
     if lost:
         names = len({profile.building for profile in profiles}) > 1

@@ -59,9 +59,7 @@ class Comparison:
         """Clause on the buildings that collapsed or failed, with their numbers of motions; empty if
         all completed all motions."""
         lost = [
-            f"{profile.building} {profile.lost_text}"
-            for profile in self.profiles
-            if profile.collapsed + profile.failed
+            f"{profile.building} {profile.lost_text}" for profile in self.profiles if profile.lost
         ]
         return abbreviate(lost, _MAX_LOST)
 
