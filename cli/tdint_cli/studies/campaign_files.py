@@ -108,6 +108,17 @@ class Profiles:
         return self.request.output_units or self.store.output_units()
 
     @cached_property
+    def by(self) -> str | None:
+        """Column of the inventory by which losses are grouped: of the command line, or of the last
+        call with the option --by."""
+        from tdint.studies.fragility.damage_tables import check_column
+
+        if self.request.by is not None and self.store.damage():
+            check_column(self.store, self.request.by)
+            self.store.group_by(self.request.by)
+        return self.request.by or self.store.grouped_by()
+
+    @cached_property
     def profiles(self) -> list[Profile]:
         """Profiles of each building and intensity level."""
         from tdint.studies.campaign.story_profiles import profiles
@@ -358,7 +369,7 @@ class Profiles:
 RUNS, STORIES, ELEMENTS = "runs.csv", "stories.csv", "elements.csv"
 SHOCKS, SUMMARY = "shocks.csv", "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
-PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
+PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet", "losses.parquet")
 SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts.geojson"
 """Names of the files that are written from a store; each file is written completely."""
 
@@ -524,7 +535,7 @@ def _report_progress(advance: Advance) -> None:
 
 
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:
-    """Report the default treatment of component pairs, unless the user has selected a treatment.
+    """Report the pairs of components and their treatment.
 
     Raises
     ------
@@ -542,8 +553,10 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
             f"--pair-demand {request.pair_demand}: the records contain no pairs of horizontal "
             "components; omit --pair-demand"
         )
-    if plan.pair_demand is None and rule.pairs:
-        note(rule.note())
+    if rule.pairs:
+        # Both components of each pair, in the order of the records
+        names = [plan.motions[i].name for pair in rule.partners.items() for i in reversed(pair)]
+        note(rule.note(names, is_default=plan.pair_demand is None))
 
 
 def warn_of_plan(plan: Plan) -> None:
@@ -759,7 +772,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     """
     from tdint.output.summary import files_read, merged_inputs, stored_summary
 
-    store, by = profiles.store, profiles.request.by
+    store, by = profiles.store, profiles.by
     if maps.is_requested:
         check_map(store, maps, by, complete=is_complete(store))
     districts = maps.is_requested and by is not None
@@ -809,10 +822,10 @@ def _exports(
     from tdint.studies.campaign import exports
     from tdint.studies.regions import maps as map_tables
 
-    maps, by = maps or MapRequest(), profiles.request.by
+    maps, by = maps or MapRequest(), profiles.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     # Each entry contains True if this call can write the file, and the function that writes it.
-    runs, stories, damage = PARQUET
+    runs, stories, damage, losses = PARQUET
     writers: dict[str, tuple[bool, Writer | None]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
         stories: (
@@ -822,6 +835,10 @@ def _exports(
         damage: (
             has_pyarrow and bool(store.damage()),
             partial(exports.write_damage_parquet, store),
+        ),
+        losses: (
+            has_pyarrow and has_losses(store) and is_complete(store),
+            partial(exports.write_losses_parquet, store, by=by),
         ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
@@ -872,7 +889,7 @@ def _write(
         files[SHOCKS] = lambda stream: tables.write_shocks(store, stream, units)
     if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.write_profiles(store, stream, units)
-    files |= _damage(store, units, request.by)
+    files |= _damage(store, units, profiles.by)
     summary = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
     summary["inputs"] = merged_inputs(summary["inputs"], input_files)
     unit_of_key = {key: unit for key, (unit, _) in LIMIT_MEANINGS.items()}
