@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tdint.errors import AnalysisError
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.option_types import Count, drift_size
 from tdint_cli.options.output import Outputs
-from tdint_cli.terminal import say, warn
+from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.response.static.pushover import Pushover
@@ -76,8 +77,18 @@ def command(
     outputs = outputs.else_in(loaded.output_units)
     options.analysis.warn_of(loaded)
     units = outputs.shown_units
-    # With a target the table lists target displacements; the curve is only in the figure.
-    if target is None:
+    # With a target the table lists target displacements; the curve is only in the figure. If the
+    # target is beyond the end of the curve, the curve is the result, and the error follows.
+    targets: tuple[TargetDisplacement, ...] = ()
+    beyond: AnalysisError | None = None
+    if target is not None:
+        from tdint.response.static.target_displacement import target_displacements
+
+        try:
+            targets = tuple(target_displacements(result, target))
+        except AnalysisError as error:
+            beyond = error
+    if not targets:
         outputs.deliver(
             tables.buildings.pushover_table(result),
             lambda: figures.static_curves.pushover_picture(result, units),
@@ -85,10 +96,10 @@ def command(
             page=lambda: _page(result, (), page_units),
         )
         say(_result_text(result, units))
+        if beyond is not None:
+            note("the output is the pushover curve, because there is no target displacement")
+            raise beyond
         return
-    from tdint.response.static.target_displacement import target_displacements
-
-    targets = tuple(target_displacements(result, target))
     building_table = tables.buildings.target_building_table(targets).in_units(units)
     events = _events(result, units)
     outputs.deliver(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
-from tdint.number_parsing import parse_head, pluralize
+from tdint.number_parsing import abbreviate, parse_head, pluralize
 from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint_cli import options
@@ -249,8 +249,15 @@ def _status(request: CampaignRequest) -> None:
         check_chunks(store)
         statuses, run_count = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
+        name, all_runs = store.meta("name"), ""
+        # The directory of a part of a campaign has the runs of this part only, unless the other
+        # parts have been merged into it.
+        if (parts := store.shard_runs()) and done <= sum(parts.values()) < run_count:
+            name += f", part {abbreviate(list(parts), 4)}"
+            all_runs = f" ({run_count} in all parts)"
+            run_count = sum(parts.values())
         emit_table(status_table(statuses, run_count - done))
-        say(f"{store.meta('name')}: {done} of {pluralize(run_count, 'run')} completed.")
+        say(f"{name}: {done} of {pluralize(run_count, 'run')} completed{all_runs}.")
         for input_kind, reasons in store.unused().items():
             if reasons:
                 warn(

@@ -86,6 +86,17 @@ class Profiles:
         return self.request.output_units or self.store.output_units()
 
     @cached_property
+    def by(self) -> str | None:
+        """Column of the inventory by which losses are grouped: of the command line, or of the last
+        call with the option --by."""
+        from tdint.studies.fragility.damage_tables import check_column
+
+        if self.request.by is not None and self.store.damage():
+            check_column(self.store, self.request.by)
+            self.store.group_by(self.request.by)
+        return self.request.by or self.store.grouped_by()
+
+    @cached_property
     def profiles(self) -> list[Profile]:
         """Profiles of each building and intensity level."""
         from tdint.studies.campaign.story_profiles import profiles
@@ -106,7 +117,7 @@ class Profiles:
         UsageError
             The baseline is not a building of the campaign.
         """
-        from tdint.studies.campaign.story_profiles import ratios
+        from tdint.studies.campaign.variants import ratios
 
         self._require_profiles("--baseline")
         return studies.campaign.campaign_tables.ratio_table(
@@ -187,8 +198,10 @@ class Profiles:
         from tdint.studies.campaign.suite_report import suite_page
 
         request = self.request
-        # A collapse is a result and belongs to the verdict; failed runs are warnings.
+        # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of
+        # several buildings contains their collapses.
         lost_motions = []
+        has_variants = len({profile.building for profile in self.profiles}) > 1
         for profile in self.profiles:
             if text := self._lost_motions_text(profile):
                 lost_motions.append((profile.collapsed > 0, text))
@@ -205,7 +218,11 @@ class Profiles:
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
             inputs=files_read(),
             verdict=[
-                *((False, text) for collapsed, text in lost_motions if collapsed),
+                *(
+                    (False, text)
+                    for collapsed, text in lost_motions
+                    if collapsed and not has_variants
+                ),
                 *self.limits.page_verdicts(page_units(shown_units)),
             ],
             limits=self.limits.table(page_units(shown_units)),
@@ -217,6 +234,7 @@ class Profiles:
             self.profiles,
             page_text,
             limit=self.limits.drift_line,
+            baseline=request.baseline,
             ratios=ratios,
             floors=floors,
             units=shown_units,
@@ -229,10 +247,7 @@ class Profiles:
 
         `profile` contains the results of one building under the suite at a single intensity level.
         """
-        counts = {"collapsed": profile.collapsed, "failed": profile.failed}
-        counts_text = " and ".join(
-            f"{count} {outcome}" for outcome, count in counts.items() if count
-        )
+        counts_text = profile.lost_text
         if not counts_text:
             return ""
         if remaining := len(profile.motions):
@@ -286,7 +301,11 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
+        from tdint.studies.campaign.variants import comparisons
+
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
+        if self.request.baseline is not None:
+            lines = [text for level in comparisons(self.profiles) if (text := level.note)] or lines
         # A campaign with the buildings of a region can have collapses in many buildings, which are
         # results of the study. Then only the first lines are shown, as notes and not as warnings.
         omitted = len(lines) - _MAX_LINES
@@ -328,7 +347,7 @@ class Profiles:
 RUNS, STORIES, ELEMENTS = "runs.csv", "stories.csv", "elements.csv"
 SHOCKS, SUMMARY = "shocks.csv", "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
-PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
+PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet", "losses.parquet")
 SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts.geojson"
 """Names of the files that are written from a store; each file is written completely."""
 
@@ -436,7 +455,7 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     building of the campaign; AnalysisError, if an option requires the peaks of all stories, which
     the campaign does not store.
     """
-    from tdint.studies.campaign.story_profiles import check_baseline
+    from tdint.studies.campaign.variants import check_baseline
 
     check_limit_options(request.limit, request.require, plan.models)
     needs_stories = {
@@ -494,7 +513,7 @@ def _report_progress(advance: Advance) -> None:
 
 
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:
-    """Report the default treatment of component pairs, unless the user has selected a treatment.
+    """Report the pairs of components and their treatment.
 
     Raises
     ------
@@ -512,8 +531,10 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
             f"--pair-demand {request.pair_demand}: the records contain no pairs of horizontal "
             "components; omit --pair-demand"
         )
-    if plan.pair_demand is None and rule.pairs:
-        note(rule.note())
+    if rule.pairs:
+        # Both components of each pair, in the order of the records
+        names = [plan.motions[i].name for pair in rule.partners.items() for i in reversed(pair)]
+        note(rule.note(names, is_default=plan.pair_demand is None))
 
 
 def warn_of_plan(plan: Plan) -> None:
@@ -729,7 +750,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     """
     from tdint.output.summary import files_read, merged_inputs, stored_summary
 
-    store, by = profiles.store, profiles.request.by
+    store, by = profiles.store, profiles.by
     if maps.is_requested:
         check_map(store, maps, by, complete=is_complete(store))
     districts = maps.is_requested and by is not None
@@ -779,10 +800,10 @@ def _exports(
     from tdint.studies.campaign import exports
     from tdint.studies.regions import maps as map_tables
 
-    maps, by = maps or MapRequest(), profiles.request.by
+    maps, by = maps or MapRequest(), profiles.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     # Each entry contains True if this call can write the file, and the function that writes it.
-    runs, stories, damage = PARQUET
+    runs, stories, damage, losses = PARQUET
     writers: dict[str, tuple[bool, Writer | None]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
         stories: (
@@ -792,6 +813,10 @@ def _exports(
         damage: (
             has_pyarrow and bool(store.damage()),
             partial(exports.write_damage_parquet, store),
+        ),
+        losses: (
+            has_pyarrow and has_losses(store) and is_complete(store),
+            partial(exports.write_losses_parquet, store, by=by),
         ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
@@ -842,7 +867,7 @@ def _write(
         files[SHOCKS] = lambda stream: tables.write_shocks(store, stream, units)
     if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.write_profiles(store, stream, units)
-    files |= _damage(store, units, request.by)
+    files |= _damage(store, units, profiles.by)
     summary = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
     summary["inputs"] = merged_inputs(summary["inputs"], input_files)
     unit_of_key = {key: unit for key, (unit, _) in LIMIT_MEANINGS.items()}

@@ -408,11 +408,14 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
 
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
-    """Report the default treatment of component pairs, unless the user has selected a treatment."""
+    """Report the pairs of components and their treatment."""
     from tdint.studies.motions.pairs import pairs_note
 
-    if study.partners and request.pair_demand is None:
-        note(pairs_note(len(study.partners), study.pair_demand))
+    if partners := study.states[0].partners:
+        curves = study.states[0].curves
+        names = [curves[i].record.source for pair in partners.items() for i in reversed(pair)]
+        is_default = request.pair_demand is None
+        note(pairs_note(len(partners), study.pair_demand, names, is_default=is_default))
 
 
 def _report(study: IdaStudy, precision: float) -> None:
@@ -442,10 +445,11 @@ def _report(study: IdaStudy, precision: float) -> None:
             f"{pluralize(repeated, 'run')} repeated with a smaller time step, because the first "
             "time step gave no result"
         )
-    resurrections = sum(curve.resurrection for curve in study.curves)
+    curves = study.motion_curves
+    resurrections = sum(curve.resurrection for curve in curves)
     if resurrections:
         note(
-            f"for {resurrections} of {len(study.curves)} records the building survives an "
+            f"for {resurrections} of {pluralize(len(curves), 'motion')} the building survives an "
             "intensity above its lowest collapse intensity (resurrection)"
         )
     warn(*_reliability_warnings(study, precision))

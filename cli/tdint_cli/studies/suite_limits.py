@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from tdint.number_parsing import abbreviate
 from tdint_cli.demand_limits import outcome_text
 
 if TYPE_CHECKING:
@@ -146,10 +147,14 @@ class SuiteLimits:
         """Yield the headlines of a report: results of the limits, then isolators without limits.
 
         Each item contains True if the limit is met, False if it is exceeded; None for a result
-        without a limit; and the sentence, with values in `units`.
+        without a limit; and the sentence, with values in `units`. For several buildings, one
+        sentence lists the buildings; the table of limits contains the values.
         """
         from tdint.output.verdicts import isolator_sentence
 
+        if len({profile.building for profile in self.profiles}) > 1:
+            yield from self._common_verdict(units)
+            return
         for profile, verdict in self.verdicts(units):
             outcome = outcome_text(bool(verdict.met)) if verdict.single_limit else ""
             yield verdict.met, outcome + self.named(profile, verdict.text)
@@ -157,6 +162,21 @@ class SuiteLimits:
             text = isolator_sentence(profile.isolator_check, units, mean=True)
             if text and not self.is_limited(profile):
                 yield None, self.named(profile, text)
+
+    def _common_verdict(self, units: OutputUnits) -> Iterator[tuple[bool, str]]:
+        """Yield the sentence on the buildings that meet their limits and that do not."""
+        outcomes: dict[str, bool] = {}
+        for profile, verdict in self.verdicts(units):
+            if verdict.met is not None:
+                name = self.building(profile)
+                outcomes[name] = outcomes.get(name, True) and verdict.met
+        lists = [
+            f"{text} {abbreviate([name for name, met in outcomes.items() if met is wanted], 8)}"
+            for text, wanted in (("met by", True), ("exceeded by", False))
+            if wanted in outcomes.values()
+        ]
+        if lists:
+            yield all(outcomes.values()), f"Limits {'; '.join(lists)}."
 
     def building(self, profile: Profile) -> str:
         """Return the name of a profile, which is empty if there is only a single profile."""

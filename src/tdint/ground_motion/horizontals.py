@@ -291,7 +291,12 @@ def _channel_code(component: str) -> str:
 
 def at_right_angles(component: str, other: str) -> bool:
     """Return True if two component names are perpendicular: by their azimuths (000, EW, HNE), or as
-    a pair such as HN1 and HN2 or X and Y."""
+    a pair such as HN1 and HN2 or X and Y. Of names that differ in one word, such as the columns
+    acc_N and acc_E, this word counts."""
+    words, other_words = (re.split(r"[\s_.:-]+", name.strip()) for name in (component, other))
+    differing = [pair for pair in zip(words, other_words, strict=False) if pair[0] != pair[1]]
+    if len(words) == len(other_words) > 1 and len(differing) == 1:
+        component, other = differing[0]
     first, second = azimuth(component), azimuth(other)
     if first is not None and second is not None:
         # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
@@ -520,6 +525,13 @@ def files_of_motions(
             f"no file name matches {names.first} or {names.second}; the files are {listed}"
         )
     return [tuple(members) for members in motions.values()], others
+
+
+def component_in_name(file: str) -> str:
+    """Return the component that the name of a file states, also in degrees; empty without one."""
+    name = Path(file).name
+    match = _find_component(name) or _DIRECTION.search(name)
+    return match["component"] if match else ""
 
 
 def with_component(record: Record, *, in_degrees: bool = False) -> Record:

@@ -105,6 +105,9 @@ class _PathPoint(NamedTuple):
         Slopes of the force before and after the drift, N/m.
     force_after_commit : float
         Force at the same drift after the state is committed, N.
+    tangents_after_commit : tuple of float
+        Tangents slightly below and slightly above the drift, from the committed state, N/m: of a
+        smooth law they are equal, whether the path continues or reverses.
     is_on_branch : bool
         True if the drift is on the same branch as the previous drift of the path.
     lower, upper : float
@@ -117,6 +120,7 @@ class _PathPoint(NamedTuple):
     tangent: float
     slopes: tuple[float, float]
     force_after_commit: float
+    tangents_after_commit: tuple[float, float]
     is_on_branch: bool
     lower: float
     upper: float
@@ -126,7 +130,7 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
     """Verify the declarations `kinked` and `curved` of a law at its registration.
 
     A law must declare `kinked` if and only if it has branches (`switch`). A law without branches
-    must declare `curved` unless its force is linear.
+    must declare `curved` unless its force is linear, and its tangent must not jump at a reversal.
 
     Parameters
     ----------
@@ -149,11 +153,13 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
             f"{where}: law {law.name} declares `kinked=True`, but has no `switch` to change "
             "its branch; add `switch` and `enter`, or declare only `curved=True`"
         )
-    if functions.switch is None and not law.curved:
+    if functions.switch is None:
         # A law without branches that is not declared curved must be linear. Compute its force for
-        # several sets of parameters (columns), and report the first difference.
+        # several sets of parameters (columns), and report the first difference. The tangent of a
+        # curved law is compared at reversals only, because sampled parameters may be unusual.
+        find_faults = _reversal_faults if law.curved else path_faults
         for column in _sampled_columns(law):
-            for fault in _sampled_faults(law, column):
+            for fault in _sampled_faults(law, column, find_faults):
                 raise UsageError(f"{where}: {fault}")
 
 
@@ -260,7 +266,40 @@ def path_faults(
                     f"{point.tangent:.6g} N/m at drift {point.drift:.6g} m, the slopes before and "
                     f"after it are {slope_before:.6g} and {slope_after:.6g} N/m"
                 ]
-    return _memory_faults(story, yield_drift)
+    return _reversal_faults(law, column, yield_drift, guard) or _memory_faults(story, yield_drift)
+
+
+def _reversal_faults(
+    law: DriftLaw,
+    column: Array,
+    yield_drift: float = math.nan,
+    guard: Guard = lambda array, name: array,
+) -> list[str]:
+    """Return a message if the tangent of a law without branches jumps where the drift reverses; the
+    arguments are those of `path_faults`.
+
+    Methods of fourth order would be of second order without a message, because they locate the
+    reversals only of laws with branches.
+    """
+    functions = law.functions()
+    if functions.switch is not None:
+        return []
+    is_yielding = 0.0 < yield_drift < math.inf
+    sizes = [yield_drift * ratio for ratio in _YIELD_MULTIPLES[:2]] if is_yielding else _DECADES[:3]
+    for size in sizes:
+        max_tangent = 0.0
+        story = _LawStory(law, functions, column, guard)
+        for point in _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size):
+            max_tangent = max(max_tangent, abs(point.tangent))
+            below, above = point.tangents_after_commit
+            if abs(above - below) > _TANGENT_TOLERANCE * max_tangent:
+                return [
+                    f"law {law.name}: its tangent jumps where the drift reverses: at drift "
+                    f"{point.drift:.6g} m it is {below:.6g} N/m towards smaller and {above:.6g} "
+                    "N/m towards larger drifts; declare `kinked=True`, and add `enter` and "
+                    "`switch`, which end the branch at a reversal (`set_branch`)"
+                ]
+    return []
 
 
 def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
@@ -402,6 +441,10 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
             force, tangent = _evaluate(functions, table, law_state, drift)
             _commit(law, functions, table, law_state)
             force_after_commit, _ = _evaluate(functions, table, law_state, drift)
+            tangent_below, tangent_above = (
+                _evaluate(functions, table, law_state, drift + change)[1]
+                for change in (-increment, increment)
+            )
             slopes = (force - force_below) / increment, (force_above - force) / increment
             is_on_branch = lower <= drift <= upper and not is_reversal
             yield _PathPoint(
@@ -411,6 +454,7 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
                 tangent,
                 slopes,
                 force_after_commit,
+                (tangent_below, tangent_above),
                 is_on_branch,
                 lower,
                 upper,
@@ -513,14 +557,17 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
             yield np.array([math.nan, stiffness, *values])
 
 
-def _sampled_faults(law: DriftLaw, column: Array) -> list[str]:
-    """Return the messages of `path_faults` for a law with sampled parameters.
+def _sampled_faults(
+    law: DriftLaw, column: Array, find_faults: Callable[[DriftLaw, Array], list[str]]
+) -> list[str]:
+    """Return the messages of `find_faults` (such as `path_faults`) for a law with sampled
+    parameters.
 
     The result is empty if the law cannot be executed with these parameters, because a law may
     require more than the bounds that it declares. It is verified again with the parameters of the
     first model that uses it.
     """
     try:
-        return path_faults(law, column)
+        return find_faults(law, column)
     except Exception:  # user-defined code may raise any exception for unexpected parameters
         return []

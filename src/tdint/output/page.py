@@ -119,6 +119,9 @@ class PageText:
         Names and texts of the first lines: project, author, date.
     inputs : sequence of mapping
         Input files with their SHA-256.
+    answer : sequence of Part
+        Table and text that answer the question of the report; they precede the warnings, so that
+        they are on the first page.
     limits : Table | None
         Comparisons of the demands with several limits; None if the verdict contains everything.
     governing_story : int | None
@@ -130,6 +133,7 @@ class PageText:
     head: Sequence[tuple[str, str]] = ()
     inputs: Sequence[Mapping[str, Any]] = ()
     verdict: Sequence[tuple[bool | None, str]] = ()
+    answer: Sequence[Part] = ()
     limits: Table | None = None
     governing_story: int | None = None
 
@@ -309,7 +313,8 @@ class _Flow:
 def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageText) -> bytes:
     """Return a report as UTF-8 HTML.
 
-    The order is: title, verdict, introduction, warnings, chapters, input files, software versions.
+    The order is: title, verdict, introduction, answer, warnings, chapters, input files, software
+    versions.
     The layout with the smallest blank areas on printed pages is selected.
 
     Parameters
@@ -382,6 +387,8 @@ def _lay_out(
     for is_met, text in page_text.verdict:
         flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
     flow.text("p", _html(about))
+    for part in page_text.answer:
+        _add(flow, part, images)
     for text in once(page_text.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
     # The chapter Inputs lists each file once, also if several runs have read it.

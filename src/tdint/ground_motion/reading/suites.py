@@ -7,12 +7,12 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_file, is_folder, protect_input
 from tdint.ground_motion.choice import RecordChoice, TextLayout
+from tdint.ground_motion.duplicates import first_copies
 from tdint.ground_motion.horizontals import (
     USUAL,
     Horizontals,
@@ -213,18 +213,16 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
 
 
 def _duplicate_notes(records: Sequence[Record]) -> list[str]:
-    """Return a warning if records have the same samples; otherwise an empty list.
+    """Return a warning if records are copies of other records; otherwise an empty list.
 
-    Duplicates occur if the user specifies a file and its directory, or a copy with another name.
+    Duplicates occur if the user specifies a file and its directory, or a motion in two formats.
     """
-    first_by_samples: dict[tuple[float, bytes], Record] = {}
-    duplicates = []
-    for record in records:
-        # Digests avoid a comparison of all pairs in a large suite.
-        key = record.dt, sha256(record.acceleration.tobytes()).digest()
-        first = first_by_samples.setdefault(key, record)
-        if first is not record:
-            duplicates.append(f"{record.name} is {first.name}")
+    first = first_copies([[record] for record in records])
+    duplicates = [
+        f"{records[index].name} is {records[original].name}"
+        for index, original in enumerate(first)
+        if original != index
+    ]
     if not duplicates:
         return []
     return [

@@ -45,10 +45,10 @@ if TYPE_CHECKING:
     from tdint.studies.campaign.story_profiles import (
         FloorSuite,
         Profile,
-        Ratios,
         RunFloors,
         Statistics,
     )
+    from tdint.studies.campaign.variants import Ratios
     from tdint.studies.fragility.measures import MeasuredRun, RunMeasure
     from tdint.studies.store.result_store import Store
 
@@ -79,7 +79,8 @@ COUNTS = (
         "collapsed",
         "1",
         "collapsed",
-        "number of ground motions with collapse; they are excluded from the statistics",
+        "number of ground motions with collapse; they are excluded from mean and max, and count as "
+        "larger than every value in the fractiles",
     ),
     Column(
         "failed",
@@ -88,6 +89,9 @@ COUNTS = (
         "number of ground motions without a result; they are excluded from the statistics",
     ),
 )
+COLLAPSE = "collapse"
+"""Cell of a fractile that is a collapse."""
+
 PROFILES = (
     BUILDING_COLUMNS[0],
     Column(
@@ -111,10 +115,16 @@ PROFILES = (
         "mean over the ground motions with a result and without collapse; pair_demand states the "
         "demand of a pair",
     ),
-    Column("median", "1", "median", "median over the same ground motions"),
-    Column("p16", "1", "p16", "16 % fractile over the same ground motions"),
-    Column("p84", "1", "p84", "84 % fractile over the same ground motions"),
-    Column("max", "1", "max", "maximum over the same ground motions"),
+    Column(
+        "median",
+        "1",
+        "median",
+        f"median over the ground motions with a result or collapse; `{COLLAPSE}` if the fractile "
+        "is a collapse, which is larger than every value",
+    ),
+    Column("p16", "1", "p16", "16 % fractile, as the median"),
+    Column("p84", "1", "p84", "84 % fractile, as the median"),
+    Column("max", "1", "max", "maximum over the ground motions of the mean"),
     *COUNTS,
 )
 """Columns of profiles.csv."""
@@ -148,16 +158,25 @@ RATIOS = (
         "story",
         "1",
         lambda ratios: np.array([None, *range(1, ratios.mean.size)], dtype=object),
-        "story (or the floor above); empty for the maximum over the stories",
+        "story of the baseline (or the floor above); empty for the maximum over the stories. "
+        "Stories of a building with other isolators or stories are counted from the roof",
     ),
     Column(
         "mean_ratio",
         "1",
         "mean",
-        "mean over the ground motions divided by the mean of the baseline",
+        "mean over the ground motions that all buildings survive, divided by the mean of the "
+        "baseline over the same motions",
     ),
     Column("median_ratio", "1", "median", "median divided by the median of the baseline"),
     Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline"),
+    Column(
+        "motions",
+        "1",
+        "motions",
+        "number of ground motions of both values: those that all buildings survive; fewer than 3 "
+        "of a larger suite give no ratio",
+    ),
 )
 """Columns of ratios.csv."""
 
@@ -340,7 +359,7 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
         for quantity in STORY_QUANTITIES:
             unit, factor = units.unit(quantity.unit)
             statistics = _cells_of_stories(profile.statistics(quantity), factor)
-            errors: Iterable[Sequence[float]] = repeat(())  # no cells if not estimated
+            errors: Iterable[Sequence[float | str]] = repeat(())  # no cells if not estimated
             if (error_statistics := profile.errors(quantity)) is not None:
                 errors = _cells_of_stories(error_statistics, factor)
             name = quantity.called or quantity.name
@@ -352,12 +371,15 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
                 yield [*head, *cells, *counts, *error_cells, *pair_demand]
 
 
-def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float]]:
+def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float | str]]:
     """Return the statistics of each story as a list of the five cells mean, median, p16, p84 and
-    max, divided by `factor` (value of the output unit in SI units)."""
+    max, divided by `factor` (value of the output unit in SI units). An infinite fractile is a
+    collapse."""
     values = np.array(list(vars(statistics).values()))
-    cells: list[list[float]] = (values.T / factor).tolist()
-    return cells
+    return [
+        [COLLAPSE if math.isinf(cell) else cell for cell in cells]
+        for cells in (values.T / factor).tolist()
+    ]
 
 
 def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:

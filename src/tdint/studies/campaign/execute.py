@@ -130,7 +130,7 @@ def execute_plan(
     runs_after = runs_before + sum(map(plan.size, missing))
     advance = Advance(runs_before, runs_after, runs_before, 0.0)
     if shard is not None:
-        store.add_shard(shard.text)
+        store.add_shard(shard.text, sum(map(plan.size, chunks)))
     # Compile before the clock starts: compilation is not part of the reported time per run.
     if missing:
         compile_for(plan)

@@ -31,6 +31,8 @@ from tdint.studies.campaign.campaign_tables import (
 from tdint.studies.fragility.damage_tables import (
     damage_rows,
     damage_table_columns,
+    loss_columns,
+    loss_rows,
 )
 from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.store.schema import STORIES
@@ -72,6 +74,11 @@ def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
     _write_parquet(
         store, stream, columns, damage_rows(store), inventory_count=len(store.inventory_columns())
     )
+
+
+def write_losses_parquet(store: Store, stream: BinaryIO, *, by: str | None) -> None:
+    """Write losses.csv, with the groups of the inventory column `by`, as Parquet."""
+    _write_parquet(store, stream, loss_columns(store, by), loss_rows(store, by))
 
 
 def _write_parquet(

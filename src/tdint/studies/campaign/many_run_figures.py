@@ -16,6 +16,7 @@ from tdint.number_parsing import pluralize
 from tdint.output.figures.style import INK, LIGHT, titled
 from tdint.response.runs.gradient import SCALE
 from tdint.response.runs.outcome import STORY_QUANTITIES, Gradient
+from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import Profile
 from tdint.studies.campaign.suite_figures import draw_drift_profiles, profile_picture
 from tdint.units import SI, OutputUnits
@@ -87,9 +88,10 @@ def run_profiles(runs: Runs) -> list[Profile]:
                 Profile(
                     scale,
                     math.nan,
-                    [[] for _ in done],  # only the number of ground motions is used here
+                    # A run is identified by its number among the runs of its building and scale.
+                    [[Run(int(index), scale, 0)] for index in np.flatnonzero(status == DONE)],
+                    [[] for _ in range(collapsed)],  # only their number is used here
                     pairs=0,
-                    collapsed=collapsed,
                     failed=selected.size - done.size - collapsed,
                     measure=("", ""),
                     pair_demand="",

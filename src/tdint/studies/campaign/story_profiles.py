@@ -3,26 +3,26 @@ motion, mean, fractiles and maximum. Also floor response spectra under a suite.
 
 The order of operations is that of design codes: maximum of each motion over time, in each story;
 mean over the motions; maximum over the stories. The two components of a pair are combined to a
-single motion, unless they count separately. Motions with collapse or without a result are counted,
-but excluded from all statistics.
+single motion, unless they count separately. Mean and maximum are over the motions with a result and
+without collapse. In the median and the fractiles a collapse counts as larger than every value, so
+that they do not fall when more motions cause collapse. Motions without a result are only counted.
 """
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import motion_names
 from tdint.model.limits import Limit, LimitCheck, check_demands, check_limits, isolator_limits
 from tdint.model.status import DONE, FALLEN
-from tdint.number_parsing import abbreviate
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import integrate_case
@@ -41,10 +41,14 @@ _NUMBERED_LEVEL = ("level", "")
 """Name and unit of levels that are numbered, because each motion has individual scale factors."""
 
 
+_FRACTILES = (16.0, 50.0, 84.0)  # percentiles of the statistics p16, median and p84
+
+
 @dataclass(frozen=True)
 class Statistics:
     """Statistics of a quantity over the motions, in each of n stories: mean, median, 16 % and 84 %
-    fractiles, and maximum. Each array has the shape (n,); it is NaN if there is no motion."""
+    fractiles, and maximum. Each array has the shape (n,). Mean and maximum are NaN without motions
+    that the building survives; a fractile is infinite if it is a collapse."""
 
     mean: Array
     median: Array
@@ -53,16 +57,31 @@ class Statistics:
     max: Array
 
     @classmethod
-    def of(cls, values: Array) -> Statistics:
+    def of(cls, values: Array, collapsed: int = 0) -> Statistics:
         """Return the statistics of values of shape (motions, n). Fractiles are interpolated
-        linearly between the sorted values."""
+        linearly between the sorted values.
+
+        Parameters
+        ----------
+        collapsed : int
+            Number of further motions that cause collapse, which is larger than every value.
+        """
         if not len(values):
-            return cls(*(np.full(values.shape[1], math.nan) for _ in fields(cls)))
-        p16, median, p84 = np.percentile(values, (16.0, 50.0, 84.0), axis=0)
-        return cls(np.mean(values, axis=0), median, p16, p84, np.max(values, axis=0))
+            missing = np.full(values.shape[1], math.nan)
+            fractile = np.full(values.shape[1], math.inf if collapsed else math.nan)
+            return cls(missing, fractile, fractile, fractile, missing)
+        mean, largest = np.mean(values, axis=0), np.max(values, axis=0)
+        # A fractile between two sorted values, of which the upper is a collapse, is a collapse. The
+        # ranks of the values result from the same interpolation, applied to their numbers.
+        ranks = np.percentile(np.arange(len(values) + collapsed), _FRACTILES)
+        sorted_last = np.concatenate([values, np.repeat(largest[None], collapsed, axis=0)])
+        fractiles = np.percentile(sorted_last, _FRACTILES, axis=0)
+        fractiles[np.ceil(ranks) >= len(values)] = math.inf
+        p16, median, p84 = fractiles
+        return cls(mean, median, p16, p84, largest)
 
     @classmethod
-    def errors(cls, values: Array, errors: Array) -> Statistics:
+    def errors(cls, values: Array, errors: Array, collapsed: int = 0) -> Statistics:
         """Return the maximum errors of the statistics that result from errors of the values.
 
         All statistics increase with the values, so that their error is maximum if all errors have
@@ -72,16 +91,19 @@ class Statistics:
         ----------
         values, errors : ndarray, shape (motions, n)
             Values in n stories and their estimated absolute errors.
+        collapsed : int
+            Number of further motions that cause collapse.
 
         Returns
         -------
         Statistics
-            Error of each statistic, in the attribute of the statistic.
+            Error of each statistic, in the attribute of the statistic; NaN for a collapse.
         """
 
         def statistics_of(samples: Array) -> Array:
             """Return the statistics of samples in the order of the fields of the class."""
-            return np.array(list(vars(cls.of(samples)).values()))
+            statistics = np.array(list(vars(cls.of(samples, collapsed)).values()))
+            return np.where(np.isinf(statistics), math.nan, statistics)
 
         return cls(*_maximum_error(statistics_of, values, errors))
 
@@ -111,10 +133,12 @@ class SuiteLevel:
         number of the factor, from 1. NaN if the level is a factor (`scale`).
     completed : list of list of Run
         Runs of each motion without collapse: one run, or two for a pair.
+    collapsed_runs : list of list of Run
+        Runs of each motion with collapse.
     pairs : int
         Number of motions that are pairs of components, including collapsed and failed runs.
-    collapsed, failed : int
-        Number of motions with collapse, and number of motions without a result.
+    failed : int
+        Number of motions without a result.
     measure : tuple of str
         Name and unit of the level.
     pair_demand : str
@@ -125,8 +149,8 @@ class SuiteLevel:
     scale: float
     level: float
     completed: list[list[Run]]
+    collapsed_runs: list[list[Run]]
     pairs: int
-    collapsed: int
     failed: int
     measure: tuple[str, str]
     pair_demand: str
@@ -135,6 +159,16 @@ class SuiteLevel:
     def level_text(self) -> str:
         """Text of the level, such as `scale 2` or `sa(T1) 2.94 m/s^2`."""
         return level_text(self.scale, self.level, self.measure)
+
+    @property
+    def collapsed(self) -> int:
+        """Number of motions with collapse."""
+        return len(self.collapsed_runs)
+
+    @property
+    def lost(self) -> int:
+        """Number of motions with collapse or without a result, which means exclude."""
+        return self.collapsed + self.failed
 
     @property
     def runs(self) -> int:
@@ -148,8 +182,8 @@ class Profile(SuiteLevel):
 
     Attributes
     ----------
-    motions : tuple of str
-        Motions of completed runs.
+    motions, collapsed_motions : tuple of str
+        Motions of completed runs, and motions with collapse.
     height : ndarray, shape (n,)
         Story heights, m; NaN if not specified.
     peaks : mapping of str to ndarray, shape (motions, n)
@@ -168,6 +202,31 @@ class Profile(SuiteLevel):
     peak_errors: Mapping[str, Array]
     limits: tuple[Limit, ...] = ()
     isolators: tuple[int, ...] = ()
+    collapsed_motions: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> list[tuple[int, int]]:
+        """Motion and sample of each completed motion, which identify it in all buildings."""
+        return [(runs[0].motion, runs[0].sample) for runs in self.completed]
+
+    def restricted_to(self, keys: Collection[tuple[int, int]]) -> Self:
+        """Return the profile of some of the completed motions, without any other motion."""
+        kept = [index for index, key in enumerate(self.keys) if key in keys]
+        return replace(
+            self,
+            completed=[self.completed[index] for index in kept],
+            collapsed_runs=[],
+            failed=0,
+            motions=tuple(self.motions[index] for index in kept),
+            peaks={name: values[kept] for name, values in self.peaks.items()},
+            peak_errors={name: values[kept] for name, values in self.peak_errors.items()},
+        )
+
+    @property
+    def lost_text(self) -> str:
+        """Number of motions with collapse or without a result as text, such as `8 collapsed`."""
+        counts = {"collapsed": self.collapsed, "failed": self.failed}
+        return " and ".join(f"{count} {outcome}" for outcome, count in counts.items() if count)
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
         """Compare the mean demands over the motions with limits: by default all limits of the
@@ -189,7 +248,7 @@ class Profile(SuiteLevel):
             self.height,
             self.motions,
             name=self.building,
-            has_failure=bool(self.collapsed or self.failed),
+            has_failure=bool(self.lost),
         )
 
     @property
@@ -201,7 +260,7 @@ class Profile(SuiteLevel):
 
     def statistics(self, quantity: Quantity) -> Statistics:
         """Return the statistics of a quantity of `STORY_QUANTITIES` in each story, SI units."""
-        return Statistics.of(self.peaks[quantity.name])
+        return Statistics.of(self.peaks[quantity.name], self.collapsed)
 
     def errors(self, quantity: Quantity) -> Statistics | None:
         """Return the errors of the statistics of a quantity in each story, which result from the
@@ -209,113 +268,8 @@ class Profile(SuiteLevel):
         to the selection of motions is not included."""
         if not self.peak_errors:
             return None
-        return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
-
-
-@dataclass(frozen=True)
-class Ratios:
-    """Ratio of a quantity of a building to the quantity of the baseline at the same level, in each
-    story that both buildings have.
-
-    Attributes
-    ----------
-    scale : float
-        Scale factor of all motions; NaN if motions have different factors.
-    level : float
-        Value of the intensity measure or number of the level; NaN if the level is a factor.
-    mean, median, max : ndarray, shape (1 + stories,)
-        Ratio of the maximum over all stories, then ratio of each story from the ground up; NaN if
-        the baseline has no value, or zero.
-    """
-
-    building: str
-    baseline: str
-    scale: float
-    level: float
-    quantity: Quantity
-    mean: Array
-    median: Array
-    max: Array
-
-
-def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
-    """Raise UsageError if a baseline is not one of the buildings, or is the only building."""
-    names = list(dict.fromkeys(buildings))
-    if baseline not in names:
-        suggestion = did_you_mean(baseline, names)
-        raise UsageError(
-            f"building {baseline!r} not found{suggestion}; available buildings: "
-            f"{abbreviate(names, 10)}"
-        )
-    if len(names) == 1:
-        raise UsageError(f"no other building to compare with {baseline!r}; add a building")
-
-
-def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
-    """Divide the statistics of each building by the statistics of a baseline building, at each
-    level of intensity.
-
-    Returns
-    -------
-    list of Ratios
-        One item for each other building, level and quantity of `STORY_QUANTITIES`. Levels at which
-        the baseline has no profile are omitted.
-
-    Raises
-    ------
-    UsageError
-        The baseline does not exist, or is the only building.
-    """
-    check_baseline(baseline, (profile.building for profile in profiles))
-
-    def level_key(profile: Profile) -> tuple[str, str]:
-        """Return a key that is equal for profiles at the same level. It consists of texts, because
-        scale or level may be NaN, which is not equal to NaN."""
-        return repr(profile.scale), repr(profile.level)
-
-    baseline_profiles = {
-        level_key(profile): profile for profile in profiles if profile.building == baseline
-    }
-    result = []
-    for compared in profiles:
-        baseline_profile = baseline_profiles.get(level_key(compared))
-        if baseline_profile is None or compared.building == baseline:
-            continue
-        for quantity in STORY_QUANTITIES:
-            compared_statistics = compared.statistics(quantity)
-            base_statistics = baseline_profile.statistics(quantity)
-            result.append(
-                Ratios(
-                    compared.building,
-                    baseline,
-                    compared.scale,
-                    compared.level,
-                    quantity,
-                    mean=_story_ratios(compared_statistics.mean, base_statistics.mean),
-                    median=_story_ratios(compared_statistics.median, base_statistics.median),
-                    max=_story_ratios(compared_statistics.max, base_statistics.max),
-                )
-            )
-    return result
-
-
-def _story_ratios(compared_values: Array, base_values: Array) -> Array:
-    """Divide the values of the stories of a building by the values of the baseline building: the
-    ratio of the maxima over all stories, then the ratio of each story that both buildings have. NaN
-    if the value of the baseline is zero or missing.
-    """
-    common_count = min(compared_values.size, base_values.size)
-    # The maxima may occur in different stories of the two buildings. Without any finite value, the
-    # maximum is -inf (`initial`), so that the ratio is unknown.
-    compared_max, base_max = (
-        np.max(values[np.isfinite(values)], initial=-math.inf)
-        for values in (compared_values, base_values)
-    )
-    numerator = np.concatenate([[compared_max], compared_values[:common_count]])
-    denominator = np.concatenate([[base_max], base_values[:common_count]])
-    is_known = (denominator > 0.0) & np.isfinite(numerator)
-    result = np.full(numerator.size, math.nan)
-    return np.asarray(np.divide(numerator, denominator, out=result, where=is_known))
+        values = self.peaks[quantity.name]
+        return Statistics.errors(values, self.peak_errors[quantity.name], self.collapsed)
 
 
 def profiles(store: Store) -> Iterator[Profile]:
@@ -339,9 +293,12 @@ def profiles(store: Store) -> Iterator[Profile]:
         for level in rules.levels_of(store, number):
             # `runs` are the runs of a motion. A pair in two files has the common part of their
             # names, a single component the name of its file.
-            motions = tuple(
-                (name_of_record if len(runs) > 1 else file_of_record)[runs[0].motion]
-                for runs in level.completed
+            motions, collapsed_motions = (
+                tuple(
+                    (name_of_record if len(runs) > 1 else file_of_record)[runs[0].motion]
+                    for runs in runs_of_motions
+                )
+                for runs_of_motions in (level.completed, level.collapsed_runs)
             )
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
             yield Profile(
@@ -353,6 +310,7 @@ def profiles(store: Store) -> Iterator[Profile]:
                 peak_errors=errors,
                 limits=store.limits(number).limits,
                 isolators=store.limits(number).isolators,
+                collapsed_motions=collapsed_motions,
             )
 
 
@@ -454,13 +412,14 @@ class SuiteRules:
             # A motion failed or collapsed if the run of one of its components did. A motion with a
             # failed and a collapsed component counts as failed.
             completed: list[list[Run]] = []
-            collapsed_count = failed_count = 0
+            collapsed: list[list[Run]] = []
+            failed_count = 0
             for runs in runs_of_motion.values():
                 statuses = [status[run] for run in runs]
                 if any(item not in (DONE, *FALLEN) for item in statuses):
                     failed_count += 1
                 elif any(item in FALLEN for item in statuses):
-                    collapsed_count += 1
+                    collapsed.append(runs)
                 else:
                     completed.append(runs)
             scale, level = self._scale_and_level(rank, {run.scale for run in level_runs})
@@ -468,8 +427,8 @@ class SuiteRules:
                 scale=scale,
                 level=level,
                 completed=completed,
+                collapsed_runs=collapsed,
                 pairs=sum(len(runs) > 1 for runs in runs_of_motion.values()),
-                collapsed=collapsed_count,
                 failed=failed_count,
                 measure=self.measure,
                 pair_demand=self.pairs.demand_if_pairs,

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
-from tdint.number_parsing import abbreviate, pluralize
+from tdint.number_parsing import pluralize
 from tdint.output.figures.floor_spectra import set_floor_axes
 from tdint.output.figures.legends import legend_columns
 from tdint.output.figures.style import (
@@ -31,13 +31,13 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.studies.campaign.story_profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
+from tdint.studies.campaign.variants import Comparison
 from tdint.studies.motions.pairs import MEAN
 from tdint.studies.motions.scaling_figures import GRAY
 from tdint.units import SI, OutputUnits
 
 _MAX_PANELS = 6  # maximum number of panels of floor spectra
 
-_MAX_LOST_BUILDINGS = 2  # maximum number of buildings in the note on collapsed and failed runs
 _MAX_ROWS = 4
 """Maximum number of levels, which have one row of panels each."""
 
@@ -78,7 +78,12 @@ def profile_picture(
     plot_styles = building_styles(profile.building for profile in profiles)
     for axes, row in zip(panels, shown, strict=True):
         by_length = _by_length(row)
-        for profile in row:
+        # Means of several buildings are compared under the motions that all buildings survive.
+        comparison = Comparison.of(row)
+        lowest = min(_isolated_base(profile) for profile in row)
+        drawn = comparison.common if len(row) > 1 and comparison.common else row
+        for profile in drawn:
+            base = _isolated_base(profile) - lowest
             peaks = profile.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
             accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
@@ -86,12 +91,14 @@ def profile_picture(
                 axes, (drifts, accelerations, peaks["peak_shear"]), strict=True
             ):
                 if len(values):
-                    line = partial(_line, panel, by_floor=values is accelerations)
+                    line = partial(_line, panel, by_floor=values is accelerations, base=base)
                     _draw_motions(
                         panel, values, line, plot_styles[profile.building], "largest", member
                     )
         level = row[0].level_text if len(rows) > 1 else ""
-        _finish_row(axes, row, units, None if by_length else limit, level)
+        _finish_row(axes, drawn, units, None if by_length else limit, level)
+        if text := _lost_motions_text(comparison):
+            axes[0].set_title(text, loc="left", fontsize=8.0, parse_math=False)
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _add_common_legend(figure, panels[:, 0])
     subject = (
@@ -133,7 +140,7 @@ def draw_drift_profiles(
         if levels > 1:
             plot_style = (COLORS[number % len(COLORS)], f"{plot_style[1]}{profile.level_text}, ")
         if len(drifts):
-            line = partial(_line, axes, by_floor=False)
+            line = partial(_line, axes, by_floor=False, base=0)
             _draw_motions(axes, drifts, line, plot_style, "largest", member)
     axes.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     axes.set_ylim(0.5, max(profile.height.size for profile in profiles) + 0.5)
@@ -203,17 +210,38 @@ def _draw_motions(
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
 
 
-def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
+def _isolated_base(profile: Profile) -> int:
+    """Return the number of isolators below the first story."""
+    base = 0
+    while base + 1 in profile.isolators:
+        base += 1
+    return base
+
+
+def _lost_motions_text(comparison: Comparison) -> str:
+    """Return the text on motions with collapse or without a result, which means do not contain;
+    empty without such motions."""
+    if not any(profile.lost for profile in comparison.profiles):
+        return ""
+    if len(comparison.profiles) == 1:
+        profile = comparison.profiles[0]
+        return f"{profile.lost} of {profile.runs} collapsed or failed: not drawn"
+    if comparison.common:
+        return f"{comparison.motions} motions that all buildings survive"
+    return "different motions: not comparable"
+
+
+def _line(axes: Any, values: Array, by_floor: bool, base: int, **style: Any) -> None:
     """Plot values over the height of a building: values of floors as a line through points, or
-    values of stories as steps.
+    values of stories as steps. `base` isolators that other buildings do not have are below story 1.
     """
     # Story i extends from i - 0.5 to i + 0.5; its floor is at i + 0.5.
     if by_floor:
-        axes.plot(values, np.arange(values.size) + 1.5, **style)
+        axes.plot(values, np.arange(values.size) + 1.5 - base, **style)
         return
     # Each story has two points, at its lower and upper edge.
     # `repeat` doubles all edges of the stories; the outermost edges are needed only once.
-    edges = np.repeat(np.arange(values.size + 1) + 0.5, 2)[1:-1]
+    edges = np.repeat(np.arange(values.size + 1) + 0.5 - base, 2)[1:-1]
     axes.plot(np.repeat(values, 2), edges, **style)
 
 
@@ -225,7 +253,7 @@ def _finish_row(
     level: str,
 ) -> None:
     """Add limits, ticks and labels to a row of panels with the lines of all motions (drifts, floor
-    accelerations, shears in N), and state the numbers of collapsed and failed runs.
+    accelerations, shears in N).
 
     `limit` is the marked limit of the drift ratio. `level` is empty if there is a single intensity
     level.
@@ -250,20 +278,13 @@ def _finish_row(
     shears.autoscale_view()
     shears.set_xlabel(f"story shear ({unit})")
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
-    # Each building has its number, because a sum over buildings is not a number of motions.
-    lost = {
-        profile.building: f"{profile.collapsed + profile.failed} of {profile.runs}"
-        for profile in profiles
-        if profile.collapsed + profile.failed
-    }
-    if lost:
-        names = len({profile.building for profile in profiles}) > 1
-        counts = [f"{count} ({name})" if names else count for name, count in lost.items()]
-        text = f"{abbreviate(counts, _MAX_LOST_BUILDINGS)} collapsed or failed: not drawn"
-        drifts.set_title(text, loc="left", fontsize=8.0, parse_math=False)
-    max_stories = max(profile.height.size for profile in profiles)
+    bases = [_isolated_base(profile) for profile in profiles]
+    low = min(bases) - max(bases)
+    max_stories = max(
+        profile.height.size - base for profile, base in zip(profiles, bases, strict=True)
+    )
     for panel in axes:
-        panel.set_ylim(0.5, max_stories + 0.5)
+        panel.set_ylim(low + 0.5, max_stories + min(bases) + 0.5)
         panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
         # In one column of a page, more numbers would touch each other.
         most = 2 if is_narrow() else 5

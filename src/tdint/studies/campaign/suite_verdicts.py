@@ -31,7 +31,7 @@ class LostMotions(NamedTuple):
     @classmethod
     def of(cls, profile: Profile) -> LostMotions:
         """Return the numbers of motions of a building at an intensity level."""
-        return cls(profile.collapsed + profile.failed, profile.runs)
+        return cls(profile.lost, profile.runs)
 
     @property
     def reason(self) -> str:

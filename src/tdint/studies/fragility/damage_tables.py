@@ -300,16 +300,16 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
     """
     if by is not None:
         check_column(store, by)
-    write_rows(loss_columns(store, by), _loss_rows(store, by), stream)
+    write_rows(loss_columns(store, by), loss_rows(store, by), stream)
 
 
 def loss_table(store: Store) -> Table:
     """Return losses.csv as a table for a report; it has no rows if the states have no losses."""
     has_losses = any(states.losses for states in stored_states(store).values())
-    return Table.of(loss_columns(store), _loss_rows(store) if has_losses else ())
+    return Table.of(loss_columns(store), loss_rows(store) if has_losses else ())
 
 
-def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
+def loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
     """Yield the rows of losses.csv: all buildings, each type, each value of the inventory column
     `by`, and each building."""
     costs, pair_demand = has_costs(store), _pair_demand(store)

@@ -27,11 +27,13 @@ from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import (
     at_right_angles,
     check_components,
+    component_in_name,
     find_horizontals,
     motion_names,
+    with_component,
 )
 from tdint.ground_motion.record import Record
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import abbreviate, pluralize
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -88,11 +90,15 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
     first_component = {number: number for number in records}
 
     # Two records with the same name apart from the component are one recording, if the directions
-    # of the components are at right angles.
+    # of the components are at right angles. A record of unknown component has that of its file.
     for first, *others in records_of_name.values():
         if len(others) == 1:
             (second,) = others
-            if at_right_angles(records[first][1], records[second][1]):
+            directions = [
+                records[number][1] or component_in_name(records[number][0])
+                for number in (first, second)
+            ]
+            if at_right_angles(*directions):
                 first_component[second] = first
 
     # The second component of a pair that was read as a pair has the direction 2; the first
@@ -176,10 +182,12 @@ class PairRule:
             indices.setdefault(self.motion(record), []).append(index)
         return indices
 
-    def note(self) -> str:
+    def note(self, names: Sequence[str] = (), *, is_default: bool = True) -> str:
         """Return one line that reports how the components of pairs are combined; empty without
-        pairs."""
-        return pairs_note(self.pairs, self.demand) if self.pairs else ""
+        pairs. The arguments are those of `pairs_note`."""
+        if not self.pairs:
+            return ""
+        return pairs_note(self.pairs, self.demand, names, is_default=is_default)
 
 
 def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
@@ -223,7 +231,8 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
             continue  # a second component was added with the first component
         second = motions[second_of_first[number]] if number in second_of_first else None
         if isinstance(motion, Record) and isinstance(second, Record):
-            joined.append(find_horizontals([motion, second]))
+            named = [with_component(record, in_degrees=True) for record in (motion, second)]
+            joined.append(find_horizontals(named))
         else:
             joined.append(motion)
     return joined
@@ -269,12 +278,27 @@ def motions_text(records: int, pairs: int) -> str:
     return f"{text} and {pluralize(singles, 'single record')}" if singles else text
 
 
-def pairs_note(pairs: int, demand: str) -> str:
-    """Return one line that reports the number of recognized pairs (`pairs`), the rule for their
-    demand (`demand`), which is the default because the user specified none, and the option that
-    changes it."""
+def pairs_note(
+    pairs: int, demand: str, names: Sequence[str] = (), *, is_default: bool = True
+) -> str:
+    """Return one line that reports the number of recognized pairs (`pairs`), their names and the
+    rule for their demand (`demand`).
+
+    Parameters
+    ----------
+    names : sequence of str
+        Files of the pairs; both components of a pair may be in one file or in two. Files of a pair
+        are listed by their common name. None are listed by default.
+    is_default : bool
+        True if the user specified no rule: the option that changes it is added.
+    """
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
+    change = f"; --pair-demand {others} changes this" if is_default else ""
+    listed = abbreviate(list(dict.fromkeys(motion_names(names))), _MAX_LISTED_PAIRS)
     return (
-        f"{pluralize(pairs, 'pair')} of horizontal components: {describe_demand(demand)} "
-        f"(pair_demand: {demand}; --pair-demand {others} changes this)"
+        f"{pluralize(pairs, 'pair')} of horizontal components{f' ({listed})' if listed else ''}: "
+        f"{describe_demand(demand)} (pair_demand: {demand}{change})"
     )
+
+
+_MAX_LISTED_PAIRS = 4  # maximum number of pairs in a note

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.duplicates import first_copies
 from tdint.ground_motion.events import SAME_DATE, Earthquake, event_of, is_same_event
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
@@ -516,19 +517,17 @@ def _pool(
     """Return the indices of the motions that can be selected, their spectra (m/s^2, one row per
     motion), and the number of motions that cannot be selected, by reason.
 
-    The reasons are `duplicate` (equal to another motion), `range of periods` (the sampling interval
+    The reasons are `duplicate` (a copy of another motion, `tdint.ground_motion.duplicates`), `range
+    of periods` (the sampling interval
     is too long for a period) and `zero` (a component without motion).
     """
     excluded_counts = {"duplicate": 0, "range of periods": 0, "zero": 0}
-    indices, spectra, previous_hashes = [], [], set()
+    indices, spectra = [], []
+    originals = first_copies([components(motion) for motion in motions])
     for index, motion in enumerate(motions):
-        # Compare hashes instead of samples, which would have to be stored for all motions.
-        samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
-        samples_hash = hash(samples)
-        if samples_hash in previous_hashes:
+        if originals[index] != index:
             excluded_counts["duplicate"] += 1
             continue
-        previous_hashes.add(samples_hash)
         if not all(np.any(record.acceleration) for record in components(motion)):
             excluded_counts["zero"] += 1
             continue

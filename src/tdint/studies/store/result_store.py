@@ -378,14 +378,39 @@ class Store:
         campaign was not divided."""
         return list(json.loads(self._meta_or_none("shards") or "[]"))
 
-    def add_shard(self, text: str) -> None:
-        """Record that a shard is written to this store, so that `merge` can report missing shards.
-        `text` is the number of the shard and the number of shards, for example `2/5`."""
+    def shard_runs(self) -> dict[str, int]:
+        """Return the number of runs of each shard that was written to this store, by its text."""
+        return self._optional_meta("shard_runs")
+
+    def add_shard(self, text: str, runs: int) -> None:
+        """Record that a shard is written to this store, so that `merge` can report missing shards,
+        and `status` the runs of the shard.
+
+        Parameters
+        ----------
+        text : str
+            Number of the shard and number of shards, for example `2/5`.
+        runs : int
+            Number of runs of the shard.
+        """
         if text not in (shards := self.shards()):
-            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-                values = ("shards", json.dumps([*shards, text]))
-                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
-                self.seal()
+            self._write_meta("shards", json.dumps([*shards, text]))
+            self._write_meta("shard_runs", json.dumps(self.shard_runs() | {text: runs}))
+
+    def grouped_by(self) -> str | None:
+        """Return the column of the inventory by which losses are grouped; None without groups."""
+        return self._meta_or_none("by")
+
+    def group_by(self, column: str) -> None:
+        """Record the column of the inventory by which losses are grouped, for later exports."""
+        if column != self.grouped_by():
+            self._write_meta("by", column)
+
+    def _write_meta(self, key: str, value: str) -> None:
+        """Write a value of the table `meta` in a transaction of its own."""
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
+            self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", (key, value))
+            self.seal()
 
     def time_loops(self) -> str | None:
         """Return how the time loops of the runs were executed: `compiled`, or `interpreted` if this
@@ -396,10 +421,7 @@ class Store:
         """Record how the time loops of the following runs are executed; see `time_loops`. None
         means that this process executes none."""
         if execution is not None and self.time_loops() not in (execution, "interpreted"):
-            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-                values = ("time_loops", execution)
-                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
-                self.seal()
+            self._write_meta("time_loops", execution)
 
     def events(self) -> list[str]:
         """Return the names of the events of ground motion fields. The sample number of a run is the
@@ -449,10 +471,7 @@ class Store:
         the store already has this rule. `rule` is an item of
         `tdint.studies.motions.pairs.PAIR_DEMANDS`."""
         if rule != self.pair_demand():
-            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-                values = ("pair_demand", rule)
-                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
-                self.seal()
+            self._write_meta("pair_demand", rule)
 
     def rates(self) -> dict[str, float]:
         """Return the annual rate of each event; empty if not specified."""

@@ -1,0 +1,262 @@
+"""First part of the report of several buildings under the same suite: the answer in one sentence,
+and one table with a row for each building."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tdint.number_parsing import number_text
+from tdint.output.tables.table import TEXT, Cell, Column, Table
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.variants import Comparison, comparisons, story_pairs
+from tdint.studies.motions.pairs import combine
+from tdint.units import OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.arrays import Array
+    from tdint.output.page import Part
+    from tdint.studies.campaign.plan import Plan
+    from tdint.studies.campaign.story_profiles import Profile
+    from tdint.studies.store.result_store import Store
+
+_MAX_ROWS = 40
+"""Maximum number of rows of the table; profiles.csv lists all buildings and levels."""
+
+_MAX_SENTENCES = 3  # maximum number of levels with a sentence of their own
+
+
+class _Device(NamedTuple):
+    """Mean peak force, N, and mean stroke, m, of the devices of a building in the story where each
+    is largest; nan without devices. The stroke is the drift of the story."""
+
+    force: float
+    stroke: float
+
+
+class _Variant(NamedTuple):
+    """Row of the table: a building at a level. Means are over the common motions, in the story or
+    floor with the largest mean; `ratio` is the mean drift divided by that of the baseline."""
+
+    profile: Profile
+    mean_drift: float
+    largest_drift: float
+    ratio: float
+    acceleration: float
+    residual_drift: float
+    base_shear: float
+    device: _Device
+
+
+def comparison_parts(
+    plan: Plan, store: Store, profiles: Sequence[Profile], baseline: str | None, units: OutputUnits
+) -> tuple[list[str], list[Part]]:
+    """Return the sentences that answer which building is best, and the table of all buildings with
+    the sentences on its motions; both empty if there is only one building.
+
+    Parameters
+    ----------
+    baseline : str | None
+        Building to which drifts are related; None for the first building.
+    """
+    if len({profile.building for profile in profiles}) < 2:
+        return [], []
+    by_length = all(np.isnan(profile.height).all() for profile in profiles if profile.motions)
+    sentences, rows, notes = [], [], []
+    levels = comparisons(profiles)
+    for comparison in levels:
+        variants = _variants(plan, store, comparison, baseline, by_length=by_length)
+        rows += variants
+        sentences.append(_best_text(variants, comparison, units, by_length=by_length))
+        if comparison.note:
+            notes.append(f"{comparison.note[0].upper()}{comparison.note[1:]}.")
+    if len(rows) > _MAX_ROWS:
+        notes.append(f"The first {_MAX_ROWS} of {len(rows)} rows; profiles.csv lists all.")
+    table = _table(rows[:_MAX_ROWS], has_levels=len(levels) > 1, by_length=by_length)
+    explanation = (
+        "Means are over the motions that all buildings survive, in the story or floor with the "
+        "largest mean; devices are dampers, isolators and elements that the "
+        f"{'baseline' if baseline else 'first building'} does not have, their stroke is the drift "
+        "of the story."
+    )
+    return sentences[:_MAX_SENTENCES], [table.in_units(units), " ".join([*notes, explanation])]
+
+
+def _variants(
+    plan: Plan, store: Store, comparison: Comparison, baseline: str | None, *, by_length: bool
+) -> list[_Variant]:
+    """Return the rows of the buildings at a level; their numbers are nan without common motions."""
+    names = [profile.building for profile in comparison.profiles]
+    reference = names.index(baseline) if baseline in names else 0
+    if not comparison.common:
+        empty = [math.nan] * 6
+        return [_Variant(p, *empty, _Device(math.nan, math.nan)) for p in comparison.profiles]
+    drift = "peak_drift" if by_length else "peak_drift_ratio"
+    base = comparison.common[reference]
+    base_drift = _largest_mean(_drifts(base, drift))
+    rows = []
+    for profile, common in zip(comparison.profiles, comparison.common, strict=True):
+        drifts = _drifts(common, drift)
+        residual = _drifts(common, "residual_drift")
+        if not by_length:
+            residual = residual / common.height
+        # The total shear includes the forces of dampers; it is missing in runs without them.
+        shear = common.peaks["peak_total_shear"][:, 0]
+        shear = np.where(np.isnan(shear), common.peaks["peak_shear"][:, 0], shear)
+        mean = _largest_mean(drifts)
+        rows.append(
+            _Variant(
+                profile,
+                mean,
+                float(np.nanmax(drifts, initial=-math.inf)),
+                mean / base_drift if base_drift > 0.0 else math.nan,
+                _largest_mean(common.peaks["peak_absolute_acceleration"]),
+                _largest_mean(residual),
+                float(np.mean(shear)),
+                _device(plan, store, common, base),
+            )
+        )
+    return rows
+
+
+def _drifts(profile: Profile, quantity: str) -> Array:
+    """Return a quantity of the stories of a building, shape (motions, stories); nan for isolators,
+    whose drifts are strokes."""
+    values = profile.peaks[quantity].copy()
+    values[:, [number - 1 for number in profile.isolators]] = math.nan
+    return values
+
+
+def _largest_mean(values: Array) -> float:
+    """Return the maximum over the stories of the mean over the motions; nan without any value."""
+    means = np.mean(values, axis=0)
+    means = means[np.isfinite(means)]
+    return float(np.max(means)) if means.size else math.nan
+
+
+def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> _Device:
+    """Return force and stroke of the devices of a building under its completed motions."""
+    numbers = {building.name: number for number, building in enumerate(plan.buildings)}
+    number = numbers[profile.building]
+    model = plan.buildings[number].subject().model
+    base_model = plan.buildings[numbers[base.building]].subject().model
+    laws_of_base: dict[int, set[str]] = defaultdict(set)
+    for story, base_story in story_pairs(profile, base):
+        laws_of_base[story] = {item.law.name for item in base_model.stories[base_story].springs}
+    forces, strokes = [], []
+    element_forces = _element_forces(store, number, profile)
+    for index, story in enumerate(model.stories):
+        has_dashpot = bool(story.dashpot or story.power_dashpot)
+        added = [
+            element_forces[index + 1, spring.name]
+            for spring in story.elements
+            if spring.law.name not in laws_of_base[index]
+            and (index + 1, spring.name) in element_forces
+        ]
+        if not (has_dashpot or added or story.isolator):
+            continue
+        strokes.append(float(np.mean(profile.peaks["peak_drift"][:, index])))
+        forces += added if not story.isolator else []
+        names = [*(("peak_damper_force",) * has_dashpot), *(("peak_shear",) * story.isolator)]
+        forces += [float(np.mean(profile.peaks[name][:, index])) for name in names]
+    return _Device(max(forces, default=math.nan), max(strokes, default=math.nan))
+
+
+def _element_forces(
+    store: Store, building: int, profile: Profile
+) -> Mapping[tuple[int, str], float]:
+    """Return the mean peak force, N, of each element by its story (from 1) and name, over the
+    completed motions of a profile."""
+    query = (
+        "SELECT record, scale, sample, story, element, peak_force_N FROM element_rows WHERE "
+        "building = ?"
+    )
+    forces: dict[tuple[int, str], dict[Run, float]] = defaultdict(dict)
+    for record, scale, sample, story, element, force in store.connection.execute(
+        query, (building,)
+    ):
+        forces[story, element][Run(record, scale, sample)] = force
+    return {
+        key: float(
+            np.mean(
+                [
+                    combine(np.array([of_run[run] for run in runs]), profile.pair_demand)
+                    for runs in profile.completed
+                ]
+            )
+        )
+        for key, of_run in forces.items()
+    }
+
+
+def _best_text(
+    variants: Sequence[_Variant], comparison: Comparison, units: OutputUnits, *, by_length: bool
+) -> str:
+    """Return the sentence on the building with the fewest collapses and, among several, with the
+    smallest mean drift."""
+
+    def rank(variant: _Variant) -> tuple[int, float]:
+        """Return the sort key of a building: its collapses and failures, then its mean drift."""
+        profile, drift = variant.profile, variant.mean_drift
+        return profile.lost, math.inf if math.isnan(drift) else drift
+
+    best, *others = sorted(variants, key=rank)
+    profile = best.profile
+    level = f" at {profile.level_text}" if profile.level_text else ""
+    text = f"Best{level}: {profile.building}"
+    if any(variant.profile.lost for variant in variants):
+        listed = ", ".join(
+            f"{other.profile.building} {other.profile.lost}" for other in others[:_MAX_ROWS]
+        )
+        text += (
+            f", with collapse or failure under {profile.lost} of {profile.runs} motions ({listed})"
+        )
+    if not comparison.common:
+        return f"{text}; means are not compared, because {comparison.motions} motions are common."
+    drift = (
+        units.text(best.mean_drift, "m")
+        if by_length
+        else f"{number_text(100.0 * best.mean_drift, 3)} %"
+    )
+    text += f"; mean drift {drift} under {comparison.motions} common motions"
+    if not math.isnan(best.ratio) and best.ratio != 1.0:
+        text += f", {number_text(best.ratio, 2)} times the baseline"
+    if not math.isnan(best.device.force):
+        text += f"; device force {units.text(best.device.force, 'N')}"
+    if not math.isnan(best.device.stroke):
+        text += f", stroke {units.text(best.device.stroke, 'm')}"
+    return f"{text}."
+
+
+def _table(rows: Sequence[_Variant], *, has_levels: bool, by_length: bool) -> Table:
+    """Return the table of the buildings; columns without any number are omitted by the page."""
+    drift, drift_unit = ("drift", "m") if by_length else ("drift_ratio", "1")
+    end = "_m" if by_length else ""
+    columns = [
+        Column("building", TEXT, "building", ""),
+        *([Column("level", TEXT, "level", "")] if has_levels else []),
+        Column("collapses", TEXT, "collapses", ""),
+        Column(f"mean_{drift}{end}", drift_unit, "mean", ""),
+        Column(f"largest_{drift}{end}", drift_unit, "largest", ""),
+        Column("times_baseline", "1", "ratio", ""),
+        Column("acceleration_m_s2", "m/s^2", "acceleration", ""),
+        Column(f"residual_{drift}{end}", drift_unit, "residual", ""),
+        Column("base_shear_N", "N", "shear", ""),
+        Column("device_force_N", "N", "force", ""),
+        Column("device_stroke_m", "m", "stroke", ""),
+    ]
+    cells: list[tuple[Cell, ...]] = []
+    for row in rows:
+        profile = row.profile
+        count = f"{profile.collapsed} of {profile.runs}"
+        if profile.failed:
+            count += f", {profile.failed} failed"
+        level = (profile.level_text,) if has_levels else ()
+        numbers = (row.mean_drift, row.largest_drift, row.ratio, row.acceleration)
+        numbers += (row.residual_drift, row.base_shear, *row.device)
+        cells.append((profile.building, *level, count, *numbers))
+    return Table.of(columns, cells)
