@@ -34,7 +34,7 @@ horizontal motions ever recorded, very few are above it."""
 MAX_FLOOR_PEAK = 5.0
 """Maximum usual peak acceleration of a floor, g."""
 _MAX_PGV = 4.0
-"""Maximum usual peak ground velocity, m/s; the largest recorded velocity (Chi-Chi 1999) is 3 m/s."""
+"""Maximum usual peak ground velocity, m/s; the largest recorded one (Chi-Chi 1999) is 3 m/s."""
 
 
 def peak_warnings(
