@@ -444,7 +444,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         *unusual_strengths,
         *_unusual_neighbors(building),
         *_unusual_drifts(model, building),
-        *_unusual_devices(model, building, omega),
+        *_unusual_devices(model, building, omega, damping),
         *_unusual_drift_ratios(model),
     ]
 
@@ -611,11 +611,14 @@ def _unusual_drifts(model: Model, building: Building) -> list[str]:
     ]
 
 
-def _unusual_devices(model: Model, building: Building, omega: float) -> list[str]:
+def _unusual_devices(
+    model: Model, building: Building, omega: float, damping: float
+) -> list[str]:
     """Return warnings about devices that would have no effect, or far too much of it.
 
     A device is compared with its purpose in a vibration with the first circular frequency `omega`
-    (rad/s), or of an isolator with the frequency of the rigid building on it.
+    (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
+    damping ratio of the first mode.
     """
     names = ("damper", "brace", "angle", "strength", "period", "gap", "wide_gap", "element")
     values = {name: np.full(building.stories, math.nan) for name in names}
@@ -634,8 +637,10 @@ def _unusual_devices(model: Model, building: Building, omega: float) -> list[str
         height = story.drift_height or math.nan
         drift = _ISOLATOR_DRIFT if story.isolator else _REFERENCE_DRIFT * height
         coefficient = _linear_coefficient(story, rate_of_drift * drift)
-        # The frequency of a building on isolators is not that of the dampers above them.
-        if coefficient > 0.0 and bool(building.isolators) == story.isolator:
+        # The frequency of a building on isolators is not that of the dampers above them. Linear
+        # dashpots without effect are the cause of an unusual damping ratio, which is reported.
+        is_reported = not story.power_dashpot and damping < DAMPING.low
+        if coefficient > 0.0 and bool(building.isolators) == story.isolator and not is_reported:
             values["damper"][i] = coefficient * rate_of_drift / (2.0 * stiffness)
         if story.power_dashpot and story.power_dashpot.brace:
             brace = story.power_dashpot.brace * story.damper_factor**2

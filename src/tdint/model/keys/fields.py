@@ -654,7 +654,7 @@ class Value:
             keys = self.type
         if not isinstance(self.node, MappingNode):
             # A file that is no mapping is of another kind. Its text is not repeated.
-            is_other_file = not self.key and isinstance(self.node, ScalarNode)
+            is_other_file = not self.key and self.word
             self.fault(
                 f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got "
                 f"{'text' if is_other_file else self._message_text()}"
