@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, overload
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, read_whole, record_digest
-from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, pluralize
+from tdint.number_parsing import LARGEST, SMALLEST, has_underflow, number_or_nan, pluralize
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
@@ -91,15 +91,20 @@ class CsvTable:
         return all(name.lower() in self.header for name in names)
 
     def need(self, *names: str) -> None:
-        """Raise an error that lists the missing columns if any of these columns is missing."""
+        """Raise an error that lists the missing columns if any of these columns is missing.
+
+        The message does not contain the header, because the file can be of another kind: the text
+        of its first line is not for everybody who reads the message.
+        """
         missing = [name for name in names if not self.has(name)]
         if missing:
             similar = nearest(missing[0], self.header)
-            hint = f"the columns are {', '.join(self.header)[:200]}; {self.needs}"
+            hint = self.needs
             if similar:
                 hint = f"rename the column {similar!r} if it contains these values"
             raise self.error(
-                f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {hint}"
+                f"{self.source}:{self.header_line}: no column {', '.join(missing)} among "
+                f"{pluralize(len(self.header), 'column')}; {hint}"
             )
 
     def texts(self, name: str, *, empty: bool = True) -> list[str]:
@@ -297,6 +302,10 @@ def numbers_in(texts: Sequence[str]) -> Array:
                 values = np.array([float(text or math.nan) for text in texts])
             else:
                 values = np.array(list(map(float, texts)))
+            # Numbers that are too small for double precision have become 0.
+            zeros = {texts[index] for index in np.flatnonzero(values == 0.0).tolist()}
+            if any(map(has_underflow, zeros)):
+                values = np.empty(0)
     if len(values) < len(texts):
         values = np.array([_number_or_nan(text) for text in texts])
     absolute_values = np.abs(values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -20,6 +21,10 @@ SMALLEST, LARGEST = 1e-60, 1e60
 """Limits of the absolute value of numbers in files, in SI units. Products and squares of numbers
 between these limits neither underflow nor overflow in double precision.
 """
+
+_UNDERFLOW = sys.float_info.min
+"""Number that represents all numbers that are too small for double precision, 2.2e-308. It is below
+`SMALLEST` and is therefore refused."""
 
 
 def pluralize(count: int, noun: str) -> str:
@@ -124,11 +129,22 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
 
 
 def number_or_nan(text: str) -> float:
-    """Convert a text to a float; return nan if the text is not a number."""
+    """Convert a text to a float; return nan if the text is not a number.
+
+    A number that is too small for double precision, such as 1e-400, is not read as 0 but as
+    `_UNDERFLOW`.
+    """
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         return math.nan
+    return number or (_UNDERFLOW if has_underflow(text) else 0.0)
+
+
+def has_underflow(text: str) -> bool:
+    """Return True if a text that `float` converts to 0 is another number, such as 1e-400."""
+    mantissa = text.lower().partition("e")[0]
+    return any(digit in mantissa for digit in "123456789")
 
 
 def parse_ratio(text: str) -> float:

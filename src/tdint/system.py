@@ -209,11 +209,19 @@ def cache_subfolder(name: str) -> Path | None:
         return None
     folder = home / name
     try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _make_private(folder)
         os.utime(folder)
     except OSError:
         return None
     return folder if os.access(folder, os.W_OK) and _is_protected(home, folder) else None
+
+
+def _make_private(folder: Path) -> None:
+    """Create a directory and its missing parents for this user only. With a umask of 000, they
+    would otherwise be writable for other users, and would be refused at the next call."""
+    if not folder.exists():
+        _make_private(folder.parent)
+        folder.mkdir(exist_ok=True, mode=0o700)
 
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:

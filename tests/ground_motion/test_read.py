@@ -51,7 +51,7 @@ class TestRecordAttributes:
     @pytest.mark.parametrize(
         ("data", "note"),
         [
-            (wave(peak=319.0), "325 g; usual values are 0.0001 g to 5 g"),
+            (wave(peak=319.0), "325 g; usual values are 0.0001 g to 1.5 g"),
             (wave(peak=1e-6), "1.02e-06 g; usual"),
             (np.zeros(10), "all samples are zero"),
             (0.1 * wave() + 0.1, "25 % of the peak"),

@@ -78,7 +78,7 @@ def test_levels_keep_names_and_order():
     ("text", "column", "message"),
     [
         ("{drift_ration: 2%}", 10, "limits.drift_ration: unknown key; did you mean 'drift_ratio'?"),
-        ("{drift_ratio: two}", 23, "limits.drift_ratio: ... positive ... 'two'"),
+        ("{drift_ratio: two}", 23, "limits.drift_ratio: ... above 0 and of at most 1, got 'two'"),
         ("{drift_ratio: {7: 1%}}", 27, "story 7 not found; ... 1 to 4"),
         (f"{{drift_ratio: {{? {'9' * 5000} : 1%}}}}", 5029, "999"),
         ("{drift_ratio: {1: 1%}}", 27, "a drift ratio requires a story with `height`"),

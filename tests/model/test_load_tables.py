@@ -156,11 +156,11 @@ def test_messages_of_the_model_file(load, forces, expected):
         ("time_s,f_kN\n", "blast.csv: the table must have at least two rows, got 0"),
         ("", "blast.csv: the file is empty"),
         ("f_kN,g\n0,1\n1,2\n",
-         "blast.csv:1: no column of times, such as time_s or time_ms; the columns are f_kN, g; the "
+         "blast.csv:1: no column of times, such as time_s or time_ms, among 2 columns; the "
          "first line must contain the names"),
         ("time_s;f_kN\n0;1,5\n1;2\n",
-         "the columns are time_s;f_kN; separate columns by commas, and write decimals with a "
-         "point"),
+         "among 1 column; the first line must contain the names of the columns; separate columns "
+         "by commas, and write decimals with a point"),
         ("time_s,f (t)\n0,1\n1,2\n", "the column f (t) has the unit t, which is not a unit"),
         ("t,time_s,f\n0,0,1\n1,1,2\n", "several columns of times"),
         ("time_s,f_mm\n0,1\n1,2\n",

@@ -28,12 +28,18 @@ class Input:
     sha256: str
 
 
-_USUAL_PEAKS = (1e-4, 5.0)
-"""Usual range of peak accelerations of the ground and of floors, g. Motions below this range are
-not perceptible; motions above it exceed twice the maximum ground acceleration ever recorded."""
+_USUAL_PEAKS = (1e-4, 1.5)
+"""Usual range of peak ground accelerations, g. Motions below this range are not perceptible; of the
+horizontal motions ever recorded, very few are above it."""
+MAX_FLOOR_PEAK = 5.0
+"""Maximum usual peak acceleration of a floor, g."""
+_MAX_PGV = 4.0
+"""Maximum usual peak ground velocity, m/s; the largest recorded one (Chi-Chi 1999) is 3 m/s."""
 
 
-def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
+def peak_warnings(
+    peak: float, name: str = "peak ground acceleration", high: float = _USUAL_PEAKS[1]
+) -> tuple[str, ...]:
     """Return a warning if a peak acceleration is unusual, because its unit may be wrong.
 
     Zero, nan and infinite peaks give no warning: another unit would not make them usual.
@@ -42,18 +48,36 @@ def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[
     ----------
     name : str
         Name of the peak in the warning. Default: peak ground acceleration.
+    high : float
+        Maximum usual peak, g.
 
     Returns
     -------
     tuple of str
         The warning; empty if the peak is in the usual range.
     """
-    low, high = _USUAL_PEAKS
+    low = _USUAL_PEAKS[0]
     if not 0.0 < peak < math.inf or low <= peak / STANDARD_GRAVITY <= high:
         return ()
     return (
         f"unusual {name}: {peak / STANDARD_GRAVITY:.3g} g; usual values are {low:g} g to "
-        f"{high:g} g (check the units of the record)",
+        f"{high:g} g (check the units and the scale of the record)",
+    )
+
+
+def velocity_warnings(record: Record) -> tuple[str, ...]:
+    """Return a warning if the peak ground velocity is unusual although the peak acceleration is
+    not, because the unit or the sampling interval may be wrong.
+
+    A velocity that grows linearly, from an acceleration with a mean value, is subtracted.
+    """
+    velocity = np.cumsum(record.acceleration - record.acceleration.mean()) * record.dt
+    pgv = float(np.max(np.abs(velocity)))
+    if peak_warnings(record.pga) or not _MAX_PGV < pgv < math.inf:
+        return ()
+    return (
+        f"unusual peak ground velocity: {pgv:.3g} m/s; usual values are at most {_MAX_PGV:g} m/s "
+        "(check the units, the sampling interval and the baseline of the record)",
     )
 
 

@@ -33,8 +33,10 @@ class BuildingFacts:
     ----------
     structure : str
         Structure type, such as C1.
-    stories, year : int
-        Number of stories, year of construction.
+    stories : int
+        Number of stories.
+    year : int | None
+        Year of construction; None if `design_level` is specified.
     area : float
         Plan area of a single floor, m^2.
     height : float | None
@@ -52,7 +54,7 @@ class BuildingFacts:
 
     structure: str
     stories: int
-    year: int
+    year: int | None
     area: float
     height: float | None = None
     zone: str = "Z4"
@@ -289,7 +291,10 @@ def design_level(structure: str, year: int, zone: str) -> str:
 
 def code_of(facts: BuildingFacts) -> tuple[str, str]:
     """Return the design level and the Hazus type of a building."""
-    level = facts.design_level or design_level(facts.structure, facts.year, facts.zone)
+    level = facts.design_level
+    if not level:
+        assert facts.year is not None  # required without a design level
+        level = design_level(facts.structure, facts.year, facts.zone)
     return level, hazus_type(facts.structure, facts.stories)
 
 

@@ -20,7 +20,10 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
+from tdint.model.damage_states import DEMANDS
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.limits import DRIFT_RATIO, RESIDUAL
+from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.units import STANDARD_GRAVITY
@@ -111,6 +114,13 @@ HEIGHT = UsualRange(
     _METERS,
     "offices have 3 to 5 m, tall halls have 15 m; check the unit of length",
 )
+BUILDING_HEIGHT = UsualRange(
+    "height of the building",
+    0.0,
+    1000.0,
+    "{:.4g} m",
+    "the tallest tower has 828 m; check the heights and the number of stories",
+)
 FLOOR = UsualRange(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
     "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg; check the unit of mass",
@@ -169,6 +179,58 @@ DAMPER = UsualRange(
 )
 _REFERENCE_DRIFT = 0.01
 """Amplitude of the drift ratio at which a power-law damper is compared with a linear damper."""
+_ISOLATOR_DRIFT = 0.2
+"""The same amplitude of an isolator, m."""
+
+BRACE = UsualRange(
+    "part of the damper force that the brace transmits",
+    0.1,
+    1.0,
+    "{:.3g}",
+    "a soft brace deforms instead of the damper; check the unit of `brace`, force/length",
+)
+ANGLE = UsualRange(
+    "angle of a device",
+    3.0,
+    80.0,
+    "{:.3g} degrees",
+    "diagonals have 20 to 60 degrees; an angle is in degrees, not in radians",
+)
+ISOLATOR_STRENGTH = UsualRange(
+    "ratio of the yield force of the isolator to the weight above",
+    0.005,
+    0.5,
+    "{:.3g}",
+    "isolators have 0.02 to 0.2; a stronger isolator does not yield before the building",
+)
+ISOLATOR_PERIOD = UsualRange(
+    "period of the rigid building on the isolator after yield",
+    0.5,
+    10.0,
+    _SECONDS,
+    "isolators have 1.5 to 5 s; check the units of the stiffness and of hardening",
+)
+GAP = UsualRange(
+    "gap",
+    1e-4,
+    2.0,
+    _METERS,
+    "moats have 0.3 to 0.8 m, clearances of bolts 0.001 m; check the unit of length",
+)
+WIDE_GAP = UsualRange(
+    "ratio of the gap to the story height",
+    1e-5,
+    0.2,
+    "{:.3g}",
+    "a wider gap never closes; check the unit of length",
+)
+ELEMENT = UsualRange(
+    "part of an element in the stiffness of its story",
+    1e-3,
+    1.0,
+    "{:.3g}",
+    "such an element has no effect; check the unit of its stiffness, force/length",
+)
 
 STRENGTH = UsualRange(
     "ratio of the yield force to the weight above",
@@ -340,6 +402,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         (period_range, period),
         (DAMPING, checked_damping),
         (COLLAPSE, model.collapse_drift),
+        (BUILDING_HEIGHT, _usual_height(building)),
     )
     warnings = [
         usual_range.warning(usual_range.text(value))
@@ -357,8 +420,9 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     strength = np.array([yield_strength(story) for story in model.stories])
     # A light mass without a height is an oscillator of a textbook, such as a mass of 1 kg.
     is_oscillator = np.isnan(building.heights) & (building.mass < FLOOR.low)
+    is_isolator = [story.isolator for story in model.stories]
     unusual_strengths = unusual_stories(
-        STRENGTH, np.where(is_oscillator, math.nan, strength / weight)
+        STRENGTH, np.where(is_oscillator | is_isolator, math.nan, strength / weight)
     )
     # Check the base shear at yield, because no code requires less than the minimum of its usual
     # range. It is not checked if the first story has no height (an isolator, or a model that is not
@@ -380,7 +444,8 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         *unusual_strengths,
         *_unusual_neighbors(building),
         *_unusual_drifts(model, building),
-        *_unusual_dampers(model, building, omega),
+        *_unusual_devices(model, building, omega, damping),
+        *_unusual_drift_ratios(model),
     ]
 
 
@@ -410,6 +475,8 @@ def period_range(count: int, height: float = math.nan) -> UsualRange:
     else:
         low = min(low, height / _MAX_HEIGHT_PER_PERIOD)
         text, max_height = f"{pluralize(count, 'story')} and {height:.4g} m", height
+    if low > PERIOD.high:  # taller than any building
+        return PERIOD
     high = max(
         _MAX_PERIOD_OF_LOW_BUILDINGS, _MAX_PERIOD_AT_GROUND + _MAX_PERIOD_PER_HEIGHT * max_height
     )
@@ -544,30 +611,83 @@ def _unusual_drifts(model: Model, building: Building) -> list[str]:
     ]
 
 
-def _unusual_dampers(model: Model, building: Building, omega: float) -> list[str]:
-    """Return a warning about dampers whose coefficient is unusual for the critical coefficient.
+def _unusual_devices(
+    model: Model, building: Building, omega: float, damping: float
+) -> list[str]:
+    """Return warnings about devices that would have no effect, or far too much of it.
 
-    The critical coefficient of a story is 2 k / omega, with its stiffness k and the first circular
-    frequency `omega` (rad/s). A power-law damper is replaced by the linear damper with the same
-    force at the maximum drift rate of a vibration with 1 % drift. A small linear dashpot is often
-    inherent damping and is not reported. Braces are omitted, and so are buildings on isolators,
-    whose frequency is not that of the dampers.
+    A device is compared with its purpose in a vibration with the first circular frequency `omega`
+    (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
+    damping ratio of the first mode.
     """
-    if building.isolators or not building.damped_by_devices:
-        return []
-    ratios = np.full(building.stories, math.nan)
+    names = ("damper", "brace", "angle", "strength", "period", "gap", "wide_gap", "element")
+    values = {name: np.full(building.stories, math.nan) for name in names}
+    weight_above = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     for i, story in enumerate(model.stories):
-        coefficient, height = story.dashpot, building.heights[i]
-        if not (coefficient or story.power_dashpot) or not height >= HEIGHT.low:
-            continue
-        coefficient *= story.damper_factor**2
-        if damper := story.power_dashpot:
-            rate = omega * _REFERENCE_DRIFT * height
-            power = damper.coefficient * story.damper_factor ** (1.0 + damper.exponent)
-            coefficient += power * rate ** (damper.exponent - 1.0)
-        ratio = coefficient * omega / (2.0 * story.stiffness)
-        ratios[i] = ratio if damper else max(ratio, DAMPER.low)
-    return unusual_stories(DAMPER, ratios)
+        stiffness, rate_of_drift = story.stiffness, omega
+        if story.isolator:
+            after_yield = stiffness_after_yield(story)
+            if 0.0 < after_yield < math.inf:
+                stiffness = after_yield
+            rate_of_drift = math.sqrt(stiffness * STANDARD_GRAVITY / weight_above[i])
+            strength = yield_strength(story)
+            values["strength"][i] = strength / weight_above[i]
+            if strength == strength:  # not nan
+                values["period"][i] = 2.0 * math.pi / rate_of_drift
+        height = story.drift_height or math.nan
+        drift = _ISOLATOR_DRIFT if story.isolator else _REFERENCE_DRIFT * height
+        coefficient = _linear_coefficient(story, rate_of_drift * drift)
+        # The frequency of a building on isolators is not that of the dampers above them. Linear
+        # dashpots without effect are the cause of an unusual damping ratio, which is reported.
+        is_reported = not story.power_dashpot and damping < DAMPING.low
+        if coefficient > 0.0 and bool(building.isolators) == story.isolator and not is_reported:
+            values["damper"][i] = coefficient * rate_of_drift / (2.0 * stiffness)
+        if story.power_dashpot and story.power_dashpot.brace:
+            brace = story.power_dashpot.brace * story.damper_factor**2
+            values["brace"][i] = 1.0 / math.hypot(1.0, coefficient * rate_of_drift / brace)
+        for factor in (story.damper_factor, *(element.factor for element in story.elements)):
+            angle = math.degrees(math.acos(factor)) if factor < 1.0 else math.nan
+            if not ANGLE.contains(angle):
+                values["angle"][i] = angle
+        for spring in story.springs:
+            gap = spring.law.values.get("gap", math.nan)
+            values["gap" if math.isnan(height) else "wide_gap"][i] = gap / (
+                1.0 if math.isnan(height) else height
+            )
+            share = spring.law.values.get("stop_stiffness", spring.stiffness) / story.stiffness
+            if story.elements and 0.0 < share < ELEMENT.low:
+                values["element"][i] = share
+    ranges = (DAMPER, BRACE, ANGLE, ISOLATOR_STRENGTH, ISOLATOR_PERIOD, GAP, WIDE_GAP, ELEMENT)
+    return [
+        warning
+        for usual_range, name in zip(ranges, names, strict=True)
+        for warning in unusual_stories(usual_range, values[name])
+    ]
+
+
+def _unusual_drift_ratios(model: Model) -> list[str]:
+    """Return a warning about unusual drift ratios of limits and damage states."""
+    ratios = {
+        f"limits{f'.levels.{limit.level}' if limit.level else ''}.{limit.quantity}": float(
+            np.nanmax(limit.values)
+        )
+        for limit in model.limits
+        if limit.quantity in (DRIFT_RATIO, RESIDUAL)
+    }
+    if model.damage and DEMANDS[model.damage.demand].unit == "1":
+        names = [f"damage.thresholds.{state}" for state in model.damage.states]
+        ratios |= dict(zip(names, model.damage.medians, strict=True))
+    return unusual(replace(COLLAPSE, name="drift ratio"), ratios)
+
+
+def _linear_coefficient(story: Story, rate: float) -> float:
+    """Return the coefficient (N s/m) of the linear damper between the floors with the force of the
+    dashpot of a story at a drift rate (m/s); nan for a power law without a rate."""
+    coefficient = story.dashpot * story.damper_factor**2
+    if damper := story.power_dashpot:
+        power = damper.coefficient * story.damper_factor ** (1.0 + damper.exponent)
+        coefficient += power * (rate ** (damper.exponent - 1.0) if damper.exponent != 1.0 else 1.0)
+    return coefficient
 
 
 _MIN_SAMPLES = 7.0

@@ -287,7 +287,7 @@ def test_all_invalid_rows_are_reported(tmp_path):
 
 
 def test_file_without_required_column_is_refused(tmp_path):
-    with pytest.raises(ModelError, match="no column NumberOfStories; rename"):
+    with pytest.raises(ModelError, match="no column NumberOfStories among 5 columns; rename"):
         inventory(tmp_path, header="id,NumberOfStorys,YearBuilt,StructureType,PlanArea")
 
 

@@ -36,6 +36,7 @@ from tdint.ground_motion.reading.scale import (
     to_motion,
 )
 from tdint.ground_motion.record import (
+    MAX_FLOOR_PEAK,
     SI_LOCATION,
     UNITS_BY_LOCATION,
     Input,
@@ -44,7 +45,7 @@ from tdint.ground_motion.record import (
     peak_warnings,
     station_of,
 )
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import SMALLEST, pluralize
 from tdint.units import parse_units
 
 if TYPE_CHECKING:
@@ -209,6 +210,11 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
 def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
     """Raise RecordError if a ground acceleration is physically impossible."""
     peak = float(np.max(np.abs(acceleration)))
+    if 0.0 < peak < SMALLEST:
+        raise RecordError(
+            f"{label}: the peak acceleration must be 0 or at least {SMALLEST:g} m/s^2, got "
+            f"{peak:.4g} m/s^2; correct the units"
+        )
     if peak > _MAX_POSSIBLE_ACCELERATION:
         raise RecordError(
             f"{label}: the peak acceleration must be at most {_MAX_POSSIBLE_ACCELERATION:g} m/s^2, "
@@ -497,7 +503,7 @@ def read_signal(
         start=float(trace.stats.starttime.timestamp) if start else None,
         clock="UTC" if start else "",
         notes=(*channel.contents.notes, *motion.notes),
-        warnings=(*motion.warnings, *peak_warnings(peak, "peak acceleration")),
+        warnings=(*motion.warnings, *peak_warnings(peak, "peak acceleration", MAX_FLOOR_PEAK)),
         input=input_file,
     )
 

@@ -18,10 +18,10 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.law import LawFunctions
 
-_MAX_BRANCHES = 16
-"""Maximum number of changes of branch on a monotonic path, unless a law declares `max_branches`.
-The laws of tdint have fewer branches between two reversals. The force of a plug-in law with more
-is nan."""
+MAX_BRANCHES = 1000
+"""Maximum number of changes of branch of a law on a monotonic path. No law of tdint reaches it: a
+path along a complete backbone curve passes the points of both sides (`law.MAX_POINTS`). It ends the
+endless loop of a plug-in law whose branches do not advance, with the force nan."""
 
 
 @inline
@@ -284,7 +284,7 @@ def advancing(move: Any) -> Any:
     return advance
 
 
-def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRANCHES) -> Any:
+def branch_follower(switch: Any, move: Any = None) -> Any:
     """Return the force function of a piecewise-linear law, which follows the branches of the law.
 
     Parameters
@@ -294,8 +294,6 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
         branch of the state in `block` ends by `event` (ABOVE, BELOW or REVERSED).
     move : function, optional
         Function `advance` of the law (`LawFunctions`). Default: `add_work`.
-    max_branches : int
-        Maximum number of changes of branch on a path.
 
     Returns
     -------
@@ -311,7 +309,7 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
         """Compute the force at a drift along the branches of the law; return the stiffness of the
         last branch, N/m.
 
-        If the path has more than `max_branches` changes of branch, force and tangent are nan, so
+        If the path has more than `MAX_BRANCHES` changes of branch, force and tangent are nan, so
         that the step fails.
         """
         for row in range(rows.LAW_STATE_ROWS):
@@ -320,8 +318,7 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
         # A path against the direction of the branch starts with a reversal.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
-        # The maximum number prevents an endless loop. The laws of tdint do not reach it.
-        for _ in range(max_branches + 1):
+        for _ in range(MAX_BRANCHES + 1):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
                 switch(law_parameters, law_state, i, trial, rows.ABOVE)
@@ -338,9 +335,7 @@ def branch_follower(switch: Any, move: Any = None, max_branches: int = _MAX_BRAN
     return follow
 
 
-def follow_branches(
-    switch: Any, strain_energy: Any, enter: Any, max_branches: int = _MAX_BRANCHES
-) -> LawFunctions:
+def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions:
     """Return the functions of a piecewise-linear law that stores its branch in its state.
 
     The dissipated energy is the work done on the story (row WORK) minus the strain energy. It is
@@ -357,8 +352,6 @@ def follow_branches(
         (law_parameters, law_state, i) -> energy stored in the committed state, J.
     enter : function
         (law_parameters, law_state, i). Sets the first branch of the committed state.
-    max_branches : int
-        Maximum number of changes of branch on a path. Default: 16.
 
     Returns
     -------
@@ -388,7 +381,7 @@ def follow_branches(
 
     return branch_first(
         LawFunctions(
-            force=branch_follower(switch, max_branches=max_branches),
+            force=branch_follower(switch),
             strain_energy=strain_energy,
             hysteretic_energy=hysteretic_energy,
             keep=keep,

@@ -39,6 +39,8 @@ class LawParameter:
         points.
     least_points : int
         Minimum number of points of such a list.
+    longer : str
+        Law for a longer list, for messages; empty if there is none.
     open_ended : bool
         Points that are not specified are infinite (True), or are inserted between the last two
         specified points (False, for four points).
@@ -67,6 +69,7 @@ class LawParameter:
     many: bool = False
     points: int = 0
     least_points: int = 2
+    longer: str = ""
     open_ended: bool = False
     choices: tuple[str, ...] = ()
     default: float | str | None = None
@@ -202,8 +205,6 @@ class DriftLaw:
     failed : float
         Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
         no such state.
-    max_branches : int
-        Maximum number of changes of branch on a monotonic path.
     last_line : callable
         (initial stiffness, parameter values, side 1 or -1) -> force at zero drift, N, and slope,
         N/m, of the line that limits the force of a side at large drifts; positive in the direction
@@ -228,7 +229,6 @@ class DriftLaw:
     warning: Callable[[float, Sequence[float]], str | None] = lambda stiffness, values: None
     falls: Callable[[float, Sequence[float]], bool] = lambda stiffness, values: False
     failed: float = math.nan
-    max_branches: int = 16
     last_line: Callable[[float, Sequence[float], float], tuple[float, float] | None] = (
         lambda stiffness, values, side: None
     )

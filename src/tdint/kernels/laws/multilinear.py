@@ -53,9 +53,6 @@ _PLASTIC_PATH = rows.HIGH_FORCE
 # `peak_oriented`, and the index of the segment (`set_segment`) for rule `elastic`.
 _FAILED = 1e3  # no strength; larger than the index of any segment
 
-# A path from one end of the curve to the other passes all points of both sides.
-_MAX_BRANCHES = 2 * MAX_POINTS + 4
-
 # Fraction of a drift or force. Points that are closer to each other are regarded as equal.
 _TOLERANCE = 1e-12
 # Fraction of the yield drift of a spring. Springs with a smaller distance yield together.
@@ -466,7 +463,7 @@ def _functions() -> LawFunctions:
         law_state[rows.UPPER, i] = point_drift(law_parameters, i, 1.0, 0)
         law_state[rows.LOWER, i] = -point_drift(law_parameters, i, -1.0, 0)
 
-    functions = follow_branches(switch, strain_energy, enter, _MAX_BRANCHES)
+    functions = follow_branches(switch, strain_energy, enter)
     work_not_stored = functions.hysteretic_energy
 
     @inline
@@ -646,6 +643,5 @@ LAW = DriftLaw(
     warning=_warning,
     falls=_falls,
     failed=_FAILED,
-    max_branches=_MAX_BRANCHES,
     last_line=_last_line,
 )

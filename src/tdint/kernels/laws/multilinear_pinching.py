@@ -753,21 +753,18 @@ def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
     )
 
 
+_BACKBONE = LawParameter(
+    "backbone", points=4, low=0.0, low_allowed=False, longer="multilinear, rule: peak"
+)
+
 LAW = DriftLaw(
     "multilinear-pinching",
     "backbone through two to four points a side, rising or falling; unloads, pinches and reloads "
     "along straight lines (Pinching4)",
     _functions,
     parameters=(
-        LawParameter("backbone", points=4, low=0.0, low_allowed=False),
-        LawParameter(
-            "backbone",
-            points=4,
-            low=0.0,
-            low_allowed=False,
-            default="backbone",
-            group="negative",
-        ),
+        _BACKBONE,
+        replace(_BACKBONE, default="backbone", group="negative"),
         *_PINCHING_PARAMETERS,
         *(
             replace(parameter, default=parameter.name, group="negative.pinching")

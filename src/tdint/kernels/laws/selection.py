@@ -71,9 +71,6 @@ dashpot or tangent damping."""
 HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
 """True if a story can have a force that is not linear in its motion."""
 
-MAX_BRANCHES = 100 if not COMPILES else max(LAWS[code].max_branches for code in COMPILED)
-"""Maximum number of changes of branch of a story on a monotonic path."""
-
 HAS_ELEMENTS = VARIANT.elements
 """True if a story can have several elements (`tdint.kernels.layout.ELEMENTS`)."""
 

@@ -29,13 +29,12 @@ import numpy as np
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws.branch_following import copy_extra_rows
+from tdint.kernels.laws.branch_following import MAX_BRANCHES, copy_extra_rows
 from tdint.kernels.laws.selection import (
     CURVED_LAWS,
     DISSIPATING_LAWS,
     HAS_CURVED_LAW,
     HAS_ELEMENTS,
-    MAX_BRANCHES,
     select_function,
 )
 from tdint.kernels.stepping import Integrals, PathSegment

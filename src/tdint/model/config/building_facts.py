@@ -99,8 +99,10 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
         _read_needed(section, "rules"),
         _read_needed(section, "type"),
         _read_needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}"),
-        _read_needed(section, "year", "give the year of construction"),
     ]
+    year = section.read("year")
+    if not section.mentions("year", "design_level"):
+        section.need("year", "give the year of construction, or the `design_level`")
     area = section.number("area", scale=unit.factor(length=2))
     height = section.number("height", scale=unit.length, default=0.0)
     defaults = {"zone": "Z4", "design_level": "", "damping": "full"}
@@ -109,9 +111,9 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     # returns nan for invalid ratios. The height 0 represents a missing height.
     damping_ratio = section.number("damping_ratio", default=-1.0)
     has_nan = any(map(math.isnan, (area, height, damping_ratio)))
-    if has_nan or None in (*required_values, zone, level, damping):
+    if has_nan or None in (*required_values, zone, level, damping) or not (year or level):
         return None
-    rules, structure, stories, year = required_values
+    rules, structure, stories = required_values
     facts = BuildingFacts(
         structure=structure,
         stories=stories,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from tdint.errors import UsageError
 from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.model.keys.fields import (
-    POSITIVE_RATIO,
+    DRIFT_BOUNDS,
     Bounds,
     Choice,
     Either,
@@ -45,7 +45,7 @@ class ByState:
         }
 
 
-THRESHOLDS = ByState(Either((POSITIVE_RATIO, TextLine())))
+THRESHOLDS = ByState(Either((DRIFT_BOUNDS, TextLine())))
 DEMAND = Key(
     "demand",
     Choice(tuple(DEMANDS), "demand"),
@@ -111,7 +111,7 @@ def read_threshold(value: Value, demand: str) -> float:
     """Return a threshold in SI units, or nan after reporting an error."""
     unit = DEMANDS[demand].unit
     if unit == "1":
-        return value.number(POSITIVE_RATIO)
+        return value.number(DRIFT_BOUNDS)
     # A threshold that is not a ratio is a text with a unit, such as 0.3 g.
     return value.parsed(lambda text: parse_with_unit(text, *_THRESHOLD_UNITS[unit])) or math.nan
 

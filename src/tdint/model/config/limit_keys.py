@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
+    DRIFT_BOUNDS,
     POSITIVE,
-    POSITIVE_RATIO,
     Either,
     Key,
     Keys,
@@ -61,10 +61,10 @@ class _ByStory:
 
 _LENGTH = Either((POSITIVE, TextLine()))
 _LIMITS = (
-    Key(DRIFT_RATIO, _ByStory(POSITIVE_RATIO), "drift ratio of the stories: 2% or 0.02"),
+    Key(DRIFT_RATIO, _ByStory(DRIFT_BOUNDS), "drift ratio of the stories: 2% or 0.02"),
     Key(
         RESIDUAL,
-        _ByStory(POSITIVE_RATIO),
+        _ByStory(DRIFT_BOUNDS),
         "absolute drift ratio of the stories at the end of the run",
     ),
     Key(
@@ -247,7 +247,7 @@ _LIMIT_UNITS = {ISOLATOR: ("displacement", "500 mm"), ACCELERATION: ("accelerati
 def _limit_reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
     """Return the function that reads a limit in SI units, or nan after reporting an error."""
     if quantity in (DRIFT_RATIO, RESIDUAL):
-        return lambda value: value.number(POSITIVE_RATIO)
+        return lambda value: value.number(DRIFT_BOUNDS)
     unit_quantity, example = _LIMIT_UNITS[quantity]
 
     def parse_positive(text: str) -> float:

@@ -269,17 +269,17 @@ def _time_column(table: CsvTable) -> tuple[str, float]:
     }
     found = [name for name in table.header if name in names]
     if len(found) != 1:
-        listed = ", ".join(found) or ", ".join(table.titles)[:200]
-        problem = "several columns" if found else "no column"
-        advice = ""
+        # Without a column of times, the file can be of another kind. Its text is not repeated.
+        problem = f"several columns of times, {', '.join(found)}; keep one of them"
         if not found:
-            advice = "; the first line must contain the names of the columns"
+            problem = (
+                f"no column of times, such as time_s or time_ms, among "
+                f"{pluralize(len(table.titles), 'column')}; the first line must contain the names "
+                "of the columns"
+            )
             if len(table.titles) == 1 and re.search(r"[;\t]", table.titles[0]):
-                advice = "; separate columns by commas, and write decimals with a point"
-        raise ModelError(
-            f"{table.source}:{table.header_line}: {problem} of times, such as time_s or time_ms; "
-            f"the columns are {listed}{advice}"
-        )
+                problem += "; separate columns by commas, and write decimals with a point"
+        raise ModelError(f"{table.source}:{table.header_line}: {problem}")
     return found[0], names[found[0]]
 
 

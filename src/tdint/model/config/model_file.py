@@ -57,9 +57,9 @@ from tdint.model.definition import (
 from tdint.model.keys.document import SourceText, compose, decode, read_document
 from tdint.model.keys.fields import (
     ANY,
+    DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
-    POSITIVE_RATIO,
     ROOF,
     ByName,
     Choice,
@@ -88,9 +88,17 @@ if TYPE_CHECKING:
 # table and its processing. Keys of `excitation.record` have the names of the command-line options.
 
 PROCESSING = (
-    Key("trim", TextLine(parse_trim), "START:END in s from the first sample"),
+    Key(
+        "trim",
+        TextLine(parse_trim, "START:END in s, such as 0:10"),
+        "START:END in s from the first sample",
+    ),
     Key("baseline", Choice(tuple(BASELINES), "baseline"), "baseline that is subtracted"),
-    Key("pad", TextLine(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
+    Key(
+        "pad",
+        TextLine(parse_pad, "SECONDS or BEFORE:AFTER, such as 2:5"),
+        "zeros before and after: SECONDS or BEFORE:AFTER",
+    ),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
     Key("filter_order", Integer(1, MAX_FILTER_ORDER), "order of the filters"),
@@ -401,7 +409,7 @@ _MODEL = Keys(
         ),
         Key(
             "collapse_drift",
-            POSITIVE_RATIO,
+            DRIFT_BOUNDS,
             "drift ratio above which a run is reported as collapsed; default: 10%",
         ),
         Key(

@@ -32,6 +32,7 @@ from tdint.model.keys.fields import (
 )
 from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Story, column_name
 from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, four_points, laws
+from tdint.number_parsing import pluralize
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
@@ -333,7 +334,11 @@ def _read_points(
     pairs = [item.items("a point [drift, force]") for item in items]
     has_allowed_length = parameter.least_points <= len(pairs) <= parameter.points
     if not has_allowed_length or any(pair is not None and len(pair) != 2 for pair in pairs):
-        value.fault(f"must be {point_list}")
+        longer = f"; for more points use {parameter.longer}" if parameter.longer else ""
+        value.fault(
+            f"must be {point_list}, got {pluralize(len(pairs), 'entry')}"
+            f"{longer if len(pairs) > parameter.points else ''}"
+        )
         return invalid_points
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [

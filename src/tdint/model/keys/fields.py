@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeVar
 from tdint.errors import MAX_LISTED_FAULTS, ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.model.story import MAX_STORIES
-from tdint.number_parsing import LARGEST, SMALLEST, ratio_parts
+from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, ratio_parts
 
 # ---- Declarations of keys. Both the reader and the JSON schema (with which editors check a file
 # during writing) use the names and bounds that are declared here.
@@ -84,6 +84,8 @@ POSITIVE = Bounds(low=0.0, low_allowed=False)
 NOT_NEGATIVE = Bounds(low=0.0)
 RATIO = Bounds(low=0.0, high=1.0, high_allowed=False, ratio=True)
 POSITIVE_RATIO = Bounds(low=0.0, low_allowed=False, ratio=True)
+DRIFT_BOUNDS = Bounds(low=0.0, high=1.0, low_allowed=False, ratio=True)
+"""Drift ratio. A drift above the story height is a percentage without the percent sign."""
 
 
 @dataclass(frozen=True)
@@ -120,10 +122,12 @@ class Flag:
 class TextLine:
     """One line of text, which may also be a number without quotation marks.
 
-    `parse` converts the text and raises UsageError if the text is invalid.
+    `parse` converts the text and raises UsageError if the text is invalid. `form` describes the
+    text in messages.
     """
 
     parse: Callable[[str], Any] | None = None
+    form: str = "text"
 
     def schema(self) -> Schema:
         """Return the JSON schema of a text or a number; `parse` is not part of the schema."""
@@ -429,7 +433,8 @@ class Value:
     def text(self) -> str | None:
         """Return one line of text; None after reporting an error."""
         if not isinstance(self.node, ScalarNode) or not self.node.text.strip() or self._is_null():
-            self.fault(f"must be text, got {self._message_text()}")
+            form = self.type.form if isinstance(self.type, TextLine) else "text"
+            self.fault(f"must be {form}, got {self._message_text()}")
             return None
         if any(unicodedata.category(character) in ("Cc", "Cs") for character in self.node.text):
             self.fault(f"must be one line without control characters, got {self._message_text()}")
@@ -649,9 +654,11 @@ class Value:
             assert isinstance(self.type, Keys)
             keys = self.type
         if not isinstance(self.node, MappingNode):
+            # A file that is no mapping is of another kind. Its text is not repeated.
+            is_other_file = not self.key and self.word
             self.fault(
                 f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got "
-                f"{self._message_text()}"
+                f"{'text' if is_other_file else self._message_text()}"
             )
             return None
         return Section(self, self.node, keys)
@@ -699,7 +706,7 @@ class Value:
             text, divisor = ratio_parts(self.node.text)
         if not (_NUMBER.fullmatch(text) and _NUMBER.fullmatch(divisor) and float(divisor)):
             return math.nan
-        return float(text) / float(divisor)
+        return number_or_nan(text) / number_or_nan(divisor)
 
     def _plain_text(self) -> str:
         """Return the text of a scalar without quotation marks; empty for other values."""
@@ -767,6 +774,11 @@ class Section:
         self._misspelled: set[str] = set()
         lines: dict[str, int] = {}  # line of each key
         unknown_keys = 0
+        if node.entries and not (value.key or self._is_of_kind(node, keys)):
+            message = f"contains none of the keys {', '.join(keys)}; specify another file"
+            value.faults.add(node, "", message)
+            self._misspelled.update(keys)
+            return
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode):
                 value.faults.add(key, value.key, "a key must be a word, got a list or a mapping")
@@ -810,6 +822,13 @@ class Section:
                 self._entries[intended] = Value(
                     entry, self.path(key.text), value.faults, self._types.get(intended)
                 )
+
+    @staticmethod
+    def _is_of_kind(node: MappingNode, keys: Collection[str]) -> bool:
+        """Return True if a mapping has a key that is allowed or similar to an allowed key. A file
+        without such a key is of another kind: its text is not repeated in messages."""
+        names = [key.text for key, _ in node.entries if isinstance(key, ScalarNode)]
+        return any(name in keys or _related_key(name, keys) for name in names)
 
     def has(self, *names: str) -> bool:
         """Return True if the mapping contains one of the entries."""
@@ -915,6 +934,12 @@ def quoted(text: str) -> str:
 
 def _unknown_key_advice(name: str, names: Collection[str]) -> str:
     """Return the remedy for an unknown key or name: a similar name, its section, or all names."""
+    return _related_key(name, names) or f"; known: {', '.join(names)}"
+
+
+def _related_key(name: str, names: Collection[str]) -> str:
+    """Return the remedy for an unknown key that is similar to a known key or belongs to another
+    section; empty for other keys."""
     # {height: 3,5} is a mapping with the keys `height` and `5`.
     if name.isdecimal():
         return "; a comma divides entries here: write a decimal point"
@@ -929,4 +954,4 @@ def _unknown_key_advice(name: str, names: Collection[str]) -> str:
         if len(section_names) == 1:
             (section,) = section_names
             return f"; it belongs to `{section}`: write `{section}: {{{name}: ...}}`"
-    return did_you_mean(name, names) or f"; known: {', '.join(names)}"
+    return did_you_mean(name, names)
