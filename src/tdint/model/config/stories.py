@@ -31,7 +31,7 @@ from tdint.model.keys.fields import (
     ValueType,
 )
 from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Story, column_name
-from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, four_points, laws
+from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, default_numbers, four_points, laws
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
@@ -260,7 +260,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
         elif parameter.points:
             numbers = _read_points(groups[parameter.group], parameter, unit, earlier)
         elif parameter.choices:
-            numbers = (_read_choice(groups[parameter.group], parameter),)
+            numbers = (_read_choice(groups[parameter.group], parameter, earlier),)
         else:
             numbers = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += numbers
@@ -323,8 +323,9 @@ def _read_points(
         return invalid_points
     # If the file omits the points of the negative direction, `default` is the name of the points of
     # the positive direction, which then apply to both.
-    if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
-        return earlier[parameter.default]
+    if group is None or not group.has(parameter.name):
+        if numbers := default_numbers(parameter, earlier):
+            return numbers
     value = group.need(parameter.name, f"give {point_list}") if group else None
     items = value.items(point_list) if value else None
     if value is None or items is None:
@@ -357,8 +358,11 @@ def _read_points(
     return (*numbers, *[math.inf] * (2 * parameter.points - len(numbers)))
 
 
-def _read_choice(group: Group, parameter: LawParameter) -> float:
+def _read_choice(group: Group, parameter: LawParameter, earlier: EarlierParameters) -> float:
     """Return the index of a name in `choices`, or nan after an error."""
+    if isinstance(group, Section) and not group.has(parameter.name):
+        if numbers := default_numbers(parameter, earlier):
+            return numbers[0]
     value = (
         group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
         if isinstance(group, Section)
@@ -624,6 +628,8 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
         stiffness = section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
     elif stiffness_of_law is None:
         stiffness = section.number("stiffness", POSITIVE, factor)
+    elif any(parameter.path == "stiffness" for parameter in law.parameters):
+        stiffness = stiffness_of_law  # the law checks its own parameter
     else:
         stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
     if has_unknown:
