@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         peak_oriented,
         polynomial,
         ramberg_osgood,
+        steel,
         tanh,
         trilinear_pinching,
     )
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         multilinear_pinching,
         multilinear,
         ramberg_osgood,
+        steel,
     )
 
 # The order must not change, because the position of a law is its number.
@@ -59,6 +61,7 @@ NAMES = (
     "multilinear-pinching",
     "multilinear",
     "ramberg-osgood",
+    "steel",
 )
 """Names of the laws of tdint in the order of their numbers."""
 
