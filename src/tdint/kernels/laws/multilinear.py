@@ -32,7 +32,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.law import MAX_POINTS, DriftLaw, LawFunctions, LawParameter
+from tdint.kernels.laws.law import MAX_POINTS, SIDES, DriftLaw, LawFunctions, LawParameter
 from tdint.kernels.laws.flag_rule import flag_rule
 from tdint.kernels.laws.peak_rule import (
     BACKBONE,
@@ -47,7 +47,6 @@ from tdint.kernels.laws.peak_rule import (
 
 _RULES = ("kinematic", "isotropic", "origin", "peak", "elastic", "flag")
 _KINEMATIC, _ISOTROPIC, _ORIGIN, _PEAK, _ELASTIC, _FLAG = map(float, range(len(_RULES)))
-_SIDES = ("both", "positive", "negative")
 _ONE_SIDED = (_PEAK, _ELASTIC, _FLAG)
 
 _MAX_RETURN_POINTS = 10
@@ -60,7 +59,7 @@ _RULE = rows.FIRST_PARAMETER
 _LAST_SLOPE = rows.FIRST_PARAMETER + 1
 _POINTS = rows.FIRST_PARAMETER + 2
 _SIDE = 2 * MAX_POINTS
-# Slope after the last point of the negative side, keys of rule `peak`, index in `_SIDES`
+# Slope after the last point of the negative side, keys of rule `peak`, index in `SIDES`
 _NEGATIVE_LAST_SLOPE = _POINTS + 2 * _SIDE
 _FIRST_PEAK_KEY = _NEGATIVE_LAST_SLOPE + 1
 _SIDES_ROW = _FIRST_PEAK_KEY + 6
@@ -806,7 +805,7 @@ LAW = DriftLaw(
         LawParameter("force", low=0.0, high=1.0, group="pinching", without=1.0),
         LawParameter("drift", low=0.0, group="damage", default=0.0),
         LawParameter("work", low=0.0, group="damage", default=0.0),
-        LawParameter("sides", choices=_SIDES, default="both"),
+        LawParameter("sides", choices=SIDES, default="both"),
         LawParameter("return_slope", force=1, length=-1, default="last_slope"),
         LawParameter(
             "return_slope", force=1, length=-1, default="return_slope", group="negative"
