@@ -108,7 +108,11 @@ UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 
 # column of zeros, in this table and in `law_state`.
 CODE = 0  # number of the law, or ELEMENTS
 STIFFNESS = 1  # initial stiffness, N/m; of a story with elements, their sum
-FIRST_PARAMETER = 2  # first parameter of the law, in SI units
+# Drifts at which the law loses its force permanently, m, positive and negative; 0 for none. CODE is
+# then the number of the law plus FRACTURING (`tdint.kernels.laws.fracture`)
+FRACTURE_HIGH = 2
+FRACTURE_LOW = 3
+FIRST_PARAMETER = 4  # first parameter of the law, in SI units
 # Values of CODE of a story with elements, which are not indices of a law: ELEMENTS if all laws of
 # the elements are piecewise linear, CURVED_ELEMENTS otherwise. With ELEMENTS, the story is on a
 # linear branch until an element leaves its branch. The elements remain at an earlier drift of this

@@ -140,7 +140,7 @@ def story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: b
     """
     springs = []
     for spring, columns in zip(story.springs, spring_columns(story), strict=True):
-        law = Law(spring.law.name, tuple(numbers[columns.first : columns.end]))
+        law = replace(spring.law, parameters=tuple(numbers[columns.first : columns.end]))
         compute_stiffness = LAWS[law.name].initial_stiffness
         stiffness = numbers[columns.stiffness]
         if is_law_changed and compute_stiffness:

@@ -120,10 +120,13 @@ class Law:
     parameters : tuple of float
         Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
         one and is flattened. The last parameters may be omitted if they have defaults.
+    fracture : tuple of float
+        Drifts at which the law loses its force permanently, m: positive and negative; 0 for none.
     """
 
     name: str
     parameters: tuple[float, ...]
+    fracture: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Append the defaults of parameters that are omitted at the end."""
@@ -166,12 +169,18 @@ class Law:
         plugin = home_of(LAWS.get(self.name), "LAWS")
         if plugin:
             path, digest = plugin
-            return _restore_law, (self.name, self.parameters, CODES[self.name], path, digest)
+            code = CODES[self.name]
+            return _restore_law, (self.name, self.parameters, self.fracture, code, path, digest)
         return Law, tuple(astuple(self))
 
 
 def _restore_law(
-    name: str, parameters: tuple[float, ...], code: int, file: str, digest: str
+    name: str,
+    parameters: tuple[float, ...],
+    fracture: tuple[float, float],
+    code: int,
+    file: str,
+    digest: str,
 ) -> Law:
     """Restore a law of a plug-in in another process, and load the plug-in (path `file`, SHA-256
     `digest`) if necessary.
@@ -195,7 +204,7 @@ def _restore_law(
             f"process, but number {code} in the process that created the model; load all plug-ins "
             "in the same order in every process"
         )
-    return Law(name, parameters)
+    return Law(name, parameters, fracture)
 
 
 def default_numbers(

@@ -85,7 +85,17 @@ class Laws(MutableSequence["DriftLaw"]):
         return len(self._items)
 
     def __getitem__(self, number: Any) -> Any:
-        """Return the law with a number; its module is imported at the first access."""
+        """Return the law with a number; its module is imported at the first access.
+
+        The number of a law that can fracture is the number of the law plus FRACTURING.
+        """
+        if not isinstance(number, slice):
+            whole = int(number)
+            if number != whole:
+                from tdint.kernels.laws.fracture import fracturing
+
+                return fracturing(self[whole])
+            number = whole
         item = self._items[number]
         if isinstance(item, str):
             item = import_module(f"tdint.kernels.laws.{item.replace('-', '_')}").LAW

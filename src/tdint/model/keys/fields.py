@@ -688,13 +688,18 @@ class Value:
             return None
         return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
+    @property
+    def is_percentage(self) -> bool:
+        """True if the value is written with a percent sign."""
+        return isinstance(self.node, ScalarNode) and self.node.text.endswith("%")
+
     def _number_in_file(self, bounds: Bounds) -> float:
         """Return the number in the file without conversion of units; nan if it is not a number.
 
         If the bounds are those of a ratio, a percentage is converted to a ratio.
         """
         text, divisor = self._plain_text(), 1.0
-        if bounds.ratio and isinstance(self.node, ScalarNode) and self.node.text.endswith("%"):
+        if bounds.ratio and self.is_percentage and isinstance(self.node, ScalarNode):
             text, divisor = self.node.text[:-1].rstrip(), 100.0
         return float(text) / divisor if _NUMBER.fullmatch(text) else math.nan
 
