@@ -95,12 +95,15 @@ BRACE = 11
 BRACED_DAMPER = 12  # c, N (s/m)^exponent
 BRACED_EXPONENT = 13  # exponent = 1 + 2 e
 BRACED_THRESHOLD = 14  # y0^2, (m/s)^2
+# Force above which the damper has the slope BRACED_RELIEF_RATIO times c, N; 0 for no relief
+BRACED_RELIEF = 15
+BRACED_RELIEF_RATIO = 16
 # Cosine of the inclination of the damper: its force along its axis is the force in the direction of
 # the drift divided by this number. It is used for the reported force only.
-DAMPER_FACTOR = 15
+DAMPER_FACTOR = 17
 # Coefficient of Rayleigh damping with the tangent stiffness, s; 0 in stories with a linear law
-TANGENT_DAMPING = 16
-LINEAR_TERM_ROWS = 17
+TANGENT_DAMPING = 18
+LINEAR_TERM_ROWS = 19
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
 # law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several

@@ -17,6 +17,7 @@ from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
     POSITIVE_RATIO,
+    RATIO,
     Bounds,
     Choice,
     Either,
@@ -31,7 +32,7 @@ from tdint.model.keys.fields import (
     Value,
     ValueType,
 )
-from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Story, column_name
+from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Relief, Story, column_name
 from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, default_numbers, four_points, laws
 from tdint.units import MASS, STANDARD_GRAVITY
 
@@ -432,6 +433,16 @@ _DASHPOT = Keys(
             "stiffness of the brace in series with the damper; the drift rate is then that of the "
             "damper, and `linear_below` is not required",
         ),
+        Key(
+            "relief",
+            Keys(
+                (
+                    Key("force", POSITIVE, "force at which the relief valve opens", needed=True),
+                    Key("ratio", RATIO, "slope above it over `coefficient`", needed=True),
+                )
+            ),
+            "relief valve of an oil damper with a `brace`",
+        ),
         *_INCLINATION,
     )
 )
@@ -772,9 +783,19 @@ def _read_dashpot(
         "linear_below", POSITIVE if needs_linear_part else NOT_NEGATIVE, unit.length, default=0.0
     )
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
+    relief = None
+    if entry := section.get("relief"):
+        if exponent != 1.0 or section.has("linear_below"):
+            entry.fault("requires a linear damper, without `exponent` and `linear_below`")
+        if not has_brace:
+            entry.fault("requires the stiffness of the `brace` in series with the damper")
+        if valve := entry.section():
+            relief = Relief(
+                valve.number("force", scale=unit.force), valve.number("ratio")
+            )
     if not (has_brace or section.has("exponent") or section.has("linear_below")):
         return coefficient, None, factor
-    return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace), factor
+    return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace, relief), factor
 
 
 def _read_inclination(section: Section) -> float:
