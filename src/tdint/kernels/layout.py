@@ -95,12 +95,15 @@ BRACE = 11
 BRACED_DAMPER = 12  # c, N (s/m)^exponent
 BRACED_EXPONENT = 13  # exponent = 1 + 2 e
 BRACED_THRESHOLD = 14  # y0^2, (m/s)^2
+# Force above which the damper has the slope BRACED_RELIEF_RATIO times c, N; 0 for no relief
+BRACED_RELIEF = 15
+BRACED_RELIEF_RATIO = 16
 # Cosine of the inclination of the damper: its force along its axis is the force in the direction of
 # the drift divided by this number. It is used for the reported force only.
-DAMPER_FACTOR = 15
+DAMPER_FACTOR = 17
 # Coefficient of Rayleigh damping with the tangent stiffness, s; 0 in stories with a linear law
-TANGENT_DAMPING = 16
-LINEAR_TERM_ROWS = 17
+TANGENT_DAMPING = 18
+LINEAR_TERM_ROWS = 19
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
 # law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several
@@ -108,7 +111,11 @@ UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 
 # column of zeros, in this table and in `law_state`.
 CODE = 0  # number of the law, or ELEMENTS
 STIFFNESS = 1  # initial stiffness, N/m; of a story with elements, their sum
-FIRST_PARAMETER = 2  # first parameter of the law, in SI units
+# Drifts at which the law loses its force permanently, m, positive and negative; 0 for none. CODE is
+# then the number of the law plus FRACTURING (`tdint.kernels.laws.fracture`)
+FRACTURE_HIGH = 2
+FRACTURE_LOW = 3
+FIRST_PARAMETER = 4  # first parameter of the law, in SI units
 # Values of CODE of a story with elements, which are not indices of a law: ELEMENTS if all laws of
 # the elements are piecewise linear, CURVED_ELEMENTS otherwise. With ELEMENTS, the story is on a
 # linear branch until an element leaves its branch. The elements remain at an earlier drift of this

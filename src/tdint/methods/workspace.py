@@ -169,7 +169,7 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     # INTERNAL of a story with elements is 1 if all of them have failed.
     codes = building.story_laws[rows.CODE].tolist()
     limits[rows.FAILED] = [
-        1.0 if code <= rows.ELEMENTS else LAWS[int(code)].failed for code in codes
+        1.0 if code <= rows.ELEMENTS else LAWS[code].failed for code in codes
     ]
     limits[rows.HIGH_LIMIT], limits[rows.LOW_LIMIT] = building.resistance_limits
     # A story without height (nan) has no limit of the drift ratio.

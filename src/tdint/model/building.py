@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
 from tdint.kernels import layout as rows
-from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.compilable import FRACTURES, Variant
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.kernels.laws import LINEAR, OURS
+from tdint.kernels.laws.fracture import FRACTURING
 from tdint.model.damping import (
     add_damping,
     falling_message,
@@ -26,7 +27,7 @@ from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import Force, Model
 from tdint.model.modes import ComplexModes, FreeVibration, Modes, solve_complex_modes
 from tdint.model.story import POWER, Story, column_name, story_numbers
-from tdint.model.story_laws import CODES, LAWS
+from tdint.model.story_laws import CODES, LAWS, Law
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -116,13 +117,13 @@ class Building:
         return np.asarray(self.law_parameters[..., : self.stories])
 
     @cached_property
-    def law_codes(self) -> set[int]:
+    def law_codes(self) -> set[float]:
         """Numbers of all laws: of the stories with a single law, and of the elements of the
         others.
         """
         codes = np.delete(self.law_parameters[rows.CODE], self.stories, axis=-1)
         # Without np.unique, which imports the masked arrays of NumPy.
-        return {int(code) for code in set(codes.ravel().tolist()) if code > rows.ELEMENTS}
+        return {code for code in set(codes.ravel().tolist()) if code > rows.ELEMENTS}
 
     @property
     def elements(self) -> int:
@@ -269,8 +270,9 @@ class Building:
         force, slope = 0.0, float(self.linear_terms[rows.GEOMETRIC, i])
         has_falling_line = False
         for column in columns:
-            code, stiffness, *values = table[:, column].tolist()
-            line = NUMBERED_LAWS[int(code)].last_line(stiffness, values, side)
+            numbers = table[:, column].tolist()
+            law, stiffness = NUMBERED_LAWS[numbers[rows.CODE]], numbers[rows.STIFFNESS]
+            line = law.last_line(stiffness, numbers[rows.FIRST_PARAMETER :], side)
             if line is None:
                 return math.inf
             force += line[0]
@@ -432,9 +434,10 @@ class Building:
         table, result = self.law_parameters, np.zeros(self.stories)
         for i in np.flatnonzero(self.story_laws[rows.CODE] <= rows.ELEMENTS).tolist():
             for column in range(int(table[rows.FIRST_ELEMENT, i]), int(table[rows.END_ELEMENT, i])):
-                code, stiffness, *values = table[:, column].tolist()
-                law = NUMBERED_LAWS[int(code)]
+                numbers = table[:, column].tolist()
+                law, stiffness = NUMBERED_LAWS[numbers[rows.CODE]], numbers[rows.STIFFNESS]
                 if law.largest_stiffness is not None:
+                    values = numbers[rows.FIRST_PARAMETER :]
                     result[i] += law.largest_stiffness(stiffness, values) - stiffness
         return result
 
@@ -590,13 +593,17 @@ def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
             table[rows.FIRST_ELEMENT, i], table[rows.END_ELEMENT, i] = columns.start, columns.stop
         for column, spring in zip(columns, story.springs, strict=True):
             parameters = spring.law.parameters
-            table[rows.CODE, column] = CODES[spring.law.name]
-            table[rows.STIFFNESS, column] = spring.stiffness
-            table[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + len(parameters), column] = (
-                parameters
+            table[: rows.FIRST_PARAMETER + len(parameters), column] = law_column(
+                spring.law, spring.stiffness
             )
         yield_drift[i] = first_yield_drift(story)
     return table, yield_drift
+
+
+def law_column(law: Law, stiffness: float) -> list[float]:
+    """Return the column of the table of the laws for a law with an initial stiffness, N/m."""
+    code = CODES[law.name] + (FRACTURING if any(law.fracture) else 0.0)
+    return [code, stiffness, *law.fracture, *law.parameters]
 
 
 def element_yield_drifts(story: Story) -> list[float]:
@@ -636,7 +643,10 @@ def _can_stiffen(story: Story) -> bool:
         law.symmetric(parameters) or (CODES[law.name] == LINEAR and len(springs) > 1)
         for law, parameters in springs
     )
-    return _stiffens(story) and not symmetric
+    # A law that fractures loses its force before the peak drift.
+    return any(any(spring.law.fracture) for spring in story.springs) or (
+        _stiffens(story) and not symmetric
+    )
 
 
 def weight_over_height(model: Model) -> Array:
@@ -704,7 +714,7 @@ def stiffness_after_yield(story: Story) -> float:
             # Imported here, because only laws without a declaration are measured.
             from tdint.model.law_checks import tangent_at
 
-            column = np.array([CODES[law.name], spring.stiffness, *spring.law.parameters])
+            column = np.array(law_column(spring.law, spring.stiffness))
             after_yield = tangent_at(law, column, _BEYOND_YIELD * yield_drift)
             yields = True
         total += after_yield
@@ -758,9 +768,11 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     codes = {LINEAR, *building.law_codes}  # every kernel contains the linear law
     # Codes from `OURS` on are laws of plug-ins. The code distinguishes a law from laws of other
     # plug-ins with the same name.
-    names = (
-        name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
-    )
+    numbered = {code: name if code < OURS else f"{name}@{code}" for name, code in CODES.items()}
+    names = [name for code, name in numbered.items() if code in codes]
+    names += [
+        name + FRACTURES for code, name in numbered.items() if code + FRACTURING in codes
+    ]
     result = Variant(
         laws=tuple(names),
         modal=len(building.modal) > 0,

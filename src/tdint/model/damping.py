@@ -42,7 +42,7 @@ def falling_spring(story: Story) -> Element | None:
             # Imported here, because only laws of plug-ins are measured.
             from tdint.model.law_checks import falls_on_path
 
-            column = np.array([CODES[law.name], spring.stiffness, *spring.law.parameters])
+            column = np.array([CODES[law.name], spring.stiffness, 0.0, 0.0, *spring.law.parameters])
             if falls_on_path(law, column):
                 return spring
     return None

@@ -554,7 +554,7 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
             values.append(value)
         stiffness = law.initial_stiffness(values) if law.initial_stiffness else _STIFFNESS
         if law.fault(stiffness, values) is None:
-            yield np.array([math.nan, stiffness, *values])
+            yield np.array([math.nan, stiffness, 0.0, 0.0, *values])
 
 
 def _sampled_faults(

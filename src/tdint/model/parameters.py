@@ -19,6 +19,7 @@ from tdint.model.story import (
     STORY_KEYS,
     Story,
     spring_columns,
+    story_numbers,
 )
 from tdint.model.story_laws import LAWS, Law, named_parameters
 from tdint.number_parsing import pluralize
@@ -166,8 +167,10 @@ def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
         "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
     }
     if story.power_dashpot:
-        for i in range(POWER.start, POWER.stop - (story.power_dashpot.brace is None)):
-            changes[STORY_KEYS[i]] = [(i, False, None)]
+        numbers = story_numbers(story)
+        for i in range(POWER.start, POWER.stop):
+            if not math.isnan(numbers[i]):
+                changes[STORY_KEYS[i]] = [(i, False, None)]
     return changes | set_law
 
 

@@ -44,6 +44,14 @@ MAX_STORIES = 100_000
 """Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
 
 
+class Relief(NamedTuple):
+    """Relief valve of a damper: above the force `force` (N), the slope of its force over its rate
+    is `ratio` times its coefficient."""
+
+    force: float
+    ratio: float
+
+
 @dataclass(frozen=True)
 class PowerDashpot:
     """Dashpot with the force c v (v^2 + v0^2)^((exponent - 1) / 2) at the drift rate v.
@@ -63,12 +71,15 @@ class PowerDashpot:
     brace : float | None
         Stiffness of the brace in series with the damper, N/m; v is then the rate of the damper.
         None for a damper without a brace.
+    relief : Relief | None
+        Relief valve of a linear damper with a brace.
     """
 
     coefficient: float
     exponent: float
     linear_below: float
     brace: float | None = None
+    relief: Relief | None = None
 
 
 @dataclass(frozen=True)
@@ -140,7 +151,7 @@ def story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: b
     """
     springs = []
     for spring, columns in zip(story.springs, spring_columns(story), strict=True):
-        law = Law(spring.law.name, tuple(numbers[columns.first : columns.end]))
+        law = replace(spring.law, parameters=tuple(numbers[columns.first : columns.end]))
         compute_stiffness = LAWS[law.name].initial_stiffness
         stiffness = numbers[columns.stiffness]
         if is_law_changed and compute_stiffness:
@@ -159,10 +170,17 @@ def story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: b
 
 
 def _power_dashpot(
-    coefficient: float, exponent: float, linear_below: float, brace: float
+    coefficient: float, exponent: float, linear_below: float, brace: float, *relief: float
 ) -> PowerDashpot:
-    """Return a power-law dashpot from its numbers in `story_numbers`; nan for no brace."""
-    return PowerDashpot(coefficient, exponent, linear_below, None if math.isnan(brace) else brace)
+    """Return a power-law dashpot from its numbers in `story_numbers`; nan for no brace and for no
+    relief."""
+    return PowerDashpot(
+        coefficient,
+        exponent,
+        linear_below,
+        None if math.isnan(brace) else brace,
+        None if math.isnan(relief[0]) else Relief(*relief),
+    )
 
 
 def simple_story(
@@ -193,10 +211,12 @@ STORY_KEYS = (
     "dashpot.exponent",
     "dashpot.linear_below",
     "dashpot.brace",
+    "dashpot.relief.force",
+    "dashpot.relief.ratio",
 )
 """Keys of the values of a story in the order of `story_numbers`. Parameters of the law follow."""
 
-MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 8)
+MASS, HEIGHT, STIFFNESS, DASHPOT, POWER = 0, 1, 2, 3, slice(4, 10)
 """Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot."""
 
 FIRST_LAW_PARAMETER = len(STORY_KEYS)
@@ -245,12 +265,13 @@ def story_numbers(story: Story) -> tuple[float, ...]:
     """Return the values of a story, SI units: first `STORY_KEYS`, then the parameters of its law,
     or the stiffness and the parameters of each element.
 
-    The values of a missing height, power-law dashpot or brace are nan.
+    The values of a missing height, power-law dashpot, brace or relief are nan.
     """
-    dashpot = (math.nan,) * 4
+    dashpot = (math.nan,) * (POWER.stop - POWER.start)
     if power := story.power_dashpot:
         brace = math.nan if power.brace is None else power.brace
-        dashpot = (power.coefficient, power.exponent, power.linear_below, brace)
+        relief = power.relief or Relief(math.nan, math.nan)
+        dashpot = (power.coefficient, power.exponent, power.linear_below, brace, *relief)
     height = math.nan if story.height is None else story.height
     parameters = list(story.law.parameters)
     for element in story.elements:

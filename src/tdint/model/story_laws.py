@@ -120,27 +120,30 @@ class Law:
     parameters : tuple of float
         Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
         one and is flattened. The last parameters may be omitted if they have defaults.
+    fracture : tuple of float
+        Drifts at which the law loses its force permanently, m: positive and negative; 0 for none.
     """
 
     name: str
     parameters: tuple[float, ...]
+    fracture: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Append the defaults of parameters that are omitted at the end."""
         declared_parameters = LAWS[self.name].parameters if self.name in LAWS else ()
-        if any(item.many or item.points for item in declared_parameters):
+        if any(item.many for item in declared_parameters):
             return
-        values = list(self.parameters)
-        by_name = {
-            item.name: value
-            for item, value in zip(declared_parameters, values, strict=False)
-            if not item.group
-        }
-        for item in declared_parameters[len(values) :]:
-            if item.default is None:
-                return
-            default = by_name[item.default] if isinstance(item.default, str) else item.default
-            values.append(default)
+        values, by_name = list(self.parameters), {}
+        first = 0
+        for item in declared_parameters:
+            end = first + (2 * item.points or 1)
+            if end > len(values):
+                numbers = default_numbers(item, by_name)
+                if first < len(values) or numbers is None:
+                    return
+                values += numbers
+            by_name.setdefault(item.name, tuple(values[first:end]))
+            first = end
         object.__setattr__(self, "parameters", tuple(values))
 
     @property
@@ -166,12 +169,18 @@ class Law:
         plugin = home_of(LAWS.get(self.name), "LAWS")
         if plugin:
             path, digest = plugin
-            return _restore_law, (self.name, self.parameters, CODES[self.name], path, digest)
+            code = CODES[self.name]
+            return _restore_law, (self.name, self.parameters, self.fracture, code, path, digest)
         return Law, tuple(astuple(self))
 
 
 def _restore_law(
-    name: str, parameters: tuple[float, ...], code: int, file: str, digest: str
+    name: str,
+    parameters: tuple[float, ...],
+    fracture: tuple[float, float],
+    code: int,
+    file: str,
+    digest: str,
 ) -> Law:
     """Restore a law of a plug-in in another process, and load the plug-in (path `file`, SHA-256
     `digest`) if necessary.
@@ -195,7 +204,24 @@ def _restore_law(
             f"process, but number {code} in the process that created the model; load all plug-ins "
             "in the same order in every process"
         )
-    return Law(name, parameters)
+    return Law(name, parameters, fracture)
+
+
+def default_numbers(
+    parameter: LawParameter, earlier: Mapping[str, tuple[float, ...]]
+) -> tuple[float, ...] | None:
+    """Return the numbers of a parameter that is omitted, or None if it is required.
+
+    `earlier` contains the numbers of the parameters before it, by name.
+    """
+    default = parameter.without if parameter.default is None else parameter.default
+    if default is None:
+        return None
+    if parameter.choices:
+        return (float(parameter.choices.index(str(default))),)
+    if isinstance(default, str):
+        return earlier[default]
+    return (default,) * (2 * parameter.points or 1)
 
 
 LINEAR = Law("linear", ())

@@ -47,6 +47,10 @@ WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
 many different buildings are integrated."""
 
 
+FRACTURES = "~"
+"""End of the name of a law in a variant, if the law can fracture."""
+
+
 @dataclass(frozen=True)
 class Variant:
     """Features that the compiled code of a kernel supports.
@@ -55,7 +59,8 @@ class Variant:
     ----------
     laws : tuple of str
         Names of the drift laws of the stories, in the order of `tdint.kernels.laws.LAWS`. Empty for
-        all laws of tdint. The name of a law of a plug-in includes its number: `name@9`.
+        all laws of tdint that cannot fracture. The name of a law of a plug-in includes its number:
+        `name@9`. A law that can fracture has a name of its own, `name~` or `name@9~`.
     dashpots : bool
         Dashpots, linear or of a power law.
     elements : bool
@@ -90,7 +95,7 @@ class Variant:
 
         The law `name@9` of the variant has the number 9.
         """
-        split_names = (law.partition("@") for law in self.laws)
+        split_names = (law.removesuffix(FRACTURES).partition("@") for law in self.laws)
         return {name: int(code) for name, separator, code in split_names if separator}
 
     def only(self, parts: tuple[str, ...]) -> Variant:
@@ -189,13 +194,14 @@ class Compilable:
         `variant` (`Variant.only`).
 
         TDINT_KERNELS=whole replaces it by EVERYTHING, except for a kernel that contains laws of
-        plug-ins, which EVERYTHING does not contain.
+        plug-ins or laws that can fracture, which EVERYTHING does not contain.
         """
         required = self._required.get(variant)
         if required is None:
             required = self._required[variant] = variant.only(self.parts)
         # WHOLE is not part of the stored result, because tests change it.
-        return EVERYTHING if WHOLE and not required.outside else required
+        is_included = not required.outside and FRACTURES not in "".join(required.laws)
+        return EVERYTHING if WHOLE and is_included else required
 
     def loaded(self, variant: Variant) -> bool:
         """Return True if this process has loaded or installed the kernel for a variant."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         peak_oriented,
         polynomial,
         ramberg_osgood,
+        steel,
         tanh,
         trilinear_pinching,
     )
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
         multilinear_pinching,
         multilinear,
         ramberg_osgood,
+        steel,
     )
 
 # The order must not change, because the position of a law is its number.
@@ -59,6 +61,7 @@ NAMES = (
     "multilinear-pinching",
     "multilinear",
     "ramberg-osgood",
+    "steel",
 )
 """Names of the laws of tdint in the order of their numbers."""
 
@@ -82,7 +85,17 @@ class Laws(MutableSequence["DriftLaw"]):
         return len(self._items)
 
     def __getitem__(self, number: Any) -> Any:
-        """Return the law with a number; its module is imported at the first access."""
+        """Return the law with a number; its module is imported at the first access.
+
+        The number of a law that can fracture is the number of the law plus FRACTURING.
+        """
+        if not isinstance(number, slice):
+            whole = int(number)
+            if number != whole:
+                from tdint.kernels.laws.fracture import fracturing
+
+                return fracturing(self[whole])
+            number = whole
         item = self._items[number]
         if isinstance(item, str):
             item = import_module(f"tdint.kernels.laws.{item.replace('-', '_')}").LAW

@@ -14,6 +14,18 @@ substep also ends where w changes its sign, because |w|^n is not smooth at w = 0
 time steps that locate kinks end at this point, and near this point the equation is integrated
 exactly as a series in |w|^n.
 
+With degradation (Baber and Wen 1981), pinching (Baber and Noori 1985; Foliente 1995) or asymmetry
+(Wang and Wen 2000), and with the energy E of the hysteretic part, the integral of (1 - a) Fy w over
+d (row WORK, J):
+
+    dw/dx = h / eta (A - nu |w|^n (beta sgn(w dx) + 1 - beta + phi (sgn w + sgn dx)))
+    A = 1 - dA E,   nu = 1 + dnu E,   eta = 1 + deta E
+    h = 1 - z1 exp(-((w sgn dx - q nu^(-1/n)) / z2)^2)
+    z1 = zs (1 - exp(-p E)),   z2 = (psi + dpsi E) (lambda + z1)
+
+The strengths of both sides are (1 + 2 phi)^(-1/n) Fy and (1 - 2 phi)^(-1/n) Fy. If A reaches 0, the
+story has failed.
+
 In the functions below, q = 2 beta - 1, u = |w| while it decreases (unloading), and all drift
 changes r, x and `path` are multiples of Fy / k.
 """
@@ -22,6 +34,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import (
@@ -38,6 +51,37 @@ _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 _EXPONENT = rows.FIRST_PARAMETER + 2
 _BETA = rows.FIRST_PARAMETER + 3
+
+# Degradation dA, dnu, deta (1/J); pinching zs, p (1/J), q, psi, dpsi (1/J), lambda; asymmetry phi
+_AMPLITUDE = rows.FIRST_PARAMETER + 4
+_STRENGTH_RATE = rows.FIRST_PARAMETER + 5
+_STIFFNESS_RATE = rows.FIRST_PARAMETER + 6
+_SLIP = rows.FIRST_PARAMETER + 7
+_SLIP_RATE = rows.FIRST_PARAMETER + 8
+_START = rows.FIRST_PARAMETER + 9
+_SIZE = rows.FIRST_PARAMETER + 10
+_GROWTH = rows.FIRST_PARAMETER + 11
+_SEVERITY = rows.FIRST_PARAMETER + 12
+_ASYMMETRY = rows.FIRST_PARAMETER + 13
+
+_FAILED = 1e3
+"""Value of row INTERNAL after A has reached 0; larger than any w."""
+_NO_AMPLITUDE = 1e-6
+"""A at which the story has failed: for small exponents it approaches 0, but does not reach it."""
+_PINCHING_SUBSTEP = 0.1
+"""Maximum length of a substep as a fraction of z2, the width of the pinching in w."""
+_GRADING = 0.5
+"""For exponents below _SMOOTH, maximum change of w in a substep as a fraction of |w|, because |w|^n
+is not smooth at w = 0, with the following minimum."""
+_MIN_GRADING = 1e-4
+_MAX_UNLOADING = 1e3
+"""Maximum drift change, in yield drifts, that is searched for the change of sign of w: degradation
+and pinching can make unloading very soft."""
+_PINCHING_DENSITY = 3.0
+"""Additional Gauss points for a drift change of Fy / k times the smallest z2."""
+_MAX_CROSSINGS = 8
+"""Newton's method for the change of sign of w in a substep converges in three or four
+iterations."""
 
 _SUBSTEP = 0.125
 """Length of a substep times the exponent n, in yield drifts. The error of the classical Runge-Kutta
@@ -155,6 +199,145 @@ def _functions() -> LawFunctions:
                 break
         return w
 
+    # ---- Degradation, pinching and asymmetry
+
+    @inline
+    def is_general(law_parameters, i):
+        """Return True if the law has degradation, pinching or asymmetry."""
+        return (
+            law_parameters[_AMPLITUDE, i] != 0.0
+            or law_parameters[_STRENGTH_RATE, i] != 0.0
+            or law_parameters[_STIFFNESS_RATE, i] != 0.0
+            or law_parameters[_SLIP, i] != 0.0
+            or law_parameters[_ASYMMETRY, i] != 0.0
+        )
+
+    @inline
+    def pinching_width(law_parameters, i, energy):
+        """Return z1 and z2 after the energy E, J."""
+        slip = law_parameters[_SLIP, i] * (1.0 - math.exp(-law_parameters[_SLIP_RATE, i] * energy))
+        size = law_parameters[_SIZE, i] + law_parameters[_GROWTH, i] * energy
+        return slip, size * (law_parameters[_SEVERITY, i] + slip)
+
+    @outlined
+    def general_rate(law_parameters, i, w, energy, side):
+        """Return dw/dx for w positive in the direction of movement, after the energy E, J."""
+        n = law_parameters[_EXPONENT, i]
+        amplitude = 1.0 - law_parameters[_AMPLITUDE, i] * energy
+        strength = 1.0 + law_parameters[_STRENGTH_RATE, i] * energy
+        stiffness = 1.0 + law_parameters[_STIFFNESS_RATE, i] * energy
+        shape = 1.0 - 2.0 * law_parameters[_BETA, i]
+        if w > 0.0:
+            shape = 1.0 + 2.0 * side * law_parameters[_ASYMMETRY, i]
+        rate = (amplitude - strength * power(abs(w), n) * shape) / stiffness
+        if law_parameters[_SLIP, i] > 0.0:
+            slip, width = pinching_width(law_parameters, i, energy)
+            distance = (w - law_parameters[_START, i] * strength ** (-1.0 / n)) / width
+            rate *= 1.0 - slip * math.exp(-distance * distance)
+        return rate
+
+    @outlined
+    def general_step(law_parameters, i, w, energy, side, r):
+        """Integrate w and E over the drift change `r` by a classical Runge-Kutta step."""
+        strength = law_parameters[_YIELD_FORCE, i]
+        c = (1.0 - law_parameters[_HARDENING, i]) * strength * strength
+        c /= law_parameters[rows.STIFFNESS, i]  # dE/dx = c w
+        p1 = general_rate(law_parameters, i, w, energy, side)
+        w2, e2 = w + 0.5 * r * p1, energy + 0.5 * r * c * w
+        p2 = general_rate(law_parameters, i, w2, e2, side)
+        w3, e3 = w + 0.5 * r * p2, energy + 0.5 * r * c * w2
+        p3 = general_rate(law_parameters, i, w3, e3, side)
+        w4, e4 = w + r * p3, energy + r * c * w3
+        p4 = general_rate(law_parameters, i, w4, e4, side)
+        return (
+            w + r / 6.0 * (p1 + 2.0 * (p2 + p3) + p4),
+            energy + r / 6.0 * c * (w + 2.0 * (w2 + w3) + w4),
+        )
+
+    @outlined
+    def follow_general(law_parameters, i, state, side, length, ends_at_zero):
+        """Integrate w and E, the tuple `state`, over a drift change in substeps; return w, E and
+        the drift change. With `ends_at_zero`, the path ends where w changes its sign."""
+        w, energy = state
+        n = law_parameters[_EXPONENT, i]
+        remaining = length
+        while remaining > 0.0:
+            if 1.0 - law_parameters[_AMPLITUDE, i] * energy <= _NO_AMPLITUDE:
+                break
+            r = 0.5 * _SUBSTEP / n
+            if law_parameters[_SLIP, i] > 0.0:
+                _, width = pinching_width(law_parameters, i, energy)
+                r = min(r, _PINCHING_SUBSTEP * width)
+            if n < _SMOOTH:
+                r = min(r, max(_GRADING * abs(w), _MIN_GRADING))
+            r = min(r, remaining)
+            new_w, new_energy = general_step(law_parameters, i, w, energy, side, r)
+            if w < 0.0 <= new_w:
+                for _ in range(_MAX_CROSSINGS):
+                    rate = general_rate(law_parameters, i, 0.0, new_energy, side)
+                    change = new_w / rate
+                    r = min(max(r - change, 0.0), remaining)
+                    new_w, new_energy = general_step(law_parameters, i, w, energy, side, r)
+                    if abs(change) <= 1e-15 * r:
+                        break
+                new_w = 0.0
+                if ends_at_zero:
+                    return new_w, new_energy, length - remaining + r
+            w, energy = new_w, new_energy
+            remaining -= r
+        return w, energy, math.inf if ends_at_zero else length
+
+    @outlined
+    def general_force(law_parameters, law_state, i, previous, trial, drift):
+        """Compute the force of a law with degradation, pinching or asymmetry; return the tangent
+        stiffness, N/m."""
+        if law_state[previous + rows.INTERNAL, i] == _FAILED:
+            for row in (rows.INTERNAL, rows.DISSIPATED, rows.WORK):
+                law_state[trial + row, i] = law_state[previous + row, i]
+            law_state[trial + rows.FORCE, i] = 0.0
+            return 0.0
+        k = law_parameters[rows.STIFFNESS, i]
+        strength = law_parameters[_YIELD_FORCE, i]
+        hardening = law_parameters[_HARDENING, i]
+        drift_change = drift - law_state[previous + rows.DRIFT, i]
+        side = 1.0 if drift_change >= 0.0 else -1.0
+        start = (side * law_state[previous + rows.INTERNAL, i], law_state[previous + rows.WORK, i])
+        length = abs(drift_change) * k / strength
+        w, energy, _ = follow_general(law_parameters, i, start, side, length, False)
+        law_state[trial + rows.WORK, i] = energy
+        if 1.0 - law_parameters[_AMPLITUDE, i] * energy <= _NO_AMPLITUDE:
+            law_state[trial + rows.INTERNAL, i] = _FAILED
+            law_state[trial + rows.FORCE, i] = 0.0
+            law_state[trial + rows.DISSIPATED, i] = energy + 0.5 * hardening * k * drift * drift
+            return 0.0
+        law_state[trial + rows.INTERNAL, i] = side * w
+        law_state[trial + rows.FORCE, i] = (
+            hardening * k * drift + (1.0 - hardening) * strength * side * w
+        )
+        law_state[trial + rows.DISSIPATED, i] = energy - hysteretic_strain(
+            law_parameters, law_state, i, trial
+        )
+        rate = 1.0
+        if drift_change != 0.0:
+            rate = general_rate(law_parameters, i, w, energy, side)
+        return k * (hardening + (1.0 - hardening) * rate)
+
+    @inline
+    def hysteretic_strain(law_parameters, law_state, i, block):
+        """Return the stored energy of the hysteretic spring, (1 - a) Fy^2 w^2 eta / (2 k A), J.
+
+        k A / eta is its stiffness at w = 0 without pinching."""
+        z = law_parameters[_YIELD_FORCE, i] * law_state[block + rows.INTERNAL, i]  # Fy w
+        energy = 0.5 * (1.0 - law_parameters[_HARDENING, i]) * z * z
+        energy /= law_parameters[rows.STIFFNESS, i]
+        if is_general(law_parameters, i):
+            work = law_state[block + rows.WORK, i]
+            energy *= 1.0 + law_parameters[_STIFFNESS_RATE, i] * work
+            energy /= 1.0 - law_parameters[_AMPLITUDE, i] * work
+        return energy
+
+    # ---- Functions of the law
+
     @outlined
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force at a drift; return the tangent stiffness, N/m.
@@ -172,6 +355,8 @@ def _functions() -> LawFunctions:
         2. loading near w = 0: by a power series (n < _SMOOTH only)
         3. loading: by Runge-Kutta steps
         """
+        if is_general(law_parameters, i):
+            return general_force(law_parameters, law_state, i, previous, trial, drift)
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
@@ -267,11 +452,12 @@ def _functions() -> LawFunctions:
         The law consists of two parallel springs: an elastic spring with the stiffness a k, and a
         hysteretic spring with the stiffness (1 - a) k and the force (1 - a) Fy w.
         """
+        if law_state[rows.INTERNAL, i] == _FAILED:
+            return 0.0
         d = law_state[rows.DRIFT, i]
-        z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]  # Fy w
         k = law_parameters[rows.STIFFNESS, i]
-        hardening = law_parameters[_HARDENING, i]
-        return 0.5 * hardening * k * d * d + 0.5 * (1.0 - hardening) * z * z / k
+        elastic = 0.5 * law_parameters[_HARDENING, i] * k * d * d
+        return elastic + hysteretic_strain(law_parameters, law_state, i, 0)
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
@@ -294,6 +480,15 @@ def _functions() -> LawFunctions:
         u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:  # w already has the sign of the direction
             return math.inf
+        unit = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
+        if is_general(law_parameters, i):
+            if law_state[block + rows.INTERNAL, i] == _FAILED:
+                return math.inf
+            start = (-u, law_state[block + rows.WORK, i])
+            _, _, path = follow_general(
+                law_parameters, i, start, side, _MAX_UNLOADING * max(u, 1.0), True
+            )
+            return path * unit
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
         path = 0.0  # integral over s
@@ -306,7 +501,7 @@ def _functions() -> LawFunctions:
             for point in range(8):
                 root = nodes[point]  # sqrt(v / u)
                 path += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
-        return path * u * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
+        return path * u * unit
 
     @outlined
     def limit_branch(law_parameters, law_state, i, previous, block):
@@ -337,6 +532,8 @@ def _functions() -> LawFunctions:
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if drift_change != 0.0:  # without a movement, the direction remains
             law_state[rows.RATE_SIGN, i] = math.copysign(1.0, drift_change)
+        if is_general(law_parameters, i):
+            law_state[rows.WORK, i] = law_state[trial + rows.WORK, i]
         if law_parameters[_EXPONENT, i] < _SMOOTH:
             limit_branch(law_parameters, law_state, i, trial, 0)
 
@@ -363,10 +560,12 @@ def _functions() -> LawFunctions:
         The constants were determined by numerical experiments.
         """
         n = law_parameters[_EXPONENT, i]
+        density = 4.0 * (n + 1.0)
+        if law_parameters[_SLIP, i] > 0.0:
+            density += _PINCHING_DENSITY / (law_parameters[_SIZE, i] * law_parameters[_SEVERITY, i])
         return (
             1.9
-            + 4.0
-            * (n + 1.0)
+            + density
             * drift_change
             * law_parameters[rows.STIFFNESS, i]
             / law_parameters[_YIELD_FORCE, i]
@@ -394,6 +593,9 @@ def _warning(stiffness: float, values: Sequence[float]) -> str | None:
     )
 
 
+_RATE = LawParameter("", force=-1, length=-1, low=0.0, group="degradation", default=0.0)
+"""Rate per energy of the hysteretic part."""
+
 LAW = DriftLaw(
     "bouc-wen",
     "f = a k d + (1 - a) Fy w, dw = (1 - |w|^n (beta sgn(w dd) + 1 - beta)) k dd / Fy: smooth "
@@ -404,9 +606,20 @@ LAW = DriftLaw(
         LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
         LawParameter("exponent", low=1.0, high=100.0),
         LawParameter("beta", low=0.0, high=1.0, low_allowed=False),
+        *(replace(_RATE, name=name) for name in ("amplitude", "strength", "stiffness")),
+        LawParameter("slip", low=0.0, high=1.0, high_allowed=False, group="pinching", without=0.0),
+        replace(_RATE, name="rate", group="pinching", default=None, without=0.0),
+        LawParameter("start", group="pinching", default=0.0),
+        LawParameter("size", low=0.0, low_allowed=False, group="pinching", without=1.0),
+        replace(_RATE, name="growth", group="pinching"),
+        LawParameter("severity", low=0.0, low_allowed=False, group="pinching", without=1.0),
+        LawParameter(
+            *("asymmetry", 0, 0, -0.5, 0.5), low_allowed=False, high_allowed=False, default=0.0
+        ),
     ),
     kinked=True,
     curved=True,
+    failed=_FAILED,
     warning=_warning,
     yield_drift=yields_at_its_strength,
     stiffness_after_yield=hardening_stiffness,

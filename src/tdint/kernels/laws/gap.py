@@ -1,4 +1,4 @@
-"""Gap law: elastic pounding against a stop on each side.
+"""Gap law: elastic pounding against a stop on each side, or on one side.
 
 f = k d                                        for |d| <= gap
 f = k d + stop_stiffness (|d| - gap) sgn(d)    for |d| > gap
@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
+from tdint.kernels.laws.law import SIDES, DriftLaw, LawFunctions, LawParameter
 
-# Rows of `law_parameters` with the parameters of the law: gap (m), stiffness of the stops (N/m).
+# Rows of `law_parameters` with the parameters of the law: gap (m), stiffness of the stops (N/m),
+# index in `SIDES`.
 _GAP = rows.FIRST_PARAMETER
 _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
+_SIDES = rows.FIRST_PARAMETER + 2
 
 
 def _functions() -> LawFunctions:
@@ -26,6 +28,13 @@ def _functions() -> LawFunctions:
     from tdint.kernels.laws.branch_following import set_branch
 
     @inline
+    def gap_of(law_parameters, i, side):
+        """Return the gap of a side, m; infinite without a stop."""
+        sides = law_parameters[_SIDES, i]
+        has_stop = sides == 0.0 or (sides == 1.0) == (side > 0.0)
+        return law_parameters[_GAP, i] if has_stop else math.inf
+
+    @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Compute the force f at the drift d; return the tangent stiffness, N/m.
 
@@ -34,7 +43,7 @@ def _functions() -> LawFunctions:
         """
         force = law_parameters[rows.STIFFNESS, i] * drift
         tangent = law_parameters[rows.STIFFNESS, i]
-        penetration = abs(drift) - law_parameters[_GAP, i]
+        penetration = abs(drift) - gap_of(law_parameters, i, drift)
         if penetration > 0.0:
             force += math.copysign(law_parameters[_STOP_STIFFNESS, i] * penetration, drift)
             tangent += law_parameters[_STOP_STIFFNESS, i]
@@ -48,7 +57,7 @@ def _functions() -> LawFunctions:
         It is k d^2 / 2 plus, in contact with a stop, stop_stiffness (|d| - gap)^2 / 2.
         """
         d = law_state[rows.DRIFT, i]
-        penetration = max(abs(d) - law_parameters[_GAP, i], 0.0)
+        penetration = max(abs(d) - gap_of(law_parameters, i, d), 0.0)
         return (
             0.5 * law_parameters[rows.STIFFNESS, i] * d * d
             + 0.5 * law_parameters[_STOP_STIFFNESS, i] * penetration * penetration
@@ -70,7 +79,7 @@ def _functions() -> LawFunctions:
         law_state[block + rows.FORCE, i] = stiffness * drift + stop_stiffness * (drift - side * gap)
         # In contact, the branch is limited by the stop on one side only; within the gap, by both
         # stops. It is valid for both signs of the drift rate (0), because the law is elastic.
-        lower, upper = -gap, gap
+        lower, upper = -gap_of(law_parameters, i, -1.0), gap_of(law_parameters, i, 1.0)
         if side > 0.0:
             lower, upper = gap, math.inf
         elif side < 0.0:
@@ -83,7 +92,7 @@ def _functions() -> LawFunctions:
         stop. At |d| = gap, both branches have the same force; the branch in contact is set.
         """
         drift = law_state[rows.DRIFT, i]
-        is_within_gap = abs(drift) < law_parameters[_GAP, i]
+        is_within_gap = abs(drift) < gap_of(law_parameters, i, drift)
         side = 0.0 if is_within_gap else math.copysign(1.0, drift)
         set_contact(law_parameters, law_state, i, 0, side)
 
@@ -95,10 +104,10 @@ def _functions() -> LawFunctions:
         from a contact, it is the gap. The event REVERSED cannot occur, because all branches are
         valid for both signs of the drift rate.
         """
-        # The limits of the branch within the gap are -gap and gap, with the sum 0; a branch in
-        # contact has an infinite limit. The events ABOVE and BELOW are 1 and -1, the sides of the
-        # stops.
-        is_within_gap = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
+        # The events ABOVE and BELOW are 1 and -1, the sides of the stops. The gap ends at a stop on
+        # the side of the event; a contact ends at the stop on the other side of zero drift.
+        row = rows.UPPER if event > 0.0 else rows.LOWER
+        is_within_gap = event * law_state[block + row, i] > 0.0
         set_contact(law_parameters, law_state, i, block, event if is_within_gap else 0.0)
 
     return LawFunctions(force=force, strain_energy=strain_energy, enter=enter, switch=switch)
@@ -107,14 +116,15 @@ def _functions() -> LawFunctions:
 LAW = DriftLaw(
     "gap",
     "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on "
-    "either side",
+    "either side, or on one of the `sides`",
     _functions,
     parameters=(
         LawParameter("gap", length=1, low=0.0, low_allowed=False),
         LawParameter("stop_stiffness", force=1, length=-1, low=0.0),
+        LawParameter("sides", choices=SIDES, default="both"),
     ),
     kinked=True,
     stiffens=lambda values: values[1] > 0.0,
-    symmetric=lambda values: True,
+    symmetric=lambda values: values[2] == 0.0,
     largest_stiffness=lambda stiffness, values: stiffness + values[1],
 )

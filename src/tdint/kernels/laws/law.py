@@ -15,6 +15,9 @@ MAX_POINTS = 40
 """Maximum number of points of a backbone curve on each side. They occupy two rows each in the table
 of parameters, and a law may need a row of each state for each point."""
 
+SIDES = ("both", "positive", "negative")
+"""Sides on which a law with the parameter `sides` acts."""
+
 
 @dataclass(frozen=True)
 class LawParameter:

@@ -10,13 +10,14 @@ after the last point. The rule determines the forces inside the curve:
     isotropic   elastic with k up to the strength R(p). The path of the plastic drift p of both
                 sides moves along the plastic drifts d_j - F_j / k of the curve.
     origin      lines from the points of maximum drift to the origin
-    peak        unloading with k to zero force, then a line to the point of maximum drift of the
-                other side (Clough 1966)
+    peak        unloading to zero force, then reloading towards the point of maximum drift of the
+                other side, with pinching and damage (`tdint.kernels.laws.peak_rule`)
     elastic     the curve itself
+    flag        an elastic force between the curve and the curve `return`
+                (`tdint.kernels.laws.flag_rule`)
 
-If a segment of rule `peak` is steeper than k, the unloading stiffness is the steepest slope that
-the side has reached: no branch then creates energy. A falling curve ends at zero force, where the
-story fails (rules `isotropic`, `origin`, `peak`) or has no resistance left (`last_line`).
+A falling curve ends at zero force, where the story fails (rules `isotropic`, `origin`, `peak`) or
+has no resistance left (`last_line`).
 
 In the functions below, drifts and forces with a `side` are positive in the direction of that side.
 `tdint.kernels.laws.law.LawFunctions` describes the functions and their arguments.
@@ -28,13 +29,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.law import MAX_POINTS, DriftLaw, LawFunctions, LawParameter
-from tdint.kernels.laws.peak_oriented import BACKBONE, UNLOADING, peak_oriented_switch
+from tdint.kernels.laws.law import MAX_POINTS, SIDES, DriftLaw, LawFunctions, LawParameter
+from tdint.kernels.laws.flag_rule import flag_rule
+from tdint.kernels.laws.peak_rule import (
+    BACKBONE,
+    FAILED,
+    TOLERANCE,
+    UNLOADING,
+    PeakKeys,
+    backbone_curve,
+    parameter,
+    peak_rule,
+)
 
-_RULES = ("kinematic", "isotropic", "origin", "peak", "elastic")
-_KINEMATIC, _ISOTROPIC, _ORIGIN, _PEAK, _ELASTIC = map(float, range(len(_RULES)))
+_RULES = ("kinematic", "isotropic", "origin", "peak", "elastic", "flag")
+_KINEMATIC, _ISOTROPIC, _ORIGIN, _PEAK, _ELASTIC, _FLAG = map(float, range(len(_RULES)))
+_ONE_SIDED = (_PEAK, _ELASTIC, _FLAG)
+
+_MAX_RETURN_POINTS = 10
+"""Maximum number of points of the lower curve of rule `flag` on each side."""
 
 # Rows of `law_parameters`: rule (index in `_RULES`), slope after the last point (N/m), then drift
 # (m) and force (N) of each point of the positive side and of the negative side. Points that the
@@ -43,18 +59,33 @@ _RULE = rows.FIRST_PARAMETER
 _LAST_SLOPE = rows.FIRST_PARAMETER + 1
 _POINTS = rows.FIRST_PARAMETER + 2
 _SIDE = 2 * MAX_POINTS
+# Slope after the last point of the negative side, keys of rule `peak`, index in `SIDES`
+_NEGATIVE_LAST_SLOPE = _POINTS + 2 * _SIDE
+_FIRST_PEAK_KEY = _NEGATIVE_LAST_SLOPE + 1
+_SIDES_ROW = _FIRST_PEAK_KEY + 6
+# Lower curve of rule `flag`: slopes after the last points and points of both sides
+_RETURN_SLOPE = _SIDES_ROW + 1
+_RETURN_POINTS = _RETURN_SLOPE + 2
+_RETURN_SIDE = 2 * _MAX_RETURN_POINTS
+# Stiffness between the curves of rule `flag`, N/m; 0 for the steepest slope of the curve
+_ELASTIC_STIFFNESS = _RETURN_POINTS + 2 * _RETURN_SIDE
 
 # Rules `kinematic` and `isotropic`: drift at the start of the branch (m) and path of the plastic
 # drift at this point (m). The forces of the springs at this point are the extra rows, N.
 _START = rows.HIGH_DRIFT
 _PLASTIC_PATH = rows.HIGH_FORCE
 
-# Row INTERNAL contains the type of the branch for the rules `origin` and `peak`, as in
-# `peak_oriented`, and the index of the segment (`set_segment`) for rule `elastic`.
-_FAILED = 1e3  # no strength; larger than the index of any segment
+# Row INTERNAL contains the type of the branch for the rules `origin` and `peak`, as in `peak_rule`,
+# and the index of the segment (`set_segment`) for rule `elastic`.
 
+<<<<<<< HEAD
 # Fraction of a drift or force. Points that are closer to each other are regarded as equal.
 _TOLERANCE = 1e-12
+=======
+# A path from one end of the curve to the other passes all points of both sides.
+_MAX_BRANCHES = 2 * MAX_POINTS + 4
+
+>>>>>>> h-laws
 # Fraction of the yield drift of a spring. Springs with a smaller distance yield together.
 _TOGETHER = 1e-10
 # Fraction of the initial stiffness. Slopes that differ less are equal, because points are rounded.
@@ -66,7 +97,13 @@ def _functions() -> LawFunctions:
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches, set_branch
 
-    # ---- Backbone curve. Segment j ends at point j; the last segment has no end.
+    # ---- Backbone curve
+
+    @inline
+    def has_side(law_parameters, i, side):
+        """Return True unless the law acts on the other side only."""
+        sides = law_parameters[_SIDES_ROW, i]
+        return sides == 0.0 or (sides == 1.0) == (side > 0.0)
 
     @inline
     def point_drift(law_parameters, i, side, j):
@@ -75,44 +112,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def point_force(law_parameters, i, side, j):
-        """Return the force of point `j` of a side, N."""
+        """Return the force of point `j` of a side, N; 0 on a side without a curve."""
+        if not has_side(law_parameters, i, side):
+            return 0.0
         return law_parameters[_POINTS + 2 * j + 1 + (0 if side > 0.0 else _SIDE), i]
 
-    @outlined
-    def segment_slope(law_parameters, i, side, j):
-        """Return the slope of segment `j` of a side, N/m."""
-        if j == 0:
-            return point_force(law_parameters, i, side, 0) / point_drift(law_parameters, i, side, 0)
-        if j == MAX_POINTS or point_drift(law_parameters, i, side, j) == math.inf:
-            return law_parameters[_LAST_SLOPE, i]
-        return (
-            point_force(law_parameters, i, side, j) - point_force(law_parameters, i, side, j - 1)
-        ) / (point_drift(law_parameters, i, side, j) - point_drift(law_parameters, i, side, j - 1))
-
     @inline
-    def segment_end(law_parameters, i, side, j):
-        """Return the drift at the end of segment `j` of a side, m; infinite for the last one."""
-        return point_drift(law_parameters, i, side, j) if j < MAX_POINTS else math.inf
+    def last_slope(law_parameters, i, side):
+        """Return the slope after the last point of a side, N/m."""
+        if not has_side(law_parameters, i, side):
+            return 0.0
+        return law_parameters[_LAST_SLOPE if side > 0.0 else _NEGATIVE_LAST_SLOPE, i]
 
-    @inline
-    def segment_of(law_parameters, i, side, drift):
-        """Return the segment that begins at a drift, or that contains it."""
-        j = 0
-        while j < MAX_POINTS and point_drift(law_parameters, i, side, j) <= drift * (
-            1.0 + _TOLERANCE
-        ):
-            j += 1
-        return j
-
-    @inline
-    def backbone_force(law_parameters, i, side, j, drift):
-        """Return the force of segment `j` of a side at a drift, N."""
-        slope = segment_slope(law_parameters, i, side, j)
-        if j == 0:
-            return slope * drift
-        return point_force(law_parameters, i, side, j - 1) + slope * (
-            drift - point_drift(law_parameters, i, side, j - 1)
-        )
+    curve = backbone_curve(point_drift, point_force, last_slope, MAX_POINTS)
+    segment_slope, segment_end, segment_of, backbone_force = curve
 
     @inline
     def set_loading(law_state, i, block, side, slope, end):
@@ -121,22 +134,10 @@ def _functions() -> LawFunctions:
         lower = -end if side < 0.0 else -math.inf
         set_branch(law_state, i, block, slope, lower, upper, side)
 
-    @outlined
-    def set_backbone(law_parameters, law_state, i, block, side):
-        """Set the backbone curve as the branch; the story fails where its force is zero."""
-        drift = side * law_state[block + rows.DRIFT, i]
-        j = segment_of(law_parameters, i, side, drift)
-        slope = segment_slope(law_parameters, i, side, j)
-        force = backbone_force(law_parameters, i, side, j, drift)
-        if force <= _TOLERANCE * point_force(law_parameters, i, side, 0):
-            fail(law_state, i, block, _FAILED)
-            return
-        end = segment_end(law_parameters, i, side, j)
-        if slope < 0.0:
-            end = min(end, drift - force / slope)
-        law_state[block + rows.INTERNAL, i] = side * BACKBONE
-        law_state[block + rows.FORCE, i] = side * force
-        set_loading(law_state, i, block, side, slope, end)
+    peak = peak_rule(
+        curve, PeakKeys(*(parameter(_FIRST_PEAK_KEY + j) for j in range(6)), has_side), MAX_POINTS
+    )
+    set_backbone = peak.set_backbone
 
     # ---- Rule `kinematic`
 
@@ -179,7 +180,7 @@ def _functions() -> LawFunctions:
             j += 1
         drift = law_state[block + rows.DRIFT, i]
         law_state[block + _START, i] = drift
-        slope = law_parameters[_LAST_SLOPE, i]
+        slope = last_slope(law_parameters, i, 1.0)
         force = slope * drift
         reach_up = reach_down = math.inf
         j = 0
@@ -249,7 +250,7 @@ def _functions() -> LawFunctions:
         j = 1
         start = 0.0
         end = plastic_drift(law_parameters, i, side, j)
-        while path >= end * (1.0 - _TOLERANCE):
+        while path >= end * (1.0 - TOLERANCE):
             start = end
             j += 1
             end = plastic_drift(law_parameters, i, side, j)
@@ -293,13 +294,13 @@ def _functions() -> LawFunctions:
             )
             return
         force, slope, end = strength(law_parameters, i, side, path)
-        if force <= _TOLERANCE * point_force(law_parameters, i, side, 0):
-            fail(law_state, i, block, _FAILED)
+        if force <= TOLERANCE * point_force(law_parameters, i, side, 0):
+            fail(law_state, i, block, FAILED)
             return
         law_state[block + rows.FORCE, i] = side * force
         set_loading(law_state, i, block, side, slope, side * drift + (end - path) * k / (k - slope))
 
-    # ---- Rules `origin` and `peak`
+    # ---- Rule `origin`
 
     @inline
     def set_maximum(law_state, i, block, side):
@@ -328,29 +329,52 @@ def _functions() -> LawFunctions:
             return
         row = rows.HIGH_DRIFT if event > 0.0 else rows.LOW_DRIFT
         max_drift = law_state[block + row, i]
-        if event * (max_drift - law_state[block + rows.DRIFT, i]) > _TOLERANCE * abs(max_drift):
+        if event * (max_drift - law_state[block + rows.DRIFT, i]) > TOLERANCE * abs(max_drift):
             set_secant(law_state, i, block, event)
         else:
             set_backbone(law_parameters, law_state, i, block, event)
 
+    # ---- Rule `flag`
+
+    @inline
+    def return_drift(law_parameters, i, side, j):
+        """Return the drift of point `j` of the lower curve, m; infinite after the last point."""
+        return law_parameters[_RETURN_POINTS + 2 * j + (0 if side > 0.0 else _RETURN_SIDE), i]
+
+    @inline
+    def return_force(law_parameters, i, side, j):
+        """Return the force of point `j` of the lower curve, N; 0 on a side without a curve."""
+        if not has_side(law_parameters, i, side):
+            return 0.0
+        return law_parameters[_RETURN_POINTS + 2 * j + 1 + (0 if side > 0.0 else _RETURN_SIDE), i]
+
+    @inline
+    def return_slope(law_parameters, i, side):
+        """Return the slope after the last point of the lower curve, N/m."""
+        if not has_side(law_parameters, i, side):
+            return 0.0
+        return law_parameters[_RETURN_SLOPE + (0 if side > 0.0 else 1), i]
+
     @outlined
-    def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """Return the steepest slope of the backbone curve of a side up to its maximum drift, N/m,
-        rule `peak`."""
-        max_drift = (
-            law_state[block + rows.HIGH_DRIFT, i]
-            if side > 0.0
-            else -law_state[block + rows.LOW_DRIFT, i]
-        )
-        max_drift = max(max_drift, side * law_state[block + rows.DRIFT, i])
-        stiffness = law_parameters[rows.STIFFNESS, i]
-        j = 0
-        while j < MAX_POINTS and point_drift(law_parameters, i, side, j) < max_drift:
-            j += 1
-            stiffness = max(stiffness, segment_slope(law_parameters, i, side, j))
+    def elastic_stiffness(law_parameters, i):
+        """Return the stiffness between the curves, N/m: the specified one, or the steepest slope
+        of the upper curves."""
+        stiffness = law_parameters[_ELASTIC_STIFFNESS, i]
+        if stiffness > 0.0:
+            return stiffness
+        for part in range(2):
+            side = 1.0 if part == 0 else -1.0
+            j = 0
+            while segment_end(law_parameters, i, side, j) < math.inf:
+                stiffness = max(stiffness, segment_slope(law_parameters, i, side, j))
+                j += 1
         return stiffness
 
-    switch_peak = peak_oriented_switch(unloading_stiffness, set_backbone)
+    flag = flag_rule(
+        curve,
+        backbone_curve(return_drift, return_force, return_slope, _MAX_RETURN_POINTS),
+        elastic_stiffness,
+    )
 
     # ---- Rule `elastic`
 
@@ -425,9 +449,11 @@ def _functions() -> LawFunctions:
         elif rule == _ORIGIN:
             switch_origin(law_parameters, law_state, i, block, event)
         elif rule == _PEAK:
-            switch_peak(law_parameters, law_state, i, block, event)
-        else:
+            peak.switch(law_parameters, law_state, i, block, event)
+        elif rule == _ELASTIC:
             switch_elastic(law_parameters, law_state, i, block, event)
+        else:
+            flag.switch(law_parameters, law_state, i, block, event)
 
     @inline
     def strain_energy(law_parameters, law_state, i):
@@ -435,7 +461,7 @@ def _functions() -> LawFunctions:
         rule = law_parameters[_RULE, i]
         force = law_state[rows.FORCE, i]
         drift = law_state[rows.DRIFT, i]
-        if law_state[rows.INTERNAL, i] == _FAILED:
+        if law_state[rows.INTERNAL, i] == FAILED:
             return 0.0
         if rule == _KINEMATIC:
             return kinematic_energy(law_parameters, law_state, i)
@@ -444,8 +470,9 @@ def _functions() -> LawFunctions:
         if rule == _ORIGIN:
             return 0.5 * force * drift
         if rule == _PEAK:
-            side = 1.0 if force >= 0.0 else -1.0
-            return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, side)
+            return peak.strain_energy(law_parameters, law_state, i)
+        if rule == _FLAG:
+            return flag.strain_energy(law_parameters, law_state, i)
         return elastic_energy(law_parameters, i, drift)
 
     @inline
@@ -455,9 +482,15 @@ def _functions() -> LawFunctions:
         if rule == _ELASTIC:
             set_segment(law_parameters, law_state, i, 0, 0.0)
             return
+        if rule == _PEAK:
+            peak.enter(law_parameters, law_state, i)
+            return
+        if rule == _FLAG:
+            flag.enter(law_parameters, law_state, i)
+            return
         for side in (1.0, -1.0):
             row = rows.HIGH_DRIFT if side > 0.0 else rows.LOW_DRIFT
-            if rule in (_ORIGIN, _PEAK):
+            if rule == _ORIGIN:
                 law_state[row, i] = side * point_drift(law_parameters, i, side, 0)
                 law_state[row + 1, i] = side * point_force(law_parameters, i, side, 0)
         law_state[rows.UPPER, i] = point_drift(law_parameters, i, 1.0, 0)
@@ -478,68 +511,180 @@ def _functions() -> LawFunctions:
 
 # ---- Checks and properties of the parameters
 
-
-def _sides(values: Sequence[float]) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    """Return the points (drift, force) of the positive and of the negative side."""
-    first = _POINTS - rows.FIRST_PARAMETER
-    positive, negative = (
-        [
-            (drift, force)
-            for drift, force in zip(numbers[::2], numbers[1::2], strict=True)
-            if drift != math.inf
-        ]
-        for numbers in (values[first : first + _SIDE], values[first + _SIDE : first + 2 * _SIDE])
-    )
-    return positive, negative
+_Points = list[tuple[float, float]]
 
 
-def _slopes(points: Sequence[tuple[float, float]], last_slope: float) -> list[float]:
-    """Return the slopes of all segments of a backbone curve, N/m."""
-    corners = [(0.0, 0.0), *points]
-    return [
-        (force - previous_force) / (drift - previous_drift)
-        for (previous_drift, previous_force), (drift, force) in pairwise(corners)
-    ] + [last_slope]
+class _Curve(NamedTuple):
+    """Curve of a side: its points (drift, m, and force, N) and the slope after them, N/m."""
+
+    points: _Points
+    last_slope: float
+
+    @property
+    def slopes(self) -> list[float]:
+        """Slopes of all segments, N/m."""
+        corners = [(0.0, 0.0), *self.points]
+        return [
+            (force - previous_force) / (drift - previous_drift)
+            for (previous_drift, previous_force), (drift, force) in pairwise(corners)
+        ] + [self.last_slope]
+
+    def force(self, drift: float) -> float:
+        """Return the force at a drift, N."""
+        force, corners = 0.0, [(0.0, 0.0), *self.points, (math.inf, 0.0)]
+        for slope, ((start, _), (end, _)) in zip(self.slopes, pairwise(corners), strict=True):
+            if drift > start:
+                force += slope * (min(drift, end) - start)
+        return force
+
+
+def _points(values: Sequence[float], row: int, size: int) -> _Points:
+    """Return the points whose numbers start in a row of `law_parameters`."""
+    numbers = values[row - rows.FIRST_PARAMETER :][:size]
+    pairs = zip(numbers[::2], numbers[1::2], strict=True)
+    return [(drift, force) for drift, force in pairs if drift != math.inf]
+
+
+def _sides(values: Sequence[float]) -> dict[float, tuple[_Curve, _Curve]]:
+    """Return the upper and the lower curve of the sides (1, -1) on which the law acts. The lower
+    curve has no points unless the rule is `flag`."""
+    result = {}
+    for side, part in ((1.0, 0), (-1.0, 1)):
+        if values[_SIDES_ROW - rows.FIRST_PARAMETER] in (0.0, 1.0 + part):
+            slope_row = _NEGATIVE_LAST_SLOPE if part else _LAST_SLOPE
+            result[side] = (
+                _Curve(
+                    _points(values, _POINTS + part * _SIDE, _SIDE),
+                    values[slope_row - rows.FIRST_PARAMETER],
+                ),
+                _Curve(
+                    _points(values, _RETURN_POINTS + part * _RETURN_SIDE, _RETURN_SIDE),
+                    values[_RETURN_SLOPE + part - rows.FIRST_PARAMETER],
+                ),
+            )
+    return result
+
+
+def _upper_curves(values: Sequence[float]) -> list[_Curve]:
+    """Return the upper curves of the sides on which the law acts."""
+    return [upper for upper, _ in _sides(values).values()]
+
+
+def _all_slopes(values: Sequence[float]) -> list[float]:
+    """Return the slopes of all segments of the upper curves, N/m."""
+    return [slope for upper in _upper_curves(values) for slope in upper.slopes]
 
 
 def _initial_stiffness(values: Sequence[float]) -> float:
-    """Return the slope of the first segment of the positive side, N/m."""
-    (drift, force), *_ = _sides(values)[0]
-    return force / drift
+    """Return the slope of the first segment of the first side on which the law acts, N/m."""
+    return _upper_curves(values)[0].slopes[0]
+
+
+def _largest_stiffness(stiffness: float, values: Sequence[float]) -> float:
+    """Return the steepest slope of a branch, N/m."""
+    return max([*_all_slopes(values), values[_ELASTIC_STIFFNESS - rows.FIRST_PARAMETER]])
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return an error message if the points do not fit the rule, otherwise None."""
-    rule, last_slope = values[:2]
+    """Return an error message if the curves do not fit the rule, otherwise None."""
+    rule = values[0]
     name = _RULES[int(rule)]
+    keys = dict(zip(_PEAK_KEYS, values[_FIRST_PEAK_KEY - rows.FIRST_PARAMETER :], strict=False))
+    changed = [key for key, value in keys.items() if value != _PEAK_KEYS[key]]
+    if changed and rule != _PEAK:
+        return f"{changed[0].partition('.')[0]} requires rule peak, got rule {name}"
     sides = _sides(values)
-    for points, key in zip(sides, ("backbone", "negative.backbone"), strict=True):
-        for j, ((drift, force), (previous_drift, _)) in enumerate(
-            zip(points, [(0.0, 0.0), *points], strict=False), start=1
+    if len(sides) == 1 and rule not in _ONE_SIDED:
+        return f"sides requires rule peak, elastic or flag, got rule {name}"
+    if len(sides) == 1 and (keys["damage.drift"] or keys["damage.work"]):
+        return "damage requires both sides, because each side damages the other one"
+    for side, (upper, lower) in sides.items():
+        prefix = "" if side > 0.0 else "negative."
+        fault = (
+            _points_fault(upper.points, f"{prefix}backbone", name, _ON_AXIS.get(rule, 0))
+            or _points_fault(lower.points, f"{prefix}return", name, len(lower.points))
+            or (_flag_fault(upper, lower, prefix, values) if rule == _FLAG else None)
+        )
+        if fault:
+            return fault
+        if lower.points and rule != _FLAG:
+            return f"return requires rule flag, got rule {name}"
+        first_slope = upper.slopes[0]
+        if rule not in (_ELASTIC, _FLAG) and not math.isclose(
+            first_slope, stiffness, rel_tol=_SAME_SLOPE
         ):
-            if not drift > previous_drift:
-                return (
-                    f"the drifts of {key} must be positive and increase from point to point, got "
-                    f"{drift:.10g} m after {previous_drift:.10g} m (point {j})"
-                )
-            if rule != _ELASTIC and not force > 0.0:
-                return (
-                    f"the forces of {key} must be positive for rule {name}, got {force:.10g} N "
-                    f"(point {j}); use last_slope for a curve that falls to zero"
-                )
-        first_slope = points[0][1] / points[0][0]
-        if rule != _ELASTIC and not math.isclose(first_slope, stiffness, rel_tol=_SAME_SLOPE):
             return (
-                f"the first point of {key} must be on the line of the initial stiffness "
+                f"the first point of {prefix}backbone must be on the line of the initial stiffness "
                 f"{stiffness:.10g} N/m, got a slope of {first_slope:.10g} N/m"
             )
-    slopes = [_slopes(points, last_slope) for points in sides]
+    slopes = [upper.slopes for upper, _ in sides.values()]
+    specified = values[_ELASTIC_STIFFNESS - rows.FIRST_PARAMETER]
+    allowed = {stiffness, max(map(max, slopes))} if rule == _PEAK else {stiffness}
+    if specified and rule != _FLAG:
+        if not any(math.isclose(specified, slope, rel_tol=_SAME_SLOPE) for slope in allowed):
+            return (
+                f"stiffness must agree with the initial stiffness {stiffness:.10g} N/m of the "
+                f"backbone curve, got {specified:.10g} N/m; correct it or omit it"
+            )
     if rule == _KINEMATIC:
         return _kinematic_fault(slopes)
-    if rule == _ISOTROPIC and max(map(max, (side[1:] for side in slopes))) >= stiffness:
+    if rule == _ISOTROPIC and max(max(side[1:]) for side in slopes) >= stiffness:
         return (
             f"rule {name} requires slopes below the initial stiffness {stiffness:.10g} N/m after "
             "the first point; use rule peak or origin for a curve that becomes steeper"
+        )
+    return None
+
+
+def _points_fault(points: _Points, key: str, name: str, zero_forces: int) -> str | None:
+    """Return an error message if the points of a curve are invalid.
+
+    The forces of the first `zero_forces` points may be zero, and have any sign for rule elastic.
+    """
+    for j, ((drift, force), (previous_drift, _)) in enumerate(
+        zip(points, [(0.0, 0.0), *points], strict=False), start=1
+    ):
+        if not drift > previous_drift:
+            return (
+                f"the drifts of {key} must be positive and increase from point to point, got "
+                f"{drift:.10g} m after {previous_drift:.10g} m (point {j})"
+            )
+        if force < 0.0 and j <= zero_forces and name != "elastic":
+            return f"the forces of {key} must not be negative, got {force:.10g} N (point {j})"
+        if not force > 0.0 and j > zero_forces:
+            return (
+                f"the forces of {key} must be positive for rule {name}, got {force:.10g} N "
+                f"(point {j}); use last_slope for a curve that falls to zero"
+            )
+    return None
+
+
+def _flag_fault(
+    upper: _Curve, lower: _Curve, prefix: str, values: Sequence[float]
+) -> str | None:
+    """Return an error message if the curves of rule `flag` intersect or are too steep."""
+    if not lower.points:
+        return f"rule flag requires {prefix}return, the points of the lower curve"
+    if lower.last_slope < 0.0:
+        return f"the slope of {prefix}return must not be negative, got {lower.last_slope:.10g} N/m"
+    if upper.last_slope < lower.last_slope:
+        return (
+            f"{prefix}return must not exceed {prefix}backbone, but its slope after the last point "
+            f"is {lower.last_slope:.10g} N/m and that of the backbone {upper.last_slope:.10g} N/m"
+        )
+    for drift, _ in sorted({*upper.points, *lower.points}):
+        high, low = upper.force(drift), lower.force(drift)
+        if low > high * (1.0 + _SAME_SLOPE):
+            return (
+                f"{prefix}return must not exceed {prefix}backbone, got {low:.10g} N and "
+                f"{high:.10g} N at {drift:.10g} m"
+            )
+    elastic = _largest_stiffness(math.nan, values)
+    specified = values[_ELASTIC_STIFFNESS - rows.FIRST_PARAMETER]
+    if specified and elastic > specified * (1.0 + _SAME_SLOPE):
+        return (
+            f"stiffness, between the curves of rule flag, must be at least the steepest slope of "
+            f"the backbone {elastic:.10g} N/m, got {specified:.10g} N/m"
         )
     return None
 
@@ -566,13 +711,18 @@ def _kinematic_fault(slopes: Sequence[Sequence[float]]) -> str | None:
 
 
 def _warning(stiffness: float, values: Sequence[float]) -> str | None:
-    """Return a warning if the line to the origin becomes steeper, which creates energy."""
+    """Return a warning if the line to the origin becomes steeper, which creates energy, or if
+    each reversal increases the drift to which reloading is directed."""
+    if any(values[_FIRST_PEAK_KEY + 4 - rows.FIRST_PARAMETER :][:2]):
+        return (
+            "damage increases the drift of the target at each reversal, however small the cycle; "
+            "many small cycles can move it without limit"
+        )
     if values[0] != _ORIGIN:
         return None
-    for points in _sides(values):
-        secants = [force / drift for drift, force in points]
-        slopes = _slopes(points, values[1])[1:]
-        for slope, secant in zip(slopes, secants, strict=True):
+    for upper in _upper_curves(values):
+        secants = [force / drift for drift, force in upper.points]
+        for slope, secant in zip(upper.slopes[1:], secants, strict=True):
             if slope > (1.0 + _SAME_SLOPE) * secant:
                 return (
                     "the backbone curve of rule origin becomes steeper than its line to the "
@@ -582,22 +732,26 @@ def _warning(stiffness: float, values: Sequence[float]) -> str | None:
 
 
 def _stiffens(values: Sequence[float]) -> bool:
-    """Return True if a segment of the curve is steeper than the first one."""
-    slopes = [slope for points in _sides(values) for slope in _slopes(points, values[1])]
-    return max(slopes) > (1.0 + _SAME_SLOPE) * slopes[0]
+    """Return True if a branch is steeper than the first segment."""
+    first_slope = _initial_stiffness(values)
+    return _largest_stiffness(first_slope, values) > (1.0 + _SAME_SLOPE) * first_slope
 
 
 def _is_symmetric(values: Sequence[float]) -> bool:
     """Return True if the law is elastic with the same curve on both sides."""
-    positive, negative = _sides(values)
-    return values[0] == _ELASTIC and positive == negative
+    curves = _upper_curves(values)
+    return values[0] == _ELASTIC and len(curves) == 2 and curves[0] == curves[1]
 
 
 def _yield_drift(stiffness: float, values: Sequence[float]) -> float:
-    """Return the drift of the first point of both sides, m; nan for rule `elastic`."""
+    """Return the drift of the first point of both sides, m, or of the next point if the first one
+    has no force; nan for rule `elastic`."""
     if values[0] == _ELASTIC:
         return math.nan
-    return min(points[0][0] for points in _sides(values))
+    return min(
+        next((drift for drift, force in upper.points if force > 0.0), upper.points[0][0])
+        for upper in _upper_curves(values)
+    )
 
 
 def _last_line(
@@ -605,43 +759,83 @@ def _last_line(
 ) -> tuple[float, float] | None:
     """Return force at zero drift (N) and slope (N/m) after the last point of a side.
 
-    The other rules fail at zero force.
+    The other rules fail at zero force, and rule `flag` does not fall.
     """
-    rule, last_slope = values[:2]
-    if rule not in (_KINEMATIC, _ELASTIC):
+    curves = _sides(values).get(side)
+    if values[0] not in (_KINEMATIC, _ELASTIC) or curves is None:
         return None
-    drift, force = _sides(values)[0 if side > 0.0 else 1][-1]
-    return force - last_slope * drift, last_slope
-
-
-_CURVE = LawParameter("backbone", points=MAX_POINTS, least_points=1, open_ended=True)
+    upper = curves[0]
+    drift, force = upper.points[-1]
+    return force - upper.last_slope * drift, upper.last_slope
 
 
 def _falls(stiffness: float, values: Sequence[float]) -> bool:
     """Return True if a segment of a curve falls."""
-    return min(slope for points in _sides(values) for slope in _slopes(points, 0.0)) < 0.0
+    return min(min(upper.slopes[:-1]) for upper in _upper_curves(values)) < 0.0
 
+
+_CURVE = LawParameter("backbone", points=MAX_POINTS, least_points=1, open_ended=True)
+_RETURN = LawParameter(
+    "return", points=_MAX_RETURN_POINTS, least_points=1, open_ended=True, default=math.inf
+)
+_SLOPE = LawParameter("last_slope", force=1, length=-1, default=0.0)
+
+_PEAK_KEYS = {
+    "unloading": 0.0,
+    "reloading": 0.0,
+    "pinching.drift": 1.0,
+    "pinching.force": 1.0,
+    "damage.drift": 0.0,
+    "damage.work": 0.0,
+}
+"""Keys of rule `peak` in the order of their rows, with the values of a law without them."""
+
+_ON_AXIS = {_PEAK: 1, _FLAG: MAX_POINTS, _ELASTIC: MAX_POINTS}
+"""Number of points of the backbone curve, from the first one, whose force may be zero."""
 
 LAW = DriftLaw(
     "multilinear",
-    "backbone through any number of points, and the rule of unloading: kinematic (Iwan, Masing), "
-    "isotropic, origin, peak (Clough) or elastic",
+    "backbone through any number of points, and a rule: kinematic (Iwan, Masing), isotropic, "
+    "origin, peak (Clough, Takeda, pinching, slack), elastic or flag",
     _functions,
     parameters=(
         LawParameter("rule", choices=_RULES),
-        LawParameter("last_slope", force=1, length=-1, default=0.0),
+        _SLOPE,
         _CURVE,
         replace(_CURVE, default="backbone", group="negative"),
+        replace(_SLOPE, default="last_slope", group="negative"),
+        LawParameter("unloading", low=0.0, high=1.0, high_allowed=False, default=0.0),
+        LawParameter("reloading", low=0.0, high=1.0, high_allowed=False, default=0.0),
+        LawParameter("drift", low=0.0, high=1.0, group="pinching", without=1.0),
+        LawParameter("force", low=0.0, high=1.0, group="pinching", without=1.0),
+        LawParameter("drift", low=0.0, group="damage", default=0.0),
+        LawParameter("work", low=0.0, group="damage", default=0.0),
+        LawParameter("sides", choices=SIDES, default="both"),
+        LawParameter("return_slope", force=1, length=-1, default="last_slope"),
+        LawParameter(
+            "return_slope", force=1, length=-1, default="return_slope", group="negative"
+        ),
+        _RETURN,
+        replace(_RETURN, default="return", group="negative"),
+        LawParameter(
+            "stiffness", force=1, length=-1, low=0.0, low_allowed=False, default=0.0
+        ),
     ),
     kinked=True,
     extra_rows=MAX_POINTS,
     stiffens=_stiffens,
     symmetric=_is_symmetric,
     initial_stiffness=_initial_stiffness,
+    largest_stiffness=_largest_stiffness,
     yield_drift=_yield_drift,
     fault=_fault,
     warning=_warning,
     falls=_falls,
+<<<<<<< HEAD
     failed=_FAILED,
+=======
+    failed=FAILED,
+    max_branches=_MAX_BRANCHES,
+>>>>>>> h-laws
     last_line=_last_line,
 )

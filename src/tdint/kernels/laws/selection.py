@@ -7,14 +7,30 @@ for other features.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Container
 from functools import cache
 from typing import Any
 
 from tdint.kernels import layout as rows
+from tdint.kernels.building.compilable import FRACTURES
 from tdint.kernels.compiling import COMPILES, VARIANT, inline, outlined
 from tdint.kernels.laws import LAWS
+from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
+
+
+_VARIANT_LAWS = {re.sub(r"@\d+", "", name) for name in VARIANT.laws}
+
+COMPILED: tuple[float, ...] = (
+    *(code for code, name in enumerate(LAWS.names()) if not _VARIANT_LAWS or name in _VARIANT_LAWS),
+    *(
+        code + FRACTURING
+        for code, name in enumerate(LAWS.names())
+        if name + FRACTURES in _VARIANT_LAWS
+    ),
+)
+"""Numbers of the laws for which the kernels are compiled."""
 
 
 @cache
@@ -35,7 +51,7 @@ class _Codes:
 
     def __contains__(self, code: Any) -> bool:
         """Return True if the law with number `code` has the property."""
-        return self.has_property(LAWS[int(code)])
+        return self.has_property(LAWS[code])
 
 
 def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
@@ -46,15 +62,9 @@ def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
     """
     if not COMPILES:
         return _Codes(has_property)
-    return tuple(float(code) for code, law in enumerate(LAWS) if has_property(law))
+    return tuple(float(code) for code in COMPILED if has_property(LAWS[code]))
 
 
-_VARIANT_LAWS = {name.partition("@")[0] for name in VARIANT.laws}
-
-COMPILED = tuple(
-    code for code, name in enumerate(LAWS.names()) if not _VARIANT_LAWS or name in _VARIANT_LAWS
-)
-"""Numbers of the laws for which the kernels are compiled."""
 
 CURVED_LAWS = _codes(lambda law: law.curved)
 """Numbers of the laws with curved branches."""
@@ -93,12 +103,12 @@ def select_function(hook: str, otherwise: Any = None) -> Any:
 
         def call(law_parameters, law_state, i, *arguments):
             """Call the function `hook` of the law of story `i`, or `otherwise`."""
-            functions = _functions(LAWS[int(law_parameters[rows.CODE, i])])
+            functions = _functions(LAWS[law_parameters[rows.CODE, i]])
             function = getattr(functions, hook) or otherwise
             return function(law_parameters, law_state, i, *arguments)
 
         return call
-    cases = {code: getattr(_functions(LAWS[code]), hook) for code in COMPILED}
+    cases: dict[float, Any] = {code: getattr(_functions(LAWS[code]), hook) for code in COMPILED}
     rest = None if all(cases.values()) else otherwise
     # A frequent law without the function has a case, which avoids the call for the other laws.
     frequent = {code: case or otherwise for code, case in cases.items() if code < _FREQUENT}
@@ -106,7 +116,7 @@ def select_function(hook: str, otherwise: Any = None) -> Any:
     return _choice(inline, frequent, _choice(outlined, others, rest))
 
 
-def _choice(decorate: Any, cases: dict[int, Any], rest: Any) -> Any:
+def _choice(decorate: Any, cases: dict[float, Any], rest: Any) -> Any:
     """Return a compiled function that calls the function in `cases` for the number of the law of
     story `i`, and `rest` for other laws. Without `rest`, the last case has no condition.
 
@@ -121,10 +131,10 @@ def _choice(decorate: Any, cases: dict[int, Any], rest: Any) -> Any:
     body = getattr(rest, "py_func", rest).__code__
     arguments = ", ".join(body.co_varnames[: body.co_argcount])
     lines = [
-        f"    if law_parameters[{rows.CODE}, i] == {code}:\n        return law_{code}({arguments})"
-        for code in codes
+        f"    if law_parameters[{rows.CODE}, i] == {code}:\n        return law_{j}({arguments})"
+        for j, code in enumerate(codes)
     ]
     text = "\n".join((f"def choose({arguments}):", *lines, f"    return rest({arguments})"))
-    names = {f"law_{code}": cases[code] for code in codes} | {"rest": rest}
+    names = {f"law_{j}": cases[code] for j, code in enumerate(codes)} | {"rest": rest}
     exec(text, names)  # the text contains only names and numbers of this module
     return decorate(names["choose"])

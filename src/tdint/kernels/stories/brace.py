@@ -25,8 +25,11 @@ With them, rise * mean + bend * moment / 12 is equal to the change of F^2 / (2 k
 the (2,2) Pade approximation of the exponential of the complete system.
 
 The unknown of a point is its force, because g is flat at F = 0 for exponents up to 1. For larger
-exponents, where g is vertical, and for dampers with a linear part (y0 > 0), where g has no closed
-form, the unknown is the damper rate.
+exponents, where g is vertical, for dampers with a linear part (y0 > 0), where g has no closed
+form, and for dampers with a relief force, where g can be vertical, the unknown is the damper rate.
+
+A damper with a relief force Fr (oil damper: Kasai, Takahashi and Sekiguchi 2004) has q(y) = c y up
+to Fr, and from there the slope p c with the ratio p (0 <= p < 1).
 
 References
 ----------
@@ -74,7 +77,9 @@ _MAX_ITERATIONS = 80  # the slowest of the tested combinations needs 25
 def _is_solved_for_rate(linear_terms, i):
     """Return True if the unknown of story `i` is the damper rate, False if it is the force."""
     return (
-        linear_terms[rows.BRACED_EXPONENT, i] > 1.0 or linear_terms[rows.BRACED_THRESHOLD, i] > 0.0
+        linear_terms[rows.BRACED_EXPONENT, i] > 1.0
+        or linear_terms[rows.BRACED_THRESHOLD, i] > 0.0
+        or linear_terms[rows.BRACED_RELIEF, i] > 0.0
     )
 
 
@@ -90,6 +95,10 @@ def _damper_at(linear_terms, i, x):
             return 0.0, 0.0, 1.0, 1.0 / c if exponent == 1.0 else 0.0
         rate = (size / c) ** (1.0 / exponent)
         return x, math.copysign(rate, x), 1.0, rate / (exponent * size)
+    relief = linear_terms[rows.BRACED_RELIEF, i]
+    if relief > 0.0 and abs(x) > relief / c:
+        slope = linear_terms[rows.BRACED_RELIEF_RATIO, i] * c
+        return math.copysign(relief + slope * (abs(x) - relief / c), x), x, slope, 1.0
     squared = x * x + linear_terms[rows.BRACED_THRESHOLD, i]
     if squared == 0.0:
         return 0.0, 0.0, 0.0, 1.0

@@ -16,7 +16,7 @@ def law_state_table(law_parameters: Array) -> Array:
     After EXTRA_ROWS rows, the table has further rows for each block, the maximum of
     `DriftLaw.extra_rows` of the laws.
     """
-    codes = law_parameters[rows.CODE].astype(int)
+    codes = law_parameters[rows.CODE]
     # The column of zeros counts as the linear law; stories with elements have no law.
     used_codes = sorted(set(codes[codes >= 0].tolist()))
     extra_rows = max((LAWS[code].extra_rows for code in used_codes), default=0)

@@ -16,6 +16,8 @@ from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
+    POSITIVE_RATIO,
+    RATIO,
     Bounds,
     Choice,
     Either,
@@ -30,8 +32,8 @@ from tdint.model.keys.fields import (
     Value,
     ValueType,
 )
-from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Story, column_name
-from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, four_points, laws
+from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Relief, Story, column_name
+from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, default_numbers, four_points, laws
 from tdint.number_parsing import pluralize
 from tdint.units import MASS, STANDARD_GRAVITY
 
@@ -91,6 +93,16 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
     )
 
 
+_SIDE_NAMES = ("positive", "negative")
+_FRACTURE_DRIFT = Either((POSITIVE, POSITIVE_RATIO))
+_FRACTURE = Key(
+    "fracture_drift",
+    Either((_FRACTURE_DRIFT, Keys(tuple(Key(name, _FRACTURE_DRIFT) for name in _SIDE_NAMES)))),
+    "drift at which the force is lost permanently; with %: a ratio of the story height",
+)
+"""Key of every law and element."""
+
+
 @dataclass(frozen=True)
 class _LawType:
     """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
@@ -99,7 +111,7 @@ class _LawType:
         """Return the JSON schema: a name of a law without parameters, or a mapping for each law."""
         names_without_parameters = [name for name, law in laws().items() if not law.parameters]
         mappings = [
-            Keys((Key("type", Choice((law.name,)), law.formula, True), *_law_keys(law)))
+            Keys((Key("type", Choice((law.name,)), law.formula, True), _FRACTURE, *_law_keys(law)))
             for law in laws().values()
         ]
         return Either((Choice(tuple(names_without_parameters)), *mappings)).schema()
@@ -138,6 +150,7 @@ class _ElementType:
                     Key("name", TextLine(), "name in tables, unique within the story"),
                     Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
                     *_INCLINATION,
+                    _FRACTURE,
                     *_law_keys(law),
                 )
             )
@@ -212,7 +225,7 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     # After an error in the name, the keys of all laws are allowed, so that no correct key is
     # reported as unknown.
     possible_laws = [LAWS[name]] if name else LAWS.values()
-    allowed_keys = ["type", *further_keys]
+    allowed_keys = ["type", _FRACTURE.name, *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
     section = value.section(list(dict.fromkeys(allowed_keys)))
@@ -261,7 +274,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
         elif parameter.points:
             numbers = _read_points(groups[parameter.group], parameter, unit, earlier)
         elif parameter.choices:
-            numbers = (_read_choice(groups[parameter.group], parameter),)
+            numbers = (_read_choice(groups[parameter.group], parameter, earlier),)
         else:
             numbers = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += numbers
@@ -324,8 +337,9 @@ def _read_points(
         return invalid_points
     # If the file omits the points of the negative direction, `default` is the name of the points of
     # the positive direction, which then apply to both.
-    if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
-        return earlier[parameter.default]
+    if group is None or not group.has(parameter.name):
+        if numbers := default_numbers(parameter, earlier):
+            return numbers
     value = group.need(parameter.name, f"give {point_list}") if group else None
     items = value.items(point_list) if value else None
     if value is None or items is None:
@@ -362,8 +376,11 @@ def _read_points(
     return (*numbers, *[math.inf] * (2 * parameter.points - len(numbers)))
 
 
-def _read_choice(group: Group, parameter: LawParameter) -> float:
+def _read_choice(group: Group, parameter: LawParameter, earlier: EarlierParameters) -> float:
     """Return the index of a name in `choices`, or nan after an error."""
+    if isinstance(group, Section) and not group.has(parameter.name):
+        if numbers := default_numbers(parameter, earlier):
+            return numbers[0]
     value = (
         group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
         if isinstance(group, Section)
@@ -420,6 +437,16 @@ _DASHPOT = Keys(
             POSITIVE,
             "stiffness of the brace in series with the damper; the drift rate is then that of the "
             "damper, and `linear_below` is not required",
+        ),
+        Key(
+            "relief",
+            Keys(
+                (
+                    Key("force", POSITIVE, "force at which the relief valve opens", needed=True),
+                    Key("ratio", RATIO, "slope above it over `coefficient`", needed=True),
+                )
+            ),
+            "relief valve of an oil damper with a `brace`",
         ),
         *_INCLINATION,
     )
@@ -501,19 +528,6 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    law_entry, elements_entry = section.get("law"), section.get("elements")
-    elements: tuple[Element, ...] = ()
-    if elements_entry:
-        for name in ("law", "stiffness", "period"):
-            if section.has(name):
-                section.value.fault(
-                    f"give either `{name}` or `elements`, not both; move the {name} into an element"
-                )
-        elements = _read_elements(elements_entry, unit)
-        law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
-    else:
-        law, stiffness_of_law = read_law(law_entry, unit)
-    dashpot, power_dashpot, damper_factor = _read_dashpot(section.get("dashpot"), unit)
     story_p_delta = section.read("p_delta")
     if p_delta if story_p_delta is None else story_p_delta:
         height_entry = section.need(
@@ -522,8 +536,21 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         )
     else:
         height_entry = section.get("height")
-    mass = _read_mass(section, unit)
     height = height_entry.number(scale=unit.length) if height_entry else None
+    law_entry, elements_entry = section.get("law"), section.get("elements")
+    elements: tuple[Element, ...] = ()
+    if elements_entry:
+        for name in ("law", "stiffness", "period"):
+            if section.has(name):
+                section.value.fault(
+                    f"give either `{name}` or `elements`, not both; move the {name} into an element"
+                )
+        elements = _read_elements(elements_entry, unit, height)
+        law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
+    else:
+        law, stiffness_of_law = read_law(law_entry, unit)
+    dashpot, power_dashpot, damper_factor = _read_dashpot(section.get("dashpot"), unit)
+    mass = _read_mass(section, unit)
     if elements_entry:
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
         if len(elements) == 1:  # a story with a single element is a story with a law
@@ -555,10 +582,12 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
 
     # Parameters and stiffness can be valid separately, but their combination invalid.
     is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
-    if law_entry and law.parameters and is_known:
-        fault = LAWS[law.name].fault(stiffness, law.parameters)
-        if fault:
+    if law_entry and is_known:
+        if fault := LAWS[law.name].fault(stiffness, law.parameters):
             law_entry.fault(fault)
+        elif law_entry.is_mapping:
+            law = _read_fracture(law_entry, law, stiffness, unit, height)
+            story = replace(story, law=law)
     return story, section.read("repeat", 1)
 
 
@@ -566,10 +595,48 @@ _FORBIDDEN_IN_NAMES = re.compile(r"[\[\],=\"']")
 """Characters with a meaning in the names of parameters and in lists of options."""
 
 
-def _read_elements(value: Value, unit: ModelUnits) -> tuple[Element, ...]:
+def _read_fracture(
+    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
+) -> Law:
+    """Return a law with the drifts of its fracture, from the key `fracture_drift` of its mapping:
+    one drift for both sides, or a mapping of the sides.
+    """
+    entry = value.peek(_FRACTURE.name)
+    if entry is None:
+        return law
+    sides: dict[str, Value | None] = dict.fromkeys(_SIDE_NAMES, entry)
+    if entry.is_mapping:
+        section = entry.section(list(_SIDE_NAMES))
+        if section is None:
+            return law
+        sides = {name: section.get(name) for name in _SIDE_NAMES}
+    first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
+    drifts = []
+    for number in sides.values():
+        drift = 0.0
+        if number is not None and number.is_percentage:
+            drift = number.number(POSITIVE_RATIO) * (height or math.nan)
+            if height is None:
+                number.fault("needs the height of the story, or a drift in the unit of length")
+        elif number is not None:
+            drift = number.number(POSITIVE, unit.length)
+        if number is not None and drift < first_yield:
+            number.fault(
+                f"must be at least the yield drift {first_yield / unit.length:.6g}, got "
+                f"{drift / unit.length:.6g}"
+            )
+        drifts.append(drift)
+    if any(map(math.isnan, drifts)):
+        return law
+    return replace(law, fracture=(drifts[0], -drifts[1]))
+
+
+def _read_elements(
+    value: Value, unit: ModelUnits, height: float | None
+) -> tuple[Element, ...]:
     """Return the elements of a story; errors are added to the errors of the file."""
     entries = value.items("a list of elements", "must contain at least one element")
-    elements = [_read_element(entry, unit) for entry in entries or ()]
+    elements = [_read_element(entry, unit, height) for entry in entries or ()]
     # An element without a name has the name of its law, and its number if the name is not unique.
     used: dict[str, int] = {}
     for i, element in enumerate(elements, start=1):
@@ -597,7 +664,7 @@ def _read_elements(value: Value, unit: ModelUnits) -> tuple[Element, ...]:
     return tuple(elements)
 
 
-def _read_element(entry: Value, unit: ModelUnits) -> Element:
+def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Element:
     """Return an element. Its name is empty if the file does not specify it; its stiffness is nan
     after an error.
     """
@@ -632,13 +699,19 @@ def _read_element(entry: Value, unit: ModelUnits) -> Element:
         stiffness = section.number("stiffness", NOT_NEGATIVE, factor, default=0.0)
     elif stiffness_of_law is None:
         stiffness = section.number("stiffness", POSITIVE, factor)
+    elif any(parameter.path == "stiffness" for parameter in law.parameters):
+        stiffness = stiffness_of_law  # the law checks its own parameter
     else:
         stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
     if has_unknown:
         return Element(name, math.nan, Law(law.name, parameters))
-    if not math.isnan(stiffness) and (fault := law.fault(stiffness, parameters)):
-        entry.fault(fault)
-    return Element(name, stiffness, Law(law.name, parameters), cosine)
+    result = Law(law.name, parameters)
+    if not math.isnan(stiffness):
+        if fault := law.fault(stiffness, parameters):
+            entry.fault(fault)
+        else:
+            result = _read_fracture(entry, result, stiffness, unit, height)
+    return Element(name, stiffness, result, cosine)
 
 
 def _read_stiffness(
@@ -731,9 +804,19 @@ def _read_dashpot(
         "linear_below", POSITIVE if needs_linear_part else NOT_NEGATIVE, unit.length, default=0.0
     )
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
+    relief = None
+    if entry := section.get("relief"):
+        if exponent != 1.0 or section.has("linear_below"):
+            entry.fault("requires a linear damper, without `exponent` and `linear_below`")
+        if not has_brace:
+            entry.fault("requires the stiffness of the `brace` in series with the damper")
+        if valve := entry.section():
+            relief = Relief(
+                valve.number("force", scale=unit.force), valve.number("ratio")
+            )
     if not (has_brace or section.has("exponent") or section.has("linear_below")):
         return coefficient, None, factor
-    return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace), factor
+    return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace, relief), factor
 
 
 def _read_inclination(section: Section) -> float:

@@ -696,6 +696,11 @@ class Value:
             return None
         return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
+    @property
+    def is_percentage(self) -> bool:
+        """True if the value is written with a percent sign."""
+        return isinstance(self.node, ScalarNode) and self.node.text.endswith("%")
+
     def _number_in_file(self, bounds: Bounds) -> float:
         """Return the number in the file without conversion of units; nan if it is not a number.
 

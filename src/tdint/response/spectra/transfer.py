@@ -162,7 +162,9 @@ def _check_dampers(model: Model, building: Building) -> None:
     """Raise ModelError if the force of a damper is not proportional to the velocity."""
     terms = building.linear_terms[:, :-1]
     is_power = (terms[rows.POWER_DAMPER] != 0.0) & (terms[rows.POWER] != 0.0)
-    is_power |= (terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] != 1.0)
+    is_power |= (terms[rows.BRACE] != 0.0) & (
+        (terms[rows.BRACED_EXPONENT] != 1.0) | (terms[rows.BRACED_RELIEF] != 0.0)
+    )
     if is_power.any():
         raise ModelError(
             f"{model.name}: story {int(np.argmax(is_power)) + 1} has a power-law dashpot, whose "
