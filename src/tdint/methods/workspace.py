@@ -168,9 +168,7 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     limits[rows.HEIGHT] = building.heights
     # INTERNAL of a story with elements is 1 if all of them have failed.
     codes = building.story_laws[rows.CODE].tolist()
-    limits[rows.FAILED] = [
-        1.0 if code <= rows.ELEMENTS else LAWS[code].failed for code in codes
-    ]
+    limits[rows.FAILED] = [1.0 if code <= rows.ELEMENTS else LAWS[code].failed for code in codes]
     limits[rows.HIGH_LIMIT], limits[rows.LOW_LIMIT] = building.resistance_limits
     # A story without height (nan) has no limit of the drift ratio.
     limits[rows.SMALLEST_LIMIT] = np.fmin(

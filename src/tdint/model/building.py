@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -770,9 +770,7 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     # plug-ins with the same name.
     numbered = {code: name if code < OURS else f"{name}@{code}" for name, code in CODES.items()}
     names = [name for code, name in numbered.items() if code in codes]
-    names += [
-        name + FRACTURES for code, name in numbered.items() if code + FRACTURING in codes
-    ]
+    names += [name + FRACTURES for code, name in numbered.items() if code + FRACTURING in codes]
     result = Variant(
         laws=tuple(names),
         modal=len(building.modal) > 0,

@@ -611,9 +611,7 @@ def _unusual_drifts(model: Model, building: Building) -> list[str]:
     ]
 
 
-def _unusual_devices(
-    model: Model, building: Building, omega: float, damping: float
-) -> list[str]:
+def _unusual_devices(model: Model, building: Building, omega: float, damping: float) -> list[str]:
     """Return warnings about devices that would have no effect, or far too much of it.
 
     A device is compared with its purpose in a vibration with the first circular frequency `omega`

@@ -32,10 +32,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.law import MAX_POINTS, SIDES, DriftLaw, LawFunctions, LawParameter
 from tdint.kernels.laws.flag_rule import flag_rule
+from tdint.kernels.laws.law import MAX_POINTS, SIDES, DriftLaw, LawFunctions, LawParameter
 from tdint.kernels.laws.peak_rule import (
-    BACKBONE,
     FAILED,
     TOLERANCE,
     UNLOADING,
@@ -78,14 +77,6 @@ _PLASTIC_PATH = rows.HIGH_FORCE
 # Row INTERNAL contains the type of the branch for the rules `origin` and `peak`, as in `peak_rule`,
 # and the index of the segment (`set_segment`) for rule `elastic`.
 
-<<<<<<< HEAD
-# Fraction of a drift or force. Points that are closer to each other are regarded as equal.
-_TOLERANCE = 1e-12
-=======
-# A path from one end of the curve to the other passes all points of both sides.
-_MAX_BRANCHES = 2 * MAX_POINTS + 4
-
->>>>>>> h-laws
 # Fraction of the yield drift of a spring. Springs with a smaller distance yield together.
 _TOGETHER = 1e-10
 # Fraction of the initial stiffness. Slopes that differ less are equal, because points are rounded.
@@ -659,9 +650,7 @@ def _points_fault(points: _Points, key: str, name: str, zero_forces: int) -> str
     return None
 
 
-def _flag_fault(
-    upper: _Curve, lower: _Curve, prefix: str, values: Sequence[float]
-) -> str | None:
+def _flag_fault(upper: _Curve, lower: _Curve, prefix: str, values: Sequence[float]) -> str | None:
     """Return an error message if the curves of rule `flag` intersect or are too steep."""
     if not lower.points:
         return f"rule flag requires {prefix}return, the points of the lower curve"
@@ -812,14 +801,10 @@ LAW = DriftLaw(
         LawParameter("work", low=0.0, group="damage", default=0.0),
         LawParameter("sides", choices=SIDES, default="both"),
         LawParameter("return_slope", force=1, length=-1, default="last_slope"),
-        LawParameter(
-            "return_slope", force=1, length=-1, default="return_slope", group="negative"
-        ),
+        LawParameter("return_slope", force=1, length=-1, default="return_slope", group="negative"),
         _RETURN,
         replace(_RETURN, default="return", group="negative"),
-        LawParameter(
-            "stiffness", force=1, length=-1, low=0.0, low_allowed=False, default=0.0
-        ),
+        LawParameter("stiffness", force=1, length=-1, low=0.0, low_allowed=False, default=0.0),
     ),
     kinked=True,
     extra_rows=MAX_POINTS,
@@ -831,11 +816,6 @@ LAW = DriftLaw(
     fault=_fault,
     warning=_warning,
     falls=_falls,
-<<<<<<< HEAD
-    failed=_FAILED,
-=======
     failed=FAILED,
-    max_branches=_MAX_BRANCHES,
->>>>>>> h-laws
     last_line=_last_line,
 )

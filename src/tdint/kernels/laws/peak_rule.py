@@ -81,7 +81,9 @@ class BackboneCurve(NamedTuple):
     force: Any
 
 
-def backbone_curve(point_drift: Any, point_force: Any, last_slope: Any, points: int) -> BackboneCurve:
+def backbone_curve(
+    point_drift: Any, point_force: Any, last_slope: Any, points: int
+) -> BackboneCurve:
     """Return the functions of a backbone curve from its points.
 
     Parameters
@@ -222,7 +224,9 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
     def has_damage(law_parameters, i):
         """Return True if reversals increase the farthest drifts. All branches then end at a
         reversal, because each reversal counts."""
-        return keys.damage_drift(law_parameters, i) > 0.0 or keys.damage_work(law_parameters, i) > 0.0
+        return (
+            keys.damage_drift(law_parameters, i) > 0.0 or keys.damage_work(law_parameters, i) > 0.0
+        )
 
     @inline
     def far(law_parameters, law_state, i, block, side):
@@ -425,8 +429,11 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         drift = law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
         row, other_row = row_of(side), row_of(-side)
-        if drift == 0.0 and force == 0.0 and law_state[block + row, i] == 0.0 and (
-            law_state[block + other_row, i] == 0.0
+        if (
+            drift == 0.0
+            and force == 0.0
+            and law_state[block + row, i] == 0.0
+            and (law_state[block + other_row, i] == 0.0)
         ):
             # The first movement is in the direction that `enter` has not assumed.
             if keys.has_side(law_parameters, i, side):

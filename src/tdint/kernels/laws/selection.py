@@ -19,7 +19,6 @@ from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
-
 _VARIANT_LAWS = {re.sub(r"@\d+", "", name) for name in VARIANT.laws}
 
 COMPILED: tuple[float, ...] = (
@@ -63,7 +62,6 @@ def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
     if not COMPILES:
         return _Codes(has_property)
     return tuple(float(code) for code in COMPILED if has_property(LAWS[code]))
-
 
 
 CURVED_LAWS = _codes(lambda law: law.curved)

@@ -167,8 +167,10 @@ def _functions() -> LawFunctions:
             step = math.copysign(half, end - start)
             for point in range(8):
                 drift = start + step * (1.0 + nodes[point])
-                work += step * weights[point] * (
-                    on_curve(law_parameters, law_state, i, trial, drift)[0]
+                work += (
+                    step
+                    * weights[point]
+                    * (on_curve(law_parameters, law_state, i, trial, drift)[0])
                 )
             start = end if 2.0 * half >= abs(end - start) else start + 2.0 * step
         law_state[trial + rows.DISSIPATED, i] = (
@@ -220,7 +222,9 @@ LAW = DriftLaw(
         LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
         LawParameter("hardening", low=0.0, high=1.0, high_allowed=False),
         LawParameter("R0", low=0.0, low_allowed=False, group="transition", default=20.0),
-        LawParameter("cR1", low=0.0, high=1.0, high_allowed=False, group="transition", default=0.925),
+        LawParameter(
+            "cR1", low=0.0, high=1.0, high_allowed=False, group="transition", default=0.925
+        ),
         LawParameter("cR2", low=0.0, low_allowed=False, group="transition", default=0.15),
         LawParameter("a1", low=0.0, group="isotropic", default=0.0),
         LawParameter("a2", low=0.0, low_allowed=False, group="isotropic", default=1.0),

@@ -33,7 +33,15 @@ from tdint.model.keys.fields import (
     ValueType,
 )
 from tdint.model.story import MAX_STORIES, Element, PowerDashpot, Relief, Story, column_name
-from tdint.model.story_laws import LAWS, LINEAR, SUM_OF_ELEMENTS, Law, default_numbers, four_points, laws
+from tdint.model.story_laws import (
+    LAWS,
+    LINEAR,
+    SUM_OF_ELEMENTS,
+    Law,
+    default_numbers,
+    four_points,
+    laws,
+)
 from tdint.number_parsing import pluralize
 from tdint.units import MASS, STANDARD_GRAVITY
 
@@ -631,9 +639,7 @@ def _read_fracture(
     return replace(law, fracture=(drifts[0], -drifts[1]))
 
 
-def _read_elements(
-    value: Value, unit: ModelUnits, height: float | None
-) -> tuple[Element, ...]:
+def _read_elements(value: Value, unit: ModelUnits, height: float | None) -> tuple[Element, ...]:
     """Return the elements of a story; errors are added to the errors of the file."""
     entries = value.items("a list of elements", "must contain at least one element")
     elements = [_read_element(entry, unit, height) for entry in entries or ()]
@@ -811,9 +817,7 @@ def _read_dashpot(
         if not has_brace:
             entry.fault("requires the stiffness of the `brace` in series with the damper")
         if valve := entry.section():
-            relief = Relief(
-                valve.number("force", scale=unit.force), valve.number("ratio")
-            )
+            relief = Relief(valve.number("force", scale=unit.force), valve.number("ratio"))
     if not (has_brace or section.has("exponent") or section.has("linear_below")):
         return coefficient, None, factor
     return 0.0, PowerDashpot(coefficient, exponent, linear_below, brace, relief), factor

@@ -25,7 +25,9 @@ def stiff_peak_notes(model: Model, building: Building, response: Response) -> li
         for spring in story.springs:
             law = LAWS[spring.law.name]
             if law.stiffens(spring.law.parameters) and not law.kinked:
-                column = np.array([CODES[law.name], spring.stiffness, 0.0, 0.0, *spring.law.parameters])
+                column = np.array(
+                    [CODES[law.name], spring.stiffness, 0.0, 0.0, *spring.law.parameters]
+                )
                 peak = float(response.stories.peak_drift[i])
                 tangent = max(tangent_at(law, column, side * peak) for side in (1.0, -1.0))
                 stiffness[i] += max(tangent - spring.stiffness, 0.0)
