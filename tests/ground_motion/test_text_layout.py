@@ -170,7 +170,7 @@ class TestColumn:
     def test_quantity_of_name_must_agree_with_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
             fails(
-                "the file states that its values are of the quantity",
+                "states that its values are of the quantity",
                 file,
                 table([f"Time,{name}"], times(), COLUMNS[0]),
                 units,

@@ -45,7 +45,7 @@ class TestTexts:
         [
             *(
                 (text, r"use one of m/s\^2, cm/s\^2, gal, mm/s\^2, g")
-                for text in ("", "m/s^", "Mm", "2.38e-6", "m/s^3", "1 2 gal", "gal gal")
+                for text in ("", "m/s^", "dm", "2.38e-6", "m/s^3", "1 2 gal", "gal gal")
             ),
             ("gall", "did you mean 'gal'"),
             *((text, "positive") for text in ("0 gal", "-1 m/s^2", "1e999 g")),

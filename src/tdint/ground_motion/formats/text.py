@@ -164,7 +164,15 @@ _OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
 def _starts_with_declarations(lines: list[str]) -> bool:
     """Return True if the first lines of a file are a table under declarations."""
     text = table_text(Lines("\n".join(lines)))
-    is_table = bool(text.blocks) and len(text.blocks[0].lines) > 1
+    if not text.blocks or len(text.blocks[0].lines) < 2:
+        return False
+    numbers = block_numbers(text.blocks[0].part(0, 2))
+    # Columns without names are recognized only if the first increases like times.
+    is_table = numbers.widths[0] == numbers.widths[1] and (
+        numbers.width == 1
+        or any(map(column_names, text.blocks[0].above))
+        or _increases(numbers.table()[:, 0])
+    )
     return is_table and all(
         bool(COMMENT.fullmatch(line) or declarations(line) or column_names(line))
         and not _OTHER_FORMAT.match(line)
@@ -765,7 +773,7 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
     is a time, or if the user selects one of them.
     """
     names = any_names(lines[0], separator, width)
-    is_statement = bool(statements(lines[:1]))
+    is_statement = bool(statements(lines[:1]) or declarations(lines[-1]))
     if len(lines) == 2:
         return () if is_statement else with_units(names, lines[1], separator)
     if not names or is_statement:

@@ -395,9 +395,9 @@ _WORDS = re.compile(
 )
 """Words for the velocity and the displacement in the name of a file."""
 
-_MAX_VELOCITY, _MAX_DISPLACEMENT = 5.0, 20.0
-"""m/s and m; more than the maximum velocity and displacement of the ground ever recorded (3.2 m/s
-and 9 m), with a margin for a baseline that is not corrected."""
+_MAX_VELOCITY, _MAX_DISPLACEMENT = 10.0, 30.0
+"""m/s and m; three times the maximum velocity and displacement of the ground ever recorded (3.2 m/s
+and 9 m), because the baseline of a record may not be corrected."""
 
 _MAX_JUMP = 2.0  # ratio of the first sample to the second; a larger ratio is no part of a pulse
 
