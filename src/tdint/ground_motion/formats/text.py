@@ -770,7 +770,7 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
     in the last line; empty if the lines do not name the columns.
 
     Words that are separated by blanks may be a sentence. They name the columns only if one of them
-    is a time, or if the user selects one of them.
+    is a time, or if the user selects one of them or skips the lines above.
     """
     names = any_names(lines[0], separator, width)
     is_statement = bool(statements(lines[:1]) or declarations(lines[-1]))
@@ -784,7 +784,8 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
         bool(names[0].units) and names[0].units in SECONDS
     )
     is_selected = any(_has_name(names, column) for column in layout.column)
-    return names if not is_sentence or has_time or is_selected else ()
+    is_named = not is_sentence or has_time or is_selected or bool(layout.skip_lines)
+    return names if is_named else ()
 
 
 def _has_name(names: Names, column: str) -> bool:
