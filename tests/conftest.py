@@ -113,7 +113,7 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 def short_matching(monkeypatch: pytest.MonkeyPatch) -> None:
     """Match motions at few periods in few rounds, for tests of commands and files.
     tests/studies/motions/test_matching.py tests the quality of matched motions."""
-    from tdint.studies.campaign.assigned_motions import matching
+    from tdint.studies.motions import matching
 
     monkeypatch.setattr(matching, "_FIRST_PERIODS", 30)
     monkeypatch.setattr(matching, "_STAGES", 0)

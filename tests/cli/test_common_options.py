@@ -6,7 +6,7 @@ import click
 import pytest
 
 from tdint.studies.campaign import execute
-from tdint.studies.ida.ida import ida
+from tdint.studies.ida import ida
 from tdint.system import processors
 from tdint_cli import processes
 from tdint_cli.main import COMMANDS, cli

@@ -265,7 +265,7 @@ def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(
 
 
 def test_a_failing_method_does_not_prevent_the_others(tdint, monkeypatch):
-    from tdint.assessment.order.order import order as accuracy
+    from tdint.assessment.order import order as accuracy
     from tdint.errors import AnalysisError
 
     measure = accuracy.observed_order

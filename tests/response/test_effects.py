@@ -177,14 +177,6 @@ def test_units_of_two_components(tmp_path):
         )
 
 
-def test_labels_and_font_of_a_figure():
-    spectrum = tdint.spectrum(MOTION, np.array([0.2, 0.5, 1.0]))
-    label = tdint.plot(spectrum).axes[0].get_ylabel()
-    figure = tdint.plot(spectrum, font="DejaVu Serif", label={label: "Sa"})
-    assert figure.axes[0].get_ylabel() == "Sa" != label
-    assert figure.axes[0].yaxis.label.get_fontname() == "DejaVu Serif"
-
-
 @pytest.mark.parametrize("method", ["moment4", "houbolt"])
 def test_loop_of_a_compiled_model(monkeypatch, method):
     """The kernels that are compiled are those of the method. They are not compiled here."""

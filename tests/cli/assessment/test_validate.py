@@ -7,8 +7,8 @@ import re
 
 import pytest
 
+from tdint.assessment.validation import validation as cases
 from tdint.assessment.validation.validation import compute_case
-from tdint.assessment.validation.validation import validation as cases
 
 
 def test_all_cases_are_within_their_tolerances(tdint):

@@ -11,10 +11,10 @@ from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.studies.campaign.definition import Distribution, ParameterSweep
 from tdint.studies.campaign.reader import load_campaign
+from tdint.studies.ida import ida as ida_module
 from tdint.studies.ida.ida import IdaSettings, ida
-from tdint.studies.ida.ida import ida as ida_module
 from tdint.studies.motions.intensity import pga
-from tdint.studies.sensitivity.sensitivity import sensitivity as sensitivity_module
+from tdint.studies.sensitivity import sensitivity as sensitivity_module
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,2,1987,C1,900\n"
 LOW = IdaSettings(max_im=0.2)

@@ -15,7 +15,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import components
 from tdint.kernels.oscillators.extremes import OSCILLATOR, TIME, VALUE
 from tdint.response.spectra.target import read_target, read_targets
-from tdint.studies.campaign.assigned_motions import matching_problem
+from tdint.studies.motions import matching_problem
 from tdint.studies.motions.matching import _spectra
 from tdint.studies.motions.matching_problem import MatchingProblem, SparseRows, solve_program
 
