@@ -58,6 +58,14 @@ def secant(law_parameters, law_state, i, previous, trial, drift):
     return law_state[trial + rows.FORCE, i] / drift if drift else K
 
 
+def stiffer_upwards(law_parameters, law_state, i, previous, trial, drift):
+    """Return a stiffness that depends on the direction of the drift, not on the drift."""
+    change = drift - law_state[previous + rows.DRIFT, i]
+    tangent = 1.1 * K if change > 0.0 else 0.9 * K
+    law_state[trial + rows.FORCE, i] = law_state[previous + rows.FORCE, i] + tangent * change
+    return tangent
+
+
 def access_beyond_rows(law_parameters, law_state, i, previous, trial, drift):
     return law_state[rows.EXTRA_ROWS + trial, i]
 
@@ -109,6 +117,12 @@ def one_point(law_parameters, law_state, i, way):
 NO_BRANCHES = {"switch": None, "enter": None, "advance": None}
 CASES = {
     "curved-missing": ("tanh", {"curved": False}, {}, "declare `curved=True`"),
+    "kinked-missing-at-reversals": (
+        "tanh",
+        {},
+        {"force": stiffer_upwards},
+        "jumps where the drift reverses",
+    ),
     "kinked-for-curved": (
         "tanh",
         {"curved": False, "kinked": True},

@@ -87,7 +87,8 @@ class Request:
         help="stripes: maximum likelihood from the number of exceedances at each intensity "
         "level. ida: mean and standard deviation of ln capacity, or maximum likelihood if some "
         "capacities are censored. cloud: regression line of ln demand (EDP) over ln intensity "
-        "(IM). By default, the columns of the table decide.",
+        "(IM), whose standard deviation divides by n - 2. By default, the columns of the table "
+        "decide.",
     )
     threshold: tuple[float, ...] | None = study_options.threshold(
         help="Limits of the drift ratio (or of another demand); a function is the probability "

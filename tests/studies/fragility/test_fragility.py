@@ -100,7 +100,8 @@ def cloud(censored_above=math.inf, count=60):
 def test_cloud_without_censoring_is_least_squares():
     im, edp, _ = cloud()
     slope, intercept = np.polyfit(np.log(im), np.log(edp), 1)
-    sigma = np.sqrt(np.mean((np.log(edp) - intercept - slope * np.log(im)) ** 2))
+    residuals = np.log(edp) - intercept - slope * np.log(im)
+    sigma = np.sqrt(np.sum(residuals**2) / (im.size - 2))
     for found in fit_cloud(im, edp, [0.01, 0.03]):
         assert math.log(found.theta) == pytest.approx(
             (math.log(found.threshold) - intercept) / slope, rel=1e-9
@@ -137,6 +138,8 @@ def test_cloud_ignores_demands_below_lower_threshold():
         likelihood, [-4.6, 2.0, 0.3], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11}
     )
     cloud = found[0].cloud
+    exact = np.sum(~low)
+    best.x[2] *= math.sqrt(exact / (exact - 2))
     assert best.x == pytest.approx([cloud.intercept, cloud.slope, cloud.sigma], abs=1e-5)
     # If too few demands are above the threshold, all demands are used unchanged.
     few = fit_cloud(im, edp, [0.02], lower_threshold=2.0 * edp.max())[0]
@@ -161,10 +164,14 @@ def test_censored_cloud_agrees_with_minimizer():
     (found,) = fit_cloud(im, edp, [0.015], above)
     b0, b1, sigma = best.x
     assert math.log(found.theta) == pytest.approx((math.log(0.015) - b0) / b1, abs=1e-6)
-    assert found.beta == pytest.approx(sigma / b1, abs=1e-6)
+    # Sigma of n demands that are not censored is multiplied by sqrt(n / (n - 2)).
+    exact = np.sum(~above)
+    unbiased = math.sqrt(exact / (exact - 2))
+    assert found.beta == pytest.approx(unbiased * sigma / b1, abs=1e-6)
     jacobian = np.array(
         [[-1 / b1, -(math.log(0.015) - b0) / b1**2, 0.0], [0.0, -sigma / b1**2, 1 / b1]]
     )
+    jacobian = np.diag([unbiased, unbiased**2]) @ jacobian
     assert found.covariance == pytest.approx(
         jacobian @ information(likelihood, best.x) @ jacobian.T, rel=1e-3
     )

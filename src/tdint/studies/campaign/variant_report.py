@@ -43,13 +43,13 @@ class _Variant(NamedTuple):
     floor with the largest mean; `ratio` is the mean drift divided by that of the baseline."""
 
     profile: Profile
-    mean_drift: float
-    largest_drift: float
-    ratio: float
-    acceleration: float
-    residual_drift: float
-    base_shear: float
-    device: _Device
+    mean_drift: float = math.nan
+    largest_drift: float = math.nan
+    ratio: float = math.nan
+    acceleration: float = math.nan
+    residual_drift: float = math.nan
+    base_shear: float = math.nan
+    device: _Device = _Device(math.nan, math.nan)
 
 
 def comparison_parts(
@@ -93,8 +93,7 @@ def _variants(
     names = [profile.building for profile in comparison.profiles]
     reference = names.index(baseline) if baseline in names else 0
     if not comparison.common:
-        empty = [math.nan] * 6
-        return [_Variant(p, *empty, _Device(math.nan, math.nan)) for p in comparison.profiles]
+        return [_Variant(profile) for profile in comparison.profiles]
     drift = "peak_drift" if by_length else "peak_drift_ratio"
     base = comparison.common[reference]
     base_drift = _largest_mean(_drifts(base, drift))
@@ -140,13 +139,13 @@ def _largest_mean(values: Array) -> float:
 
 def _device(plan: Plan, store: Store, profile: Profile, base: Profile) -> _Device:
     """Return force and stroke of the devices of a building under its completed motions."""
-    numbers = {building.name: number for number, building in enumerate(plan.buildings)}
+    numbers = {name: number for number, (name, _) in store.buildings().items()}
     number = numbers[profile.building]
     model = plan.buildings[number].subject().model
     base_model = plan.buildings[numbers[base.building]].subject().model
     laws_of_base: dict[int, set[str]] = defaultdict(set)
-    for story, base_story in story_pairs(profile, base):
-        laws_of_base[story] = {item.law.name for item in base_model.stories[base_story].springs}
+    for index, base_index in story_pairs(profile, base):
+        laws_of_base[index] = {item.law.name for item in base_model.stories[base_index].springs}
     forces, strokes = [], []
     element_forces = _element_forces(store, number, profile)
     for index, story in enumerate(model.stories):
@@ -257,6 +256,6 @@ def _table(rows: Sequence[_Variant], *, has_levels: bool, by_length: bool) -> Ta
             count += f", {profile.failed} failed"
         level = (profile.level_text,) if has_levels else ()
         numbers = (row.mean_drift, row.largest_drift, row.ratio, row.acceleration)
-        numbers += (row.residual_drift, row.base_shear, *row.device)
-        cells.append((profile.building, *level, count, *numbers))
+        others = (row.residual_drift, row.base_shear, *row.device)
+        cells.append((profile.building, *level, count, *numbers, *others))
     return Table.of(columns, cells)

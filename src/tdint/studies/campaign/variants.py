@@ -170,8 +170,20 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
                     if comparison.common
                     else [np.full(1 + base.height.size, math.nan)] * 3
                 )
-                level = (compared.building, baseline, compared.scale, compared.level)
-                result.append(Ratios(*level, quantity, *values, motions=comparison.motions))
+                mean, median, largest = values
+                result.append(
+                    Ratios(
+                        compared.building,
+                        baseline,
+                        compared.scale,
+                        compared.level,
+                        quantity,
+                        mean=mean,
+                        median=median,
+                        max=largest,
+                        motions=comparison.motions,
+                    )
+                )
     return result
 
 

@@ -360,8 +360,11 @@ def fit_cloud(
     """Fit a fragility function for each threshold to a cloud, by maximum likelihood.
 
     The model is ln EDP = b0 + b1 ln IM + sigma N, where N is a standard normal variable. The
-    functions have theta = exp((ln threshold - b0) / b1) and beta = sigma / b1. Without censored
-    demands sigma is the root mean square of the residuals.
+    functions have theta = exp((ln threshold - b0) / b1) and beta = sigma / b1. The line is the line
+    of maximum likelihood, whose sigma is on average too small (by 11 % for ten demands): it divides
+    the squared residuals by their number n. It is multiplied by sqrt(n / (n - 2)), so that sigma of
+    a regression without censored demands divides by n - 2, as usual. n is the number of demands
+    that are not censored.
 
     Parameters
     ----------
@@ -412,6 +415,8 @@ def fit_cloud(
     intercept, slope, sigma, covariance = _line(
         np.log(x), np.log(np.where(below, lower_threshold, y)), above, below
     )
+    exact_count = int(np.sum(~(above | below)))
+    sigma *= math.sqrt(exact_count / (exact_count - 2))
     # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
     # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)

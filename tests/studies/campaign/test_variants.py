@@ -1,0 +1,96 @@
+"""Buildings are compared on common motions, and a collapse is larger than every value."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.story_profiles import Profile, Statistics
+from tdint.studies.campaign.variants import Comparison, ratios, story_pairs
+
+
+def profile(name: str, drifts: dict[int, list[float]], collapsed=(), heights=(), isolators=()):
+    """Return the profile of a building: drift of each story under each motion, by its number."""
+    values = np.array(list(drifts.values())).reshape(len(drifts), -1)
+    peaks = {quantity.name: values for quantity in STORY_QUANTITIES}
+    return Profile(
+        scale=1.0,
+        level=math.nan,
+        completed=[[Run(number, 1.0, 0)] for number in drifts],
+        collapsed_runs=[[Run(number, 1.0, 0)] for number in collapsed],
+        pairs=0,
+        failed=0,
+        measure=("", ""),
+        pair_demand="",
+        building=name,
+        motions=tuple(f"motion {number}" for number in drifts),
+        height=np.array(heights or [3.0] * values.shape[1]),
+        peaks=peaks,
+        peak_errors={},
+        isolators=isolators,
+    )
+
+
+def test_a_collapse_counts_as_larger_than_every_value():
+    """Of ten motions six cause collapse: the ranks of 16, 50 and 84 % are 1.44, 4.5 and 7.56."""
+    values = np.array([[4.0], [1.0], [3.0], [2.0]])
+    found = Statistics.of(values, 6)
+    assert found.p16[0] == pytest.approx(2.44) and found.mean[0] == 2.5 and found.max[0] == 4.0
+    assert found.median[0] == found.p84[0] == math.inf
+    assert Statistics.of(values[:0], 3).median[0] == math.inf
+    assert math.isnan(Statistics.of(values[:0]).median[0])
+    assert math.isnan(Statistics.errors(values, 0.1 * values, 6).median[0])
+
+
+@pytest.mark.parametrize("survivors", range(1, 8))
+def test_fractiles_never_fall_when_more_motions_cause_collapse(survivors):
+    values = np.sort(np.random.default_rng(survivors).exponential(size=(survivors, 3)), axis=0)
+    previous = Statistics.of(values)
+    for collapsed in range(1, 6):
+        found = Statistics.of(values, collapsed)
+        for name in ("p16", "median", "p84"):
+            assert np.all(getattr(found, name) >= getattr(previous, name))
+        previous = found
+
+
+def test_ratios_use_the_motions_that_all_buildings_survive():
+    """The weak building survives the mild motions only. Over its own motions the strong building
+    would appear three times as bad."""
+    weak = profile("weak", {1: [0.010], 2: [0.012], 3: [0.014]}, collapsed=(4, 5))
+    strong = profile("strong", {1: [0.005], 2: [0.006], 3: [0.007], 4: [0.05], 5: [0.08]})
+    (drift, *_) = ratios([weak, strong], "weak")
+    assert drift.motions == 3 and drift.mean == pytest.approx([0.5, 0.5])
+    third = profile("third", {1: [0.004], 2: [0.004], 5: [0.01]}, collapsed=(3, 4))
+    found = ratios([weak, strong, third], "weak")
+    assert all(np.isnan(item.mean).all() and item.motions == 2 for item in found)
+    note = Comparison.of([weak, strong, third]).note
+    assert "only 2 of 5 motions" in note and "weak 2 collapsed" in note and "third 2" in note
+
+
+def test_two_motions_without_collapse_are_compared():
+    first, second = profile("a", {1: [0.2], 2: [0.4]}), profile("b", {1: [0.1], 2: [0.2]})
+    assert ratios([first, second], "a")[0].mean == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("heights", "isolators", "pairs"),
+    [
+        ((math.nan, 4.0, 3.0, 3.0), (1,), [(1, 0), (2, 1), (3, 2)]),  # isolated at the base
+        ((4.0, 3.0, 3.0, math.nan), (4,), [(0, 0), (1, 1), (2, 2)]),  # mass damper on the roof
+        ((4.0, 3.0, 3.0, 2.0), (), [(0, 0), (1, 1), (2, 2)]),  # one more story
+        ((1000.0, 4.0, 3.0, 3.0), (), [(1, 0), (2, 1), (3, 2)]),  # a spring of the soil
+        ((4.0, 3.0, 3.0), (), [(0, 0), (1, 1), (2, 2)]),
+    ],
+)
+def test_stories_of_variants_correspond(heights, isolators, pairs):
+    drifts = {1: [0.01 * (i + 1) for i in range(len(heights))]}
+    variant = profile("variant", drifts, heights=heights, isolators=isolators)
+    base = profile("base", {1: [0.1, 0.2, 0.4]}, heights=(4.0, 3.0, 3.0))
+    assert story_pairs(variant, base) == pairs
+    (first, *_) = ratios([base, variant], "base")
+    expected = [
+        0.01 * (i + 1) / value for (i, _), value in zip(pairs, (0.1, 0.2, 0.4), strict=True)
+    ]
+    assert first.mean[1:] == pytest.approx(expected)
