@@ -30,7 +30,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.story_laws import LAWS
-from tdint.output.tables import buildings, methods, responses, spectra, transfer
+from tdint.output.tables import buildings, devices, methods, responses, spectra, transfer
 from tdint.output.tables import table as shared
 from tdint.output.tables.table import columns_of
 from tdint.response.spectra.drift import DriftSpectrum
@@ -229,6 +229,12 @@ def columns():
     return {
         "tdint run": responses.STORY_COLUMNS,
         "elements.csv of tdint run": (*responses.ELEMENT_COLUMNS, *responses.ELEMENT_ERROR),
+        "attachments.csv of tdint run": (
+            *(*devices.ATTACHMENT_NAMES, *devices.ATTACHMENT_COLUMNS, *devices.ATTACHMENT_ERROR),
+        ),
+        "links.csv of tdint run": (
+            *(*devices.LINK_NAMES, *devices.LINK_COLUMNS, *devices.LINK_ERROR),
+        ),
         "history.csv of tdint run": responses.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,

@@ -76,7 +76,8 @@ def test_columns_are_declared_in_table_modules():
     """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     other = {path for path in makers if not path.endswith("_tables.py")}
-    names = ["buildings", "responses", "runs", "spectra", "methods", "loads", "transfer", "table"]
+    names = ["buildings", "devices", "responses", "runs", "spectra", "methods", "loads"]
+    names += ["transfer", "table"]
     assert other == {f"src/tdint/output/tables/{name}.py" for name in names} | {
         "src/tdint/studies/campaign/exports.py"
     }
@@ -526,7 +527,7 @@ def is_border(node):
     return bool({"kernel", "intrinsic"} & set(decorators)) or node.name.startswith("call_")
 
 
-MAX_CODE_LINES = 600
+MAX_CODE_LINES = 700
 """Code lines of one file. Docstrings, comments and blank lines are not counted, so that they have
 room."""
 

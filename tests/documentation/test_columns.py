@@ -20,6 +20,8 @@ FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1 --no-check",
     "elements.csv of tdint run": "configs/isolated-moat-wall.yaml --duration 0.1",
+    "attachments.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
+    "links.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 "
     "--check",
     "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof "

@@ -52,6 +52,9 @@ SAME_MOTION = {
     *("stories.elements.factor", "stories.elements.angle"),
     # a table of forces from a file, instead of points
     *("excitation.forces.file", "excitation.forces.floors", "excitation.forces.column"),
+    # attachments, links and switches by story: tests/model/test_topology.py and
+    # tests/response/runs/test_topology.py compare them with the matrix exponential
+    *("attachments", "links", "stories.rayleigh", "stories.p_delta", "damping.modal.p_delta"),
     # evaluation and output
     *("plausibility", "damage", "limits", "output_units", "report"),
 }

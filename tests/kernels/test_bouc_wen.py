@@ -113,6 +113,8 @@ def compiled_forces_by_path_integration(law_parameters, turn, drifts):
         elements=False,
         braces=False,
         tangent_damping=False,
+        tree=False,
+        links=False,
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compilable, "WHOLE", False)

@@ -39,7 +39,7 @@ def test_tridiagonal_solution_with_low_rank_term(n, modes):
     )
     scratch = np.zeros((3 + 2 * modes + 1, max(n, 2 * modes) + 1))
     scratch[0, :n], scratch[1, :n], scratch[2, :n] = diagonal, coupling, right
-    factors = Factors(scratch, 0, 1, 3)
+    factors = Factors(scratch, 0, 1, 3, np.zeros((rows.LINEAR_TERM_ROWS, n + 1)))
     factor_damped(factors, w, scale, n)
     solve_damped(factors, w, 2, n)
     assert scratch[2, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-12, abs=1e-13)
@@ -66,7 +66,8 @@ def test_block_solution_with_low_rank_term(n, modes):
     x = 4 + COUPLING_ROWS
     scratch = np.zeros((x + 2 + 6 * modes + 1, max(n, 2 * modes) + 1))
     scratch[:4, :n], scratch[4:8, :n], scratch[x : x + 2, :n] = blocks, b, right
-    factors, damping = Factors(scratch, 0, 4, x + 2), ModalBlocks(w, *s)
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    factors, damping = Factors(scratch, 0, 4, x + 2, linear_terms), ModalBlocks(w, *s)
     factor_blocks(factors, damping, n)
     solve_blocks_damped(factors, damping, x, x + 1, n)
     assert scratch[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
@@ -114,7 +115,7 @@ def test_complex_solution_with_low_rank_term(n, modes):
         dense = mass + root * damping + root**2 * stiffness
         scratch = np.zeros((6 + 6 * modes + 1, max(n, 2 * modes) + 1))
         scratch[:2, :n] = right.real, right.imag
-        factors = Factors(scratch, 2, 4, 6)
+        factors = Factors(scratch, 2, 4, 6, linear_terms)
         by_modes = ModalBlocks(modal, root.real, -root.imag, root.imag, root.real)
         factor_pairs(linear_terms, law_state, (root.real, root.imag), factors, by_modes, n)
         solve_pairs_damped(factors, by_modes, 0, 1, n)

@@ -16,8 +16,8 @@ from tdint.model.story_laws import LAWS
 
 WORDS = {
     "<keys>": (
-        "name, units, stories, building, damping, p_delta, excitation, initial, analysis, "
-        "collapse_drift, plausibility, damage, limits, output_units, report"
+        "name, units, stories, building, attachments, links, damping, p_delta, excitation, "
+        "initial, analysis, collapse_drift, plausibility, damage, limits, output_units, report"
     ),
     "<story keys>": "mass, weight, height, stiffness, law, elements, dashpot, isolator, rayleigh, "
     "p_delta, repeat",

@@ -65,10 +65,13 @@ def _weights(text: str) -> tuple[float, ...]:
     return tuple(weights)
 
 
-_EQUAL = Mode("without --weights and --type", frozenset(("stories", "period", "isolated")))
+_EQUAL = Mode(
+    "without --weights and --type",
+    frozenset(("stories", "period", "isolated", "tuned_mass_damper")),
+)
 _WEIGHTS = Mode(
     "with --weights",
-    frozenset(("weights", "period", "isolated")),
+    frozenset(("weights", "period", "isolated", "tuned_mass_damper")),
     {"stories": "the number of stories is the number of weights"},
 )
 _CURVES = Mode(
@@ -110,6 +113,10 @@ class Request:
     isolated: bool = options.option(
         help="Add a story with bearings and a moat wall below the building: an example of a story "
         "with several elements. --period is the period without it.",
+    )
+    tuned_mass_damper: bool = options.option(
+        help="Add a tuned mass damper on the roof, with the optimum tuning and damping of Den "
+        "Hartog for the first mode.",
     )
     from_pushover: str | None = options.option(
         type=FileName(),
@@ -210,6 +217,10 @@ def _check(request: Request) -> None:
         raise UsageError(
             f"{request.file!a:.100}: the file name must be UTF-8 without control characters"
         )
+    if request.isolated and request.tuned_mass_damper:
+        raise UsageError(
+            "--tuned-mass-damper is tuned to a building on a fixed base; omit it or --isolated"
+        )
     if request.period is not None and not request.period >= _MIN_PERIOD:
         raise UsageError(f"--period must be from {_MIN_PERIOD:g} to 100 s, got {request.period:g}")
     if request.motion and request.file == "-":
@@ -278,6 +289,7 @@ def _model(name: str, request: Request, motion: str | None) -> str:
             motion=motion,
             laws=_laws(request) if request.from_pushover else None,
             isolated=request.isolated,
+            absorber=request.tuned_mass_damper,
         )
     assert request.year is not None and request.area is not None
     return type_model(

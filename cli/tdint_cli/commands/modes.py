@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from tdint_cli.options.output import Outputs
 
 
+_MAX_BARE = 6  # maximum number of periods of the stories alone in a note
 _GROUND = "ground"  # source of the motion for --transfer, as in `analysis.spectra.transfer`
 
 MODES = (
@@ -114,6 +117,14 @@ def command(
         notes.append(
             f"damping couples the modes because of {_coupling_cause(loaded)}; each damping ratio "
             "is for the mode without the coupling terms"
+        )
+    if loaded.devices:
+        bare = assemble(replace(loaded, attachments=(), links=())).modes().omega
+        periods = ", ".join(f"{2.0 * math.pi / omega:.4g}" for omega in bare[:_MAX_BARE].tolist())
+        more = ", ..." if bare.size > _MAX_BARE else ""
+        notes.append(
+            "the modes are those of the complete system with attachments and links; the damping of "
+            f"the stories uses their modes alone, with the periods {periods}{more} s"
         )
     if building.isolators:
         notes.append(
@@ -223,9 +234,13 @@ def _complex_note(building: Building) -> str:
 def _coupling_cause(model: Model) -> str:
     """Return the parts of a model whose damping is not proportional to its mass and stiffness."""
     causes = {
-        "dashpots": any(story.dashpot or story.power_dashpot for story in model.stories),
-        "isolators": not all(story.rayleigh for story in model.stories),
-        "P-delta, which reduces the stiffness but not the damping": model.p_delta,
+        "dashpots": model.has_dashpots,
+        "isolators": any(story.isolator and not story.rayleigh for story in model.stories),
+        "stories without Rayleigh damping": any(
+            not (story.isolator or story.rayleigh) for story in model.stories
+        ),
+        "attachments and links": bool(model.devices),
+        "P-delta, which reduces the stiffness but not the damping": model.has_p_delta,
     }
     present = [cause for cause, is_present in causes.items() if is_present]
     return " and ".join(present) or "the damping coefficients of the stories"

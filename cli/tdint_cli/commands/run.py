@@ -19,7 +19,9 @@ from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.commands.run_request import (
     ALL_FILES,
+    ATTACHMENTS,
     ELEMENTS,
+    LINKS,
     MODES,
     SEQUENCE,
     SEVERAL,
@@ -356,6 +358,11 @@ def _files(
         files[Path(request.output) / STORIES] = stories.csv()
         if elements := tables.responses.element_table(response):
             files[Path(request.output) / ELEMENTS] = elements.in_units(units).csv()
+        for name, table in zip(
+            (ATTACHMENTS, LINKS), tables.devices.device_tables(response), strict=True
+        ):
+            if table:
+                files[Path(request.output) / name] = table.in_units(units).csv()
     _check_disk_space(request, response.model, response.steps)
     if (file := request.history_file) and response.history_chunks:
         # The columns of estimated errors increase the size of the file by half, so that they are
@@ -561,6 +568,9 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
+    lines += [
+        f"{text[0].upper()}{text[1:]}." for text in tables.devices.device_sentences(response, units)
+    ]
     # The drifts of events are ratios if the stories have heights.
     for number, event in enumerate(response.events, start=1):
         maximum = demands(event.stories)
@@ -645,7 +655,7 @@ def _maximum_demands(
     roof = units.text(maximum.roof_displacement.value, "m")
     base_shear = units.text(maximum.base_shear.value, "N")
     forces = model.forces_of_total_shear
-    if forces and (page or model.p_delta or model.has_dashpots):
+    if forces and (page or model.has_p_delta or model.has_dashpots):
         total = units.text(maximum.total_base_shear.value, "N")
         restoring = "restoring force; " if page else ""
         base_shear += f" ({restoring}{total} with {forces})"

@@ -103,7 +103,21 @@ BRACED_RELIEF_RATIO = 16
 DAMPER_FACTOR = 17
 # Coefficient of Rayleigh damping with the tangent stiffness, s; 0 in stories with a linear law
 TANGENT_DAMPING = 18
-LINEAR_TERM_ROWS = 19
+# The following rows are used only in a building with attachments or links (variant `tree`): the
+# ends of the springs, see `tdint.kernels.linear_terms`.
+BASE = 19  # column of the lower floor of the spring; smaller than the column of its upper floor
+FIRST_ON = 20  # first spring whose lower floor is this floor; 0 for none
+NEXT_ON = 21  # next spring with the same lower floor; 0 for none
+# Column of the upper floor of the spring: its own column, except for links (variant `links`). The
+# last column of this row is not 0 in a building with attachments or links.
+UPPER_FLOOR = 22
+FIRST_TIED = 23  # first link whose upper floor is this floor; 0 for none
+NEXT_TIED = 24  # next link with the same upper floor; 0 for none
+# Column that stores the matrix entry of the two floors of a link: that of another spring of these
+# floors, or its own; and the next column with an entry of the same upper floor, 0 for none
+ENTRY = 25
+NEXT_ENTRY = 26
+LINEAR_TERM_ROWS = 27
 UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 0
 
 # law_parameters: parameters of the hysteresis models (drift laws), by story. A story with several
@@ -252,7 +266,15 @@ VELOCITY_BULGE = 25
 MODAL_BULGE = 26
 # First of LOCATED_ROWS rows
 LOCATED = 27
-OBSERVER_ROWS = 42
+# Sums over all stories on the floor, only in the variant `tree`: force of the stories; damping
+# forces of the floors, mass times absolute acceleration at the start of the step, its bulge, and
+# factors of the drift accelerations
+FORCE_ON = 42
+DAMPING_ON = 43
+INERTIA_ON = 44
+BULGE_ON = 45
+FACTOR_ON = 46
+OBSERVER_ROWS = 47
 
 # Rows of a step or substep for the peaks inside it (`tdint.kernels.located_peaks`), relative to the
 # first row

@@ -1,4 +1,4 @@
-"""Loads, damping forces and internal forces of a chain of stories.
+"""Loads, damping forces and internal forces of a chain of stories, with attachments and links.
 
 Arguments have the meaning of the vocabulary in `tdint.kernels.layout` (`rows` of `tdint.plugin`).
 The load of a floor is p = -m ag + forces on the floor, with its mass m and the ground acceleration
@@ -17,6 +17,14 @@ R h sin(2 x s) / (2 x) has no mean, and its even part has no moment:
     impulse        h P sin(x) / x, without cancellation
     first moment   3 R h (sin x - x cos x) / x^3, with a relative error less than 1e-13
 
+The deformation of spring `i`, the drift of a story, is the motion of its column minus LINK times
+the motion of column `base_of`, and its force acts on both floors with opposite signs (`above` is
+the sum over the other springs at a floor). A spring has the column of its upper floor: floor `i` of
+the chain stands on floor `i` - 1, and the columns of attachments follow. A link is a further spring
+between two floors. It has a column without mass after all floors, which moves with its upper floor
+(`tie`) and transfers its force to this floor. Laws, dampers, branches and peaks of links are
+therefore those of stories.
+
 A power-law dashpot with the coefficient c, the threshold rate v0 and the exponent e has at the
 drift rate v
 
@@ -31,14 +39,127 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
-# Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers and
-# Rayleigh damping with the tangent stiffness. If a constant is False, the compiler omits the code
-# that it enables.
+# Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers,
+# Rayleigh damping with the tangent stiffness, attachments and links. If a constant is False, the
+# compiler omits the code that it enables.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
 DASHPOTS = VARIANT.dashpots
 BRACES = VARIANT.braces
 TANGENT_DAMPING = VARIANT.tangent_damping
+TREE = VARIANT.tree
+LINKS = VARIANT.links
+
+
+@inline
+def is_tree(linear_terms):
+    """Return True if the building has attachments or links; the kernels of other buildings do not
+    contain this test, except kernels with all features."""
+    return linear_terms[rows.UPPER_FLOOR, linear_terms.shape[1] - 1] != 0.0
+
+
+@inline
+def base_of(linear_terms, i):
+    """Return the column of the lower floor of spring `i`; of a spring on the ground, a valid
+    column."""
+    if TREE and is_tree(linear_terms):
+        return int(linear_terms[rows.BASE, i])
+    return max(i - 1, 0)
+
+
+@inline
+def below_next(linear_terms, i):
+    """Return the column of the lower floor of the spring in the next column: `i` in a chain, also
+    for the roof."""
+    if TREE and is_tree(linear_terms):
+        return int(linear_terms[rows.BASE, i + 1])
+    return i
+
+
+@inline
+def below(linear_terms, table, row, i, value):
+    """Return the entry of a row for the lower floor of spring `i`.
+
+    `value` is the entry of the previous column, with which the loop over a chain continues.
+    """
+    if TREE and is_tree(linear_terms):
+        return table[row, int(linear_terms[rows.BASE, i])]
+    return value
+
+
+@inline
+def above(linear_terms, table, row, i):
+    """Return the forces in a row that the other springs exert on floor `i`: the sum over the
+    springs that stand on it, minus the sum over the links whose upper floor it is.
+
+    The column of a link returns its own force, so that no force remains in its column.
+    """
+    if TREE and is_tree(linear_terms):
+        return _above(linear_terms, table, row, i, -1.0)
+    return linear_terms[rows.LINK, i + 1] * table[row, i + 1]
+
+
+@inline
+def size_above(linear_terms, table, row, i):
+    """Return the sum of the absolute values in a row over the other springs at floor `i`."""
+    if TREE and is_tree(linear_terms):
+        return _above(linear_terms, table, row, i, 1.0)
+    return linear_terms[rows.LINK, i + 1] * table[row, i + 1]
+
+
+@outlined
+def _above(linear_terms, table, row, i, tied_sign):
+    """Return the sum of a row over the springs on floor `i`, and with the sign `tied_sign` over the
+    links below it."""
+    if LINKS and upper_of(linear_terms, i) != i:
+        return table[row, i]
+    total = 0.0
+    j = int(linear_terms[rows.FIRST_ON, i])
+    while j > 0:
+        total += table[row, j]
+        j = int(linear_terms[rows.NEXT_ON, j])
+    if LINKS:
+        j = int(linear_terms[rows.FIRST_TIED, i])
+        while j > 0:
+            total += tied_sign * table[row, j]
+            j = int(linear_terms[rows.NEXT_TIED, j])
+    return total
+
+
+@inline
+def upper_of(linear_terms, i):
+    """Return the column of the upper floor of spring `i`, which has the mass."""
+    if LINKS and is_tree(linear_terms):
+        return int(linear_terms[rows.UPPER_FLOOR, i])
+    return i
+
+
+@inline
+def count_masses(linear_terms):
+    """Return the number of columns with a mass; the columns of links follow."""
+    count = linear_terms.shape[1] - 1
+    if LINKS and is_tree(linear_terms):
+        while linear_terms[rows.UPPER_FLOOR, count - 1] != count - 1:
+            count -= 1
+    return count
+
+
+@inline
+def tie(linear_terms, table, row):
+    """Give the column of each link the value of its upper floor in a row with a motion."""
+    if LINKS and is_tree(linear_terms):
+        _tie(linear_terms, table, row)
+
+
+@outlined
+def _tie(linear_terms, table, row):
+    """Copy the values of the upper floors to the columns of the links, which are the last."""
+    i = linear_terms.shape[1] - 2
+    floor = int(linear_terms[rows.UPPER_FLOOR, i])
+    while floor != i:
+        table[row, i] = table[row, floor]
+        i -= 1
+        floor = int(linear_terms[rows.UPPER_FLOOR, i])
 
 
 @inline
@@ -372,7 +493,9 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
     velocity_below = 0.0
     for i in range(n):
         v = scratch[velocity, i]
-        rate = v - linear_terms[rows.LINK, i] * velocity_below
+        rate = v - linear_terms[rows.LINK, i] * below(
+            linear_terms, scratch, velocity, i, velocity_below
+        )
         velocity_below = v
         scratch[sums, i] = (
             law_state[block + rows.FORCE, i]
@@ -387,7 +510,7 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
         scratch[row, i] = (
             linear_terms[rows.FLOOR_DAMPER, i] * scratch[velocity, i]
             + scratch[sums, i]
-            - linear_terms[rows.LINK, i + 1] * scratch[sums, i + 1]
+            - above(linear_terms, scratch, sums, i)
         )
     add_modal_force(modal, scratch, velocity, 1.0, scratch, row, n)
 

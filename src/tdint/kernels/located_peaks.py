@@ -15,8 +15,12 @@ from tdint.kernels.laws.selection import HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
     BRACES,
     TANGENT_DAMPING,
+    TREE,
+    above,
+    base_of,
     force_value,
     internal_forces,
+    is_tree,
 )
 from tdint.kernels.peaks_between_steps import floor_ends, raise_peak, story_ends, zero_of_rate
 from tdint.kernels.step_interpolant import quintic_motion
@@ -69,7 +73,13 @@ def _raise_peaks_at(scene, span, passage, law_state, previous, s, located):
     total_shear = 0.0
     for i in range(linear_terms.shape[1] - 2, -1, -1):
         force = table[first + rows.LOCATED_INTERNAL, i]
-        total_shear = linear_terms[rows.LINK, i + 1] * total_shear + force
+        if TREE and is_tree(linear_terms):
+            # The columns of links, which are the last, have no inertia.
+            table[first + rows.LOCATED_SUM, i] = 0.0
+            total_shear = above(linear_terms, table, first + rows.LOCATED_SUM, i) + force
+            table[first + rows.LOCATED_SUM, i] = total_shear
+        else:
+            total_shear = linear_terms[rows.LINK, i + 1] * total_shear + force
         raise_peak(peaks, first_peak + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         for j in range(forces.shape[0]):
             if forces[j, rows.FLOOR] == i:
@@ -93,6 +103,11 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
         table[first + rows.LOCATED_DISPLACEMENT, i] = u
         table[first + rows.LOCATED_VELOCITY, i] = v
         link = linear_terms[rows.LINK, i]
+        if TREE and is_tree(linear_terms):
+            base = base_of(linear_terms, i)
+            below = floor_ends(span.fast, passage, base)
+            u_below = table[first + rows.LOCATED_DISPLACEMENT, base]
+            v_below = table[first + rows.LOCATED_VELOCITY, base]
         story = story_ends(floor, below, link, law_state[rows.DRIFT, i])
         tangent = _follow_law(scene, span.h, law_state, i, previous, story, s, u - link * u_below)
         if (BRACES or TANGENT_DAMPING) and has_braces:
@@ -116,11 +131,10 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
         first + rows.LOCATED_SUM,
     )
     if (BRACES or TANGENT_DAMPING) and has_braces:
-        above = 0.0
-        for i in range(n - 1, -1, -1):
+        for i in range(n):
             force = table[first + rows.LOCATED_DEVICE, i]
-            table[first + rows.LOCATED_INTERNAL, i] += force - above
-            above = linear_terms[rows.LINK, i] * force
+            force -= above(linear_terms, table, first + rows.LOCATED_DEVICE, i)
+            table[first + rows.LOCATED_INTERNAL, i] += force
 
 
 @outlined

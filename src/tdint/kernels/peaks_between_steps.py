@@ -71,8 +71,13 @@ from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import (
     DASHPOTS,
     FORCES,
+    LINKS,
+    TREE,
+    base_of,
+    below_next,
     force_value,
     hermite_rate,
+    is_tree,
     power_damper,
 )
 from tdint.kernels.step_interpolant import (
@@ -330,7 +335,9 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     floor = floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
         # The link of story 0 is 0, so floor 0 is passed without effect.
-        floor_below = floor_ends(span.fast, passage, max(i - 1, 0))
+        if TREE and is_tree(linear_terms):
+            floor = floor_ends(span.fast, passage, i)
+        floor_below = floor_ends(span.fast, passage, base_of(linear_terms, i))
         story = story_ends(floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i])
         table[first + rows.REVERSAL_DRIFT, i] = story.u1
         table[first + rows.ACCELERATION_INSTANT, i] = 0.0
@@ -349,7 +356,9 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             drift_excursion = _displacement_excursion(span, story)
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
                 # A drift at most `margin` away from its value at the end causes no new peak.
-                margin = min(drift_margin, shear_margin / stiffness)
+                margin = drift_margin
+                if not LINKS or stiffness > 0.0:  # a link can have no spring
+                    margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
                 # `reversal` is u1 if there is no reliable extremum that may exceed the margin.
@@ -386,15 +395,23 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             if not span.kinked:
                 # Floor `i` is between this story and the story above.
                 factor = linear_terms[rows.INVERSE_MASS, i]
+                link_above = linear_terms[rows.LINK, i + 1]
+                if below_next(linear_terms, i) != i:
+                    link_above = 0.0  # the next column is not above this floor
                 dashpots = (
                     _times(-factor, near_rest),
-                    _times(factor * linear_terms[rows.LINK, i + 1], near_rest_above),
+                    _times(factor * link_above, near_rest_above),
                 )
                 quantity = floor, 1.0, ZERO_FORCES
                 s = _raise_absolute_peak(span, quantity, dashpots, scene, peaks, row, i)
                 table[first + rows.ACCELERATION_INSTANT, i] = s
                 located_count += s > 0.0
-            inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
+            if TREE and is_tree(linear_terms):
+                inertia, mass_sum = add_tree_inertia(
+                    linear_terms, span, passage, i, floor, inertia, mass_sum
+                )
+            else:
+                inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
                 link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
                 floor_forces, next_row = add_floor_forces(
@@ -498,6 +515,32 @@ def add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
         a_earlier=link * inertia_above.a_earlier + mass * floor.a_earlier,
     )
     return ends, link * mass_above + mass
+
+
+@outlined
+def add_tree_inertia(linear_terms, span, passage, i, floor, inertia_above, mass_above):
+    """Add mass times motion of floor `i` and its attachments to the sums over the floors above."""
+    if base_of(linear_terms, i + 1) != i:
+        inertia_above, mass_above = ZERO_ENDS, 0.0
+    ends, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above)
+    j = int(linear_terms[rows.FIRST_ON, i])
+    while j > 0:
+        mass = linear_terms[rows.MASS, j]
+        if j != i + 1 and mass > 0.0:
+            moving = floor_ends(span.fast, passage, j)
+            ends = Ends(
+                u0=ends.u0 + mass * moving.u0,
+                v0=ends.v0 + mass * moving.v0,
+                a0=ends.a0 + mass * moving.a0,
+                u1=ends.u1 + mass * moving.u1,
+                v1=ends.v1 + mass * moving.v1,
+                a1=ends.a1 + mass * moving.a1,
+                v_earlier=ends.v_earlier + mass * moving.v_earlier,
+                a_earlier=ends.a_earlier + mass * moving.a_earlier,
+            )
+            mass_sum += mass
+        j = int(linear_terms[rows.NEXT_ON, j])
+    return ends, mass_sum
 
 
 @inline

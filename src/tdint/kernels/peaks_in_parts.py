@@ -8,12 +8,21 @@ from __future__ import annotations
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.linear_terms import DASHPOTS, damping_change
+from tdint.kernels.linear_terms import (
+    DASHPOTS,
+    TREE,
+    base_of,
+    below_next,
+    damping_change,
+    is_tree,
+    tie,
+)
 from tdint.kernels.peaks_between_steps import (
     ZERO_ENDS,
     ZERO_FORCES,
     add_floor_forces,
     add_floor_inertia,
+    add_tree_inertia,
     floor_ends,
     is_near_rest,
     raise_peak,
@@ -59,14 +68,21 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
     # Results of `damping_change`, N: for the story above, and for the sum of the damping forces on
     # the floors that the story supports
     above, floors = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    for row in range(3):
+        tie(linear_terms, observer_state, rows.VELOCITY_DEVIATION + row)
     floor = floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
-        floor_below = floor_ends(span.fast, passage, max(i - 1, 0))
+        base = base_of(linear_terms, i)
+        if TREE and is_tree(linear_terms):
+            floor = floor_ends(span.fast, passage, i)
+        floor_below = floor_ends(span.fast, passage, base)
         link, link_above = linear_terms[rows.LINK, i], linear_terms[rows.LINK, i + 1]
+        if below_next(linear_terms, i) != i:
+            link_above = 0.0  # the next column is not above this floor
         story = story_ends(floor, floor_below, link, law_state[rows.DRIFT, i])
         inverse_mass = linear_terms[rows.INVERSE_MASS, i]
         floor_rates = _floor_deviation(linear_terms, observer_state, i)
-        below = _floor_deviation(linear_terms, observer_state, max(i - 1, 0))
+        below = _floor_deviation(linear_terms, observer_state, base)
         story_rates = (
             floor_rates[0] - link * below[0],
             floor_rates[1] - link * below[1],
@@ -103,7 +119,12 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
             link_above * floors[2] + own[2],
             link_above * floors[3] + own[3],
         )
-        inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
+        if TREE and is_tree(linear_terms):
+            inertia, mass_sum = add_tree_inertia(
+                linear_terms, span, passage, i, floor, inertia, mass_sum
+            )
+        else:
+            inertia, mass_sum = add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
         floor_forces, next_row = add_floor_forces(
             span, forces, link_above, i, floor_forces, next_row
         )

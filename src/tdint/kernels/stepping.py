@@ -229,12 +229,15 @@ class Factors(NamedTuple):
     store : int
         First row of the terms of modal damping (Woodbury formula): solutions for the mode vectors
         and the inverse of a small matrix.
+    linear_terms : ndarray
+        Linear terms of the building; row BASE is used in the variant `tree`.
     """
 
     table: Array
     pivot: int
     coupling: int
     store: int
+    linear_terms: Array
 
 
 class EffectiveCoefficients(NamedTuple):

@@ -267,7 +267,7 @@ def published_tableau(rho_inf: float, gamma: float) -> ImplicitTableau:
     return ImplicitTableau(gamma, 0.5 - (1.0 - gamma) * q1, q1, 0.5 - gamma * q1)
 
 
-FAMILY = Family("bathe", step, lambda modes: _FACTORS + 2 * factor_rows(modes))
+FAMILY = Family("bathe", step, lambda modes: _FACTORS + 2 * factor_rows(modes), devices=True)
 
 
 def composite_method(

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
-from tdint.kernels.linear_terms import finite, force_value
+from tdint.kernels.linear_terms import below, count_masses, finite, force_value, tie
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method
@@ -64,7 +64,7 @@ def step(
     loads at the start, and the loads at the end. The loads are the ground acceleration and the
     forces on floors.
     """
-    n = linear_terms.shape[1] - 1
+    n = count_masses(linear_terms)
     loads = 1 + forces.shape[0]  # ground acceleration and forces on floors
     moments = forces.shape[1] - rows.FORCE_COLUMNS  # Legendre coefficients of each force
     for i in range(n):
@@ -98,7 +98,10 @@ def step(
                     scratch[0, i] += factor * coefficients[column_start + i]
                     scratch[1, i] += factor * coefficients[column_start + n + i]
             column_start += 2 * n
+    tie(linear_terms, scratch, 0)
+    tie(linear_terms, scratch, 1)
     u_below = 0.0
+    n = linear_terms.shape[1] - 1
     for i in range(n):
         u = scratch[0, i]
         state[rows.DISPLACEMENT, i] = u
@@ -109,7 +112,9 @@ def step(
             i,
             0,
             rows.FIRST_TRIAL,
-            u - linear_terms[rows.LINK, i] * u_below,
+            u
+            - linear_terms[rows.LINK, i]
+            * below(linear_terms, state, rows.DISPLACEMENT, i, u_below),
         )
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
         u_below = u
@@ -219,7 +224,7 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     If the damping is classical (the modes are not coupled by C), the steps of the modes are
     superposed (`oscillator`). Otherwise `_van_loan` computes the matrix.
     """
-    n = building.stories
+    n = building.masses
     patterns = np.zeros((n, 1 + len(forces)))
     # Acceleration of each floor per unit of each load
     patterns[:, 0] = -1.0  # -M ag
@@ -288,13 +293,13 @@ def _moment_columns(building: Building, patterns: Array, h: float) -> list[Array
         if classical is None:
             # The column of the initial velocity, with the time divided by `time`
             matrix = _van_loan(time * time * per_mass * k, time * per_mass * c, patterns)
-            after = matrix[:, building.stories : 2 * building.stories] @ patterns
+            after = matrix[:, building.masses : 2 * building.masses] @ patterns
         else:
             steps = oscillator(modes.omega * time, classical)
             modal = (modes.shapes.T * building.mass) @ patterns
             after = np.vstack([modes.shapes @ (steps[:, row, 1, None] * modal) for row in range(2)])
         # Displacement / time, and velocity
-        after[: building.stories] *= time
+        after[: building.masses] *= time
         responses.append(after)
     weighted = (0.5 * h * weights)[:, None] * polynomials
     return list(np.einsum("qk,qif->fki", weighted, np.array(responses)))
@@ -309,6 +314,7 @@ FAMILY = Family(
     linear_only=True,
     prepare=prepare,
     moments=moments,
+    devices=True,
 )
 
 METHODS = (

@@ -38,10 +38,14 @@ from tdint.kernels.laws.selection import HAS_CURVED_LAW
 from tdint.kernels.linear_terms import (
     BRACES,
     TANGENT_DAMPING,
+    above,
     add_modal_force,
+    below,
     finite,
     floor_load,
     power_damper,
+    size_above,
+    tie,
 )
 from tdint.kernels.stepping import STEP, Factors, Memory, Scene
 from tdint.kernels.stories import path
@@ -158,7 +162,7 @@ def implicit_step(
     n = linear_terms.shape[1] - 1
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
-    factors = Factors(scratch, _IMPLICIT.BLOCKS, _IMPLICIT.COUPLING, _MODAL_STORE)
+    factors = Factors(scratch, _IMPLICIT.BLOCKS, _IMPLICIT.COUPLING, _MODAL_STORE, linear_terms)
     a_11, a_12 = h * coefficients[_A], h * coefficients[_A + 1]
     damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])
     _predict_stages(coefficients, scene, h, load, memory)
@@ -254,6 +258,7 @@ def _predict_stages(coefficients, scene, h, load, memory):
                 scratch[_IMPLICIT.STAGE_A + stage, i] = linear_terms[rows.INVERSE_MASS, i] * (
                     scratch[load_row, i] - force
                 )
+            tie(linear_terms, scratch, _IMPLICIT.STAGE_A + stage)
 
 
 @inline
@@ -325,6 +330,8 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
             v0 = state[rows.VELOCITY, i]
             u = state[rows.DISPLACEMENT, i] + elapsed * v0 + (u_by_a1 * a1 + u_by_a2 * a2)
             v = v0 + (v_by_a1 * a1 + v_by_a2 * a2)
+            u_below = below(linear_terms, scratch, _IMPLICIT.STAGE_U + stage, i, u_below)
+            v_below = below(linear_terms, scratch, _IMPLICIT.STAGE_V + stage, i, v_below)
             drift = u - linear_terms[rows.LINK, i] * u_below
             drift_rate = v - linear_terms[rows.LINK, i] * v_below
             u_below = u
@@ -568,7 +575,6 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
             scratch[residuals, i] = 0.0
         add_modal_force(modal, scratch, velocity, 1.0, scratch, residuals, n)
         for i in range(n):
-            link = linear_terms[rows.LINK, i + 1]
             load = scratch[_IMPLICIT.STAGE_LOAD + stage, i]
             inertia = linear_terms[rows.MASS, i] * scratch[_IMPLICIT.STAGE_A + stage, i]
             damping = (
@@ -579,11 +585,11 @@ def _compute_residuals(is_last, tolerance, linear_terms, modal, scratch, step_st
                 - inertia
                 - damping
                 - scratch[story_force, i]
-                + link * scratch[story_force, i + 1]
+                + above(linear_terms, scratch, story_force, i)
             )
             scratch[residuals, i] = residual
             scale = abs(load) + abs(inertia) + abs(damping)
-            scale += scratch[force_scale, i] + link * scratch[force_scale, i + 1]
+            scale += scratch[force_scale, i] + size_above(linear_terms, scratch, force_scale, i)
             has_converged &= is_balanced(is_last, tolerance, step_status, i, residual, scale)
     return has_converged
 
@@ -664,6 +670,7 @@ def _commit_step(has_tangent_damping, coefficients, linear_terms, law_parameters
         state[rows.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
         accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
         accumulate_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+        u_below = below(linear_terms, state, rows.DISPLACEMENT, i, u_below)
         drift = u1 - linear_terms[rows.LINK, i] * u_below
         restoring_force(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL, drift)
         commit(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL)
@@ -709,6 +716,7 @@ IMPLICIT = Family(
     lambda modes: _MODAL_STORE + 6 * modes + 1,  # rows for modal damping: see `factor_blocks`
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
     mean_rule=GAUSS_MEAN,
+    devices=True,
 )
 
 METHODS = (

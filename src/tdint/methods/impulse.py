@@ -128,7 +128,7 @@ def step(
     """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
-    factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
+    factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE, linear_terms)
     _store_load(linear_terms, forces, h, load, scratch)
     # The guess is zero in a linear building.
     store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)

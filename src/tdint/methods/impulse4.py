@@ -50,8 +50,15 @@ from tdint.kernels.linear_terms import (
     BRACES,
     FORCES,
     TANGENT_DAMPING,
+    TREE,
+    above,
+    base_of,
+    below,
     finite,
     force_value,
+    is_tree,
+    tie,
+    upper_of,
 )
 from tdint.kernels.located_peaks import raise_located_peaks
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, keep_corner, raise_peak
@@ -408,17 +415,21 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     ):
         rate = state[rows.VELOCITY, story]
         if story > 0:
-            rate -= linear_terms[rows.LINK, story] * state[rows.VELOCITY, story - 1]
+            base = base_of(linear_terms, story)
+            rate -= linear_terms[rows.LINK, story] * state[rows.VELOCITY, base]
         damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate
         damping_force *= law_state[rows.SLOPE, story]
         jump += damping_force - state[rows.DAMPING_FORCE, story]
         state[rows.DAMPING_FORCE, story] = damping_force
     if jump != 0.0:
-        state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]
+        floor = upper_of(linear_terms, story)
+        state[rows.ACCELERATION, floor] -= jump * linear_terms[rows.INVERSE_MASS, floor]
         if story > 0:
-            state[rows.ACCELERATION, story - 1] += (
-                linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, story - 1]
+            base = base_of(linear_terms, story)
+            state[rows.ACCELERATION, base] += (
+                linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, base]
             )
+        tie(linear_terms, state, rows.ACCELERATION)
 
 
 @outlined
@@ -522,6 +533,9 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
+        u1_below = below(linear_terms, scratch, momentum.U1, i, u1_below)
+        v0_below = below(linear_terms, state, rows.VELOCITY, i, v0_below)
+        v1_below = below(linear_terms, scratch, momentum.V1, i, v1_below)
         drift = scratch[momentum.U1, i] - link * u1_below
         drift_change = drift - law_state[rows.DRIFT, i]
         # If the drift reverses within the substep, its path is longer than its change.
@@ -561,6 +575,7 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
+        u_below = below(linear_terms, state, rows.DISPLACEMENT, i, u_below)
         advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         u_below = u
 
@@ -579,6 +594,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
+        u_below = below(linear_terms, state, rows.DISPLACEMENT, i, u_below)
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS:
@@ -650,10 +666,12 @@ def _store_end_forces(story, column, event, linear_terms, law_parameters, memory
         if limited != drift:
             excess = slope * (drift - limited)
             scratch[ROW.END_FORCE, i] -= excess
-            scratch[ROW.END_ACCELERATION, i] += linear_terms[rows.INVERSE_MASS, i] * excess
+            floor = upper_of(linear_terms, i)
+            scratch[ROW.END_ACCELERATION, floor] += linear_terms[rows.INVERSE_MASS, floor] * excess
             if i > 0:
-                scratch[ROW.END_ACCELERATION, i - 1] -= (
-                    linear_terms[rows.LINK, i] * linear_terms[rows.INVERSE_MASS, i - 1] * excess
+                base = base_of(linear_terms, i)
+                scratch[ROW.END_ACCELERATION, base] -= (
+                    linear_terms[rows.LINK, i] * linear_terms[rows.INVERSE_MASS, base] * excess
                 )
 
 
@@ -679,7 +697,8 @@ def _commit_tangent_damping(linear_terms, state, scratch):
         coefficient = linear_terms[rows.TANGENT_DAMPING, i]
         if coefficient != 0.0:
             rate = scratch[momentum.V1, i]
-            rate -= linear_terms[rows.LINK, i] * scratch[momentum.V1, max(i - 1, 0)]
+            base = base_of(linear_terms, i)
+            rate -= linear_terms[rows.LINK, i] * scratch[momentum.V1, base]
             state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.TANGENT_1, i] * rate
             state[rows.DAMPING_WORK, i] += scratch[ROW.TANGENT_WORK, i]
 
@@ -692,7 +711,7 @@ def _commit_braces(linear_terms, h, state, scratch):
     """
     for i in range(linear_terms.shape[1] - 1):
         if linear_terms[rows.BRACE, i] != 0.0:
-            link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+            link, below = linear_terms[rows.LINK, i], base_of(linear_terms, i)
             first_rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
             last_rate = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
             rise = scratch[momentum.DU, i] - link * scratch[momentum.DU, below]
@@ -723,6 +742,10 @@ def _update_substep_peaks(scene, span, memory):
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = law_state[rows.DRIFT, i]
         total_shear *= scene.linear_terms[rows.LINK, i + 1]
+        if TREE and is_tree(scene.linear_terms):
+            # The column of a link has no inertia.
+            scratch[momentum.FORCE_S, i] = 0.0
+            total_shear = above(scene.linear_terms, scratch, momentum.FORCE_S, i)
         total_shear += scene.linear_terms[rows.MASS, i] * (
             scratch[ROW.END_ACCELERATION, i] + span.ground_1
         )
@@ -730,6 +753,8 @@ def _update_substep_peaks(scene, span, memory):
             for j in range(scene.forces.shape[0]):
                 if scene.forces[j, rows.FLOOR] == i:
                     total_shear -= force_value(scene.forces, j, span.t)
+        if TREE and is_tree(scene.linear_terms):
+            scratch[momentum.FORCE_S, i] = total_shear
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
         # The law is moved to the limit at which the substep ends, also if the drift is before it.
@@ -866,6 +891,8 @@ FAMILY = Family(
     memory=(rows.DISPLACEMENT, rows.VELOCITY),
     mean_rule=SIMPSON_MEAN,
     step_peaks=ROW.PEAKS,
+    devices=True,
+    braced_devices=True,
 )
 
 METHODS = (

@@ -120,6 +120,11 @@ class Family:
     step_peaks : int
         First scratch row of the peaks that the step computes, a copy of the peaks of the run; 0 if
         the step computes none.
+    devices : bool
+        True if the step supports attachments and links: it uses `above`, `base_of` and `tie`
+        throughout (`tdint.kernels.linear_terms`).
+    braced_devices : bool
+        True if it supports them together with braces of dampers and tangent damping.
     """
 
     name: str
@@ -139,6 +144,8 @@ class Family:
     prepare: Callable[[Building, NDArray[np.float64], float], NDArray[np.float64]] | None = None
     moments: Callable[[Building, float], int] | None = None
     step_peaks: int = 0
+    devices: bool = False
+    braced_devices: bool = False
 
 
 @dataclass(frozen=True)

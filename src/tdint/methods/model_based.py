@@ -98,7 +98,7 @@ def step(
     """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
-    factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE, linear_terms)
     end_weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h  # factor of C in the matrix, s
     by_k = coefficients[BETA] * h * h  # factor of K0 in the matrix, s^2
@@ -240,10 +240,14 @@ def chang_step(
     """
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h
-    displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE, linear_terms)
     # For modal damping, each factorization needs two rows per damped mode and a temporary row.
     acceleration_factors = Factors(
-        scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
+        scratch,
+        _ROW.SECOND_PIVOT,
+        _ROW.SECOND_COUPLING,
+        _STORE + 2 * modal.shape[0] + 1,
+        linear_terms,
     )
     # Both factorizations remain valid as long as h is the same.
     if step_status[rows.FACTORED_STEP] != h:

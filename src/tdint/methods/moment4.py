@@ -136,6 +136,8 @@ FAMILY = Family(
     parabolic=True,
     mean_rule=SIMPSON_MEAN,
     step_peaks=ROW.PEAKS,
+    devices=True,
+    braced_devices=True,
 )
 METHODS = (
     Method(

@@ -36,7 +36,7 @@ from tdint.kernels.equations.newton import (
     invalidate,
     solve_equilibrium_with_dampers,
 )
-from tdint.kernels.linear_terms import BRACES, TANGENT_DAMPING, finite, floor_load
+from tdint.kernels.linear_terms import BRACES, TANGENT_DAMPING, below, finite, floor_load
 from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.brace import commit_brace, follow_brace_at_midpoint
 from tdint.kernels.stories.law_state import commit, restoring_force
@@ -114,7 +114,9 @@ def step(
             i,
             0,
             rows.FIRST_TRIAL,
-            u - linear_terms[rows.LINK, i] * u_below,
+            u
+            - linear_terms[rows.LINK, i]
+            * below(linear_terms, state, rows.DISPLACEMENT, i, u_below),
         )
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
         if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
@@ -198,7 +200,7 @@ def _commit_braces(coefficients, linear_terms, h, state, scratch):
         rise_below, v_0_below, v_below = rise, v_0, v
 
 
-FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes))
+FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes), devices=True)
 
 
 def newmark(beta: float, gamma: float) -> tuple[float, ...]:

@@ -170,6 +170,11 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     codes = building.story_laws[rows.CODE].tolist()
     limits[rows.FAILED] = [1.0 if code <= rows.ELEMENTS else LAWS[code].failed for code in codes]
     limits[rows.HIGH_LIMIT], limits[rows.LOW_LIMIT] = building.resistance_limits
+    if building.branched:
+        # The building stands after an attachment or a link has lost its resistance.
+        devices = slice(building.floors, None)
+        limits[rows.FAILED, devices] = math.nan
+        limits[rows.HIGH_LIMIT, devices], limits[rows.LOW_LIMIT, devices] = math.inf, -math.inf
     # A story without height (nan) has no limit of the drift ratio.
     limits[rows.SMALLEST_LIMIT] = np.fmin(
         limits[rows.LIMIT] * limits[rows.HEIGHT],

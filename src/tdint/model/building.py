@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,11 @@ from tdint.model.damping import (
     has_tangent_damping,
 )
 from tdint.model.dashpots import dashpot_rows
-from tdint.model.definition import Force, Model
+from tdint.model.definition import Attachment, Force, Link, Model
 from tdint.model.modes import ComplexModes, FreeVibration, Modes, solve_complex_modes
 from tdint.model.story import POWER, Story, column_name, story_numbers
 from tdint.model.story_laws import CODES, LAWS, Law
+from tdint.model.topology import incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
@@ -58,6 +59,11 @@ class Building:
         Indices of the isolator stories, counted from 0.
     element_labels : tuple of str
         Story and name of each element of the stories with several elements.
+    attachments, links : tuple
+        Attachments, whose columns follow those of the stories, and links, whose columns have no
+        mass and follow those of the attachments.
+    floors : int
+        Number of floors without attachments.
     stiffens : bool
         True if a story can become stiffer than initially.
     """
@@ -70,6 +76,9 @@ class Building:
     vibration: FreeVibration
     isolators: tuple[int, ...] = ()
     element_labels: tuple[str, ...] = ()
+    attachments: tuple[Attachment, ...] = ()
+    links: tuple[Link, ...] = ()
+    floors: int = 0
     stiffens: bool = False
 
     @property
@@ -84,13 +93,33 @@ class Building:
 
     @property
     def stories(self) -> int:
-        """Number of stories n."""
+        """Number of stories n, with attachments and links."""
         return int(self.linear_terms.shape[-1]) - 1
 
     @property
+    def branched(self) -> bool:
+        """True if the building has attachments or links."""
+        return bool(self.attachments or self.links)
+
+    @property
+    def masses(self) -> int:
+        """Number of masses: of floors and attachments."""
+        return self.floors + len(self.attachments) if self.branched else self.stories
+
+    @property
     def mass(self) -> Array:
-        """Masses of the floors, kg, shape (n,)."""
-        return self.linear_terms[rows.MASS, ..., :-1]
+        """Masses of the floors and attachments, kg, shape (masses,)."""
+        return self.linear_terms[rows.MASS, ..., : self.masses]
+
+    @property
+    def device_columns(self) -> slice:
+        """Columns of the attachments and links."""
+        return slice(self.floors, self.floors + len(self.attachments) + len(self.links))
+
+    @cached_property
+    def deformations(self) -> Array:
+        """Matrix of the deformations of all springs, shape (n, masses)."""
+        return incidence(self.linear_terms, self.masses)
 
     @property
     def initial_stiffness(self) -> Array:
@@ -99,17 +128,18 @@ class Building:
 
     def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
         """Return the distance of each drift from its position of rest, where the story has no
-        force, m, and the present stiffness of the story, N/m.
+        force, m, and the present stiffness of the story, N/m; without attachments and links.
 
         A slope of the law that is not positive or exceeds the initial stiffness does not lead to
         the position of rest; the initial stiffness replaces it.
         """
-        drift, force, slope = law_state[[rows.DRIFT, rows.FORCE, rows.SLOPE], : self.stories]
-        initial_stiffness = self.initial_stiffness
+        part = slice(self.floors if self.branched else self.stories)
+        drift, force, slope = law_state[[rows.DRIFT, rows.FORCE, rows.SLOPE], part]
+        initial_stiffness = self.initial_stiffness[part]
         is_usable = (slope > 0.0) & (slope < initial_stiffness)
         stiffness = np.where(is_usable, slope, initial_stiffness)
         # Force of the law plus P-delta
-        return (force + self.linear_terms[rows.GEOMETRIC, :-1] * drift) / stiffness, stiffness
+        return (force + self.linear_terms[rows.GEOMETRIC, part] * drift) / stiffness, stiffness
 
     @property
     def story_laws(self) -> Array:
@@ -289,6 +319,8 @@ class Building:
         positive entries, the largest eigenvalue of M^-1 K is at most the maximum of (M^-1 K x)_i /
         x_i over the floors i (Collatz 1942). The bound decreases as x approaches the mode.
         """
+        if self.branched:
+            return self.frequency_bound(self.initial_stiffness)
         return float(
             highest_frequency_bound(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass)
         )
@@ -315,6 +347,10 @@ class Building:
         It is the square root of the maximum row sum of |M^-1 K| with the mass matrix M and the
         stiffness matrix K.
         """
+        if self.branched:
+            ends = np.abs(self.deformations)
+            row_sums = ends.T @ (np.abs(stiffness) * ends.sum(axis=1))
+            return math.sqrt((row_sums / self.mass).max())
         stiffness, link = np.abs(stiffness), self.linear_terms[rows.LINK, :-1]
         # With the stiffnesses k and the links c, row i of the stiffness matrix has the diagonal
         # entry k[i] + c[i + 1] k[i + 1] and the off-diagonal entries c[i] k[i] and
@@ -325,16 +361,23 @@ class Building:
 
     def stiffness_matrix(self) -> Array:
         """Return the initial stiffness matrix, N/m, shape (n, n)."""
-        return _tridiagonal(self.initial_stiffness, self.linear_terms[rows.LINK, :-1])
+        return self._spring_matrix(self.initial_stiffness)
+
+    def _spring_matrix(self, springs: Array) -> Array:
+        """Return the matrix of springs or dampers, shape (masses, masses)."""
+        if self.branched:
+            return np.asarray((self.deformations.T * springs) @ self.deformations)
+        return _tridiagonal(springs, self.linear_terms[rows.LINK, :-1])
 
     def damping_matrix(self) -> Array:
         """Return the damping matrix without power-law dashpots, N s/m, shape (n, n): the sum of the
         dampers in the stories, the dampers from the floors to the ground, and modal damping."""
-        story_matrix = _tridiagonal(self.story_dampers, self.linear_terms[rows.LINK, :-1])
+        story_matrix = self._spring_matrix(self.story_dampers)
+        modal = self.modal[:, : self.masses]
         return (
             story_matrix
-            + np.diag(self.linear_terms[rows.FLOOR_DAMPER, :-1])
-            + self.modal[:, :-1].T @ self.modal[:, :-1]
+            + np.diag(self.linear_terms[rows.FLOOR_DAMPER, : self.masses])
+            + modal.T @ modal
         )
 
     def first_mode(self) -> tuple[float, float]:
@@ -383,12 +426,16 @@ class Building:
         matrix C consists of dampers in the stories, dampers from the floors to the ground, and the
         modal damping.
         """
-        drift = shape.copy()
-        drift[1:] -= shape[:-1]
+        if self.branched:
+            drift = self.deformations @ shape
+        else:
+            drift = shape.copy()
+            drift[1:] -= shape[:-1]
+        masses = self.masses
         modal_damping = np.add.reduce(self.story_dampers * drift**2)
-        modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2)
+        modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :masses] * shape**2)
         if len(self.modal):
-            modal_damping += np.add.reduce((self.modal[:, :-1] @ shape) ** 2)
+            modal_damping += np.add.reduce((self.modal[:, :masses] @ shape) ** 2)
         return omega, float(modal_damping / (2.0 * omega))
 
     def modes(self) -> Modes:
@@ -426,7 +473,12 @@ class Building:
             stiffness = stiffness + self.linear_terms[rows.BRACE, :-1]
         if not (self.braced or self.elements):
             return self.modes()
-        return FreeVibration(self.mass, stiffness, self.linear_terms[rows.LINK, :-1]).modes
+        return replace(self.vibration, stiffness=self._of_springs(stiffness), geometric=None).modes
+
+    def _of_springs(self, stiffness: Array) -> Array:
+        """Return the stiffnesses of the springs of `vibration`, without those of links that have no
+        spring."""
+        return _without_links(self.linear_terms, stiffness)
 
     def _additional_stiffness(self) -> Array:
         """Return the sum over the elements of each story of their largest stiffness minus their
@@ -495,6 +547,14 @@ def _tridiagonal(springs: Array, link: Array) -> Array:
     return np.diag(diagonal) + np.diag(coupling, 1) + np.diag(coupling, -1)
 
 
+def _without_links(linear_terms: Array, values: Array, stiffness: Array | None = None) -> Array:
+    """Return the values of the springs without the links that have no spring (first axis), by their
+    stiffness; default: the values."""
+    count = linear_terms.shape[1] - 1
+    is_link = linear_terms[rows.UPPER_FLOOR, :count] != np.arange(count)
+    return np.asarray(values[~is_link | ((values if stiffness is None else stiffness) != 0.0)])
+
+
 def assemble(model: Model) -> Building:
     """Assemble the arrays of the building of a model, including its damping.
 
@@ -504,16 +564,17 @@ def assemble(model: Model) -> Building:
         P-delta exceeds the stiffness of a story, or a law that can fall has damping with the
         tangent stiffness.
     """
-    stories = model.stories
-    n = len(stories)
+    stories, ends = springs_of(model)
+    n, floors = len(stories), len(model.stories)
     if has_tangent_damping(model.damping):
         for i, story in enumerate(stories):
             if spring := falling_spring(story):
                 raise ModelError(f"{model.name}: {falling_message(spring.law.name, i + 1)}")
     # The last column is a fictitious story above the roof and remains zero.
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    masses = floors + len(model.attachments)  # links have no mass
     linear_terms[rows.MASS, :n] = [story.mass for story in stories]
-    linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
+    linear_terms[rows.INVERSE_MASS, :masses] = 1.0 / linear_terms[rows.MASS, :masses]
     # DASHPOT contains only the dashpots of the model. STORY_DAMPER is the sum of all linear dampers
     # of a story: `add_damping` adds Rayleigh damping to STORY_DAMPER.
     # The force and the drift rate of an inclined dashpot are multiplied by its factor.
@@ -527,33 +588,52 @@ def assemble(model: Model) -> Building:
                 linear_terms[row, i] = number
         if _can_stiffen(story):
             linear_terms[rows.STIFFENING, i] = rows.UNLIMITED
-    # The link of the first story remains 0: it is on the ground, so its force acts on no floor
-    # below.
-    linear_terms[rows.LINK, 1:n] = 1.0
+    store_ends(linear_terms, ends)
     heights = np.array(
         [math.nan if story.drift_height is None else story.drift_height for story in stories]
     )
     if model.has_p_delta:
-        linear_terms[rows.GEOMETRIC, :n] = -weight_over_height(model)
+        linear_terms[rows.GEOMETRIC, :floors] = -weight_over_height(model)
     law_parameters, yield_drift = _law_table(stories)
     # P-delta (the row GEOMETRIC, negative) reduces the stiffness of the vibration.
     vibration = FreeVibration(
-        linear_terms[rows.MASS, :n],
-        law_parameters[rows.STIFFNESS, :n] + linear_terms[rows.GEOMETRIC, :n],
-        linear_terms[rows.LINK, :n],
-        linear_terms[rows.GEOMETRIC, :n],
+        linear_terms[rows.MASS, :floors],
+        law_parameters[rows.STIFFNESS, :floors] + linear_terms[rows.GEOMETRIC, :floors],
+        linear_terms[rows.LINK, :floors],
+        linear_terms[rows.GEOMETRIC, :floors],
     )
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
     # `modal` contains the damping between several floors, such as modal damping. Each row w adds
-    # w w^T to the damping matrix.
-    modal = add_damping(linear_terms, law_parameters[rows.STIFFNESS, :n], model, vibration)
+    # w w^T to the damping matrix. It is a property of the stories: with the modes of a building
+    # with attachments, the numbers of the modes and the damping of the stories would change.
+    stiffness = law_parameters[rows.STIFFNESS, :n]
+    if n == floors:
+        modal = add_damping(linear_terms, stiffness, model, vibration)
+    else:
+        chain = np.zeros((rows.LINEAR_TERM_ROWS, floors + 1))
+        chain[:, :floors] = linear_terms[:, :floors]
+        damping_rows = add_damping(chain, stiffness[:floors], model, vibration)
+        linear_terms[:, :floors] = chain[:, :floors]
+        modal = np.zeros((len(damping_rows), n + 1))
+        modal[:, :floors] = damping_rows[:, :floors]
+        vibration = FreeVibration(
+            linear_terms[rows.MASS, :masses],
+            _without_links(linear_terms, stiffness + linear_terms[rows.GEOMETRIC, :n]),
+            linear_terms[rows.LINK, :masses],
+            _without_links(linear_terms, linear_terms[rows.GEOMETRIC, :n], stiffness),
+            _without_links(linear_terms, incidence(linear_terms, masses), stiffness),
+            floors - 1,
+        )
     labels = tuple(
         f"story_{number}_{column_name(element.name)}"
-        for number, story in enumerate(stories, start=1)
+        for number, story in enumerate(model.stories, start=1)
         for element in story.elements
     )
     return Building(
         *(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators, labels),
+        attachments=model.attachments,
+        links=model.links,
+        floors=floors,
         stiffens=any(map(_stiffens, stories)),
     )
 
@@ -655,6 +735,9 @@ def weight_over_height(model: Model) -> Array:
     P-delta reduces the stiffness of the story by this value. It is zero in stories without P-delta.
     """
     mass = np.array([story.mass for story in model.stories])
+    # An attachment loads the floor on which it stands; it has no P-delta of its own.
+    for attachment in model.attachments:
+        mass[attachment.floor - 1] += attachment.spring.mass
     heights = np.array(
         [
             (story.height or math.nan) if has_p_delta else math.inf
@@ -742,7 +825,10 @@ def oscillators(omega: Array, damping: Array) -> Building:
     vibration = FreeVibration(
         linear_terms[rows.MASS, :k], law_parameters[rows.STIFFNESS, :k], linear_terms[rows.LINK, :k]
     )
-    return Building(linear_terms, law_parameters, np.zeros((0, k + 1)), unknown, unknown, vibration)
+    damping_rows = np.zeros((0, k + 1))
+    return Building(
+        *(linear_terms, law_parameters, damping_rows, unknown, unknown, vibration), floors=k
+    )
 
 
 def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
@@ -779,6 +865,8 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
         elements=building.elements > 0,
         braces=building.braced,
         tangent_damping=building.tangent_damped,
+        tree=building.branched,
+        links=bool(building.links),
     )
     # Return the same instance for equal variants. A lookup in a dictionary compares the identity
     # first, so that lookups of variants are fast.

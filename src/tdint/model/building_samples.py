@@ -13,7 +13,7 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import can_fall
-from tdint.model.building import Building, highest_frequency_bound, law_columns
+from tdint.model.building import Building, assemble, highest_frequency_bound, law_columns
 from tdint.model.damping import (
     add_damping,
     falling_message,
@@ -65,11 +65,16 @@ class DrawnBuildings:
     @property
     def mass(self) -> Array:
         """Masses of the floors, kg, shape (draws, n)."""
-        return self.linear_terms[:, rows.MASS, :-1]
+        return self.linear_terms[:, rows.MASS, : self.base.masses]
 
     @property
     def fastest(self) -> Array:
         """Upper bound of the circular frequencies of each sample, rad/s, shape (draws,)."""
+        if self.base.branched:
+            tables = zip(self.linear_terms, self.law_parameters, strict=True)
+            return np.array(
+                [replace(self.base, linear_terms=a, law_parameters=b).fastest for a, b in tables]
+            )
         stiffness = (
             self.law_parameters[:, rows.STIFFNESS, : self.base.stories]
             + self.linear_terms[:, rows.GEOMETRIC, :-1]
@@ -122,6 +127,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         P-delta exceeds the stiffness of a story.
     """
     draw_count, n = len(next(iter(values.values()))), base.stories
+    if base.branched:
+        return _draw_branched(model, base, values, draw_count)
     # The keys are the index of the story and the index of the value in `story_numbers`.
     changed_values = _changed_numbers(model, values, draw_count)
 
@@ -179,6 +186,32 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
                 linear_terms[draw, rows.LINK, :n],
             )
         modal.append(add_damping(linear_terms[draw], stiffness, damped_model, vibration))
+    return DrawnBuildings(base, linear_terms, law_parameters, modal, heights, yield_drift)
+
+
+def _draw_branched(
+    model: Model, base: Building, values: Mapping[str, Array], draw_count: int
+) -> DrawnBuildings:
+    """Return the result of `draw_buildings` for a building with attachments or links, whose samples
+    are assembled one by one."""
+    buildings = [
+        assemble(
+            model.replace(
+                **{
+                    name: float(samples[draw])
+                    for name, samples in values.items()
+                    if not math.isnan(samples[draw])
+                }
+            )
+        )
+        for draw in range(draw_count)
+    ]
+    tables = (
+        np.stack([getattr(building, name) for building in buildings])
+        for name in ("linear_terms", "law_parameters", "heights", "yield_drift")
+    )
+    linear_terms, law_parameters, heights, yield_drift = tables
+    modal = [building.modal for building in buildings]
     return DrawnBuildings(base, linear_terms, law_parameters, modal, heights, yield_drift)
 
 

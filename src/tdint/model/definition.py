@@ -235,6 +235,50 @@ class Excitation:
 
 
 @dataclass(frozen=True)
+class Attachment:
+    """Mass on a floor, with its spring and dashpot: an absorber, a tank or equipment.
+
+    Attributes
+    ----------
+    name : str
+        Name in tables, unique among attachments and links.
+    floor : int
+        Floor on which it stands, counted from 1.
+    spring : Story
+        Spring and dashpot, and as mass of its floor the attached mass.
+    """
+
+    name: str
+    floor: int
+    spring: Story
+
+
+@dataclass(frozen=True)
+class Link:
+    """Spring, dashpot or both between two floors, or between a floor and the ground.
+
+    Attributes
+    ----------
+    name : str
+        Name in tables, unique among attachments and links.
+    ends : tuple of int
+        Start and end. Floors are counted from 1, attachments continue after the roof, and 0 is the
+        ground. The deformation is the displacement of the end minus that of the start.
+    spring : Story
+        Spring and dashpot; the mass is 0, and the stiffness of a link without a spring, too.
+    """
+
+    name: str
+    ends: tuple[int, int]
+    spring: Story
+
+    @property
+    def sign(self) -> float:
+        """Deformation divided by the displacement of the upper floor minus the lower floor."""
+        return 1.0 if self.ends[0] < self.ends[1] else -1.0
+
+
+@dataclass(frozen=True)
 class Initial:
     """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one per floor."""
 
@@ -311,6 +355,10 @@ class Model:
         unit of force of the file; 1 if the file specifies weights or derives the stories.
     force_unit : str
         Unit of force of the file.
+    attachments : tuple of Attachment
+        Masses on floors that are not part of the chain of stories.
+    links : tuple of Link
+        Springs and dashpots between any two floors.
     """
 
     name: str
@@ -333,6 +381,21 @@ class Model:
     limits: tuple[Limit, ...] = ()
     weight_factor: float = 1.0
     force_unit: str = "N"
+    attachments: tuple[Attachment, ...] = ()
+    links: tuple[Link, ...] = ()
+
+    @property
+    def devices(self) -> tuple[Attachment | Link, ...]:
+        """Attachments and links: all springs in addition to the stories."""
+        return (*self.attachments, *self.links)
+
+    def require_chain(self, subject: str) -> None:
+        """Raise UsageError if the building has attachments or links, which `subject` ignores."""
+        if self.devices:
+            raise UsageError(
+                f"{self.source}: {subject} does not support attachments and links; use time "
+                "histories, or omit them"
+            )
 
     @property
     def p_delta_stories(self) -> tuple[bool, ...]:
@@ -346,10 +409,16 @@ class Model:
         """True if gravity acts on at least one displaced story."""
         return any(self.p_delta_stories)
 
+    def without_p_delta(self) -> Model:
+        """Return the building without P-delta in any story."""
+        stories = tuple(replace(story, p_delta=None) for story in self.stories)
+        return replace(self, stories=stories, p_delta=False)
+
     @property
     def has_dashpots(self) -> bool:
-        """True if a story has a dashpot."""
-        return any(story.dashpot or story.power_dashpot for story in self.stories)
+        """True if a story, an attachment or a link has a dashpot."""
+        springs = (*self.stories, *(device.spring for device in self.devices))
+        return any(spring.dashpot or spring.power_dashpot for spring in springs)
 
     @property
     def forces_of_total_shear(self) -> str:

@@ -32,6 +32,10 @@ _ISOLATION_PERIOD, _BEARING_HARDENING, _BEARING_STRENGTH = 2.5, 0.1, 0.05
 """Typical lead-rubber bearings: period of the building as a rigid body on the bearings after yield,
 s; stiffness after yield over the initial stiffness; force at zero displacement over the weight."""
 
+_ABSORBER_MASS = 0.05
+"""Mass of a tuned mass damper over the modal mass of the first mode; typical values are 0.01 to
+0.1."""
+
 _MOAT = 0.3
 """Clearance of the moat wall, m; typical values are 0.3 to 0.8 m."""
 
@@ -103,6 +107,7 @@ def story_model(
     motion: str | None,
     laws: Sequence[FittedLaw] | None = None,
     isolated: bool = False,
+    absorber: bool = False,
 ) -> str:
     """Return the text of a model file with a list of stories.
 
@@ -126,6 +131,8 @@ def story_model(
         File of the record; None for free vibration from an initial displacement.
     isolated : bool
         True to add a story with bearings and a moat wall below the stories.
+    absorber : bool
+        True to add a tuned mass damper on the roof.
     """
     units = SYSTEMS[system]
     if isinstance(floors, int):
@@ -179,9 +186,35 @@ def story_model(
             *comment_lines,
             "stories:",
             *lines,
+            *(_absorber_lines(units, loads, 2.0 * math.pi / period) if absorber else ()),
             *_remaining_lines(units, motion, [f"{value:.6g}" for value in displacements]),
         ]
     )
+
+
+def _absorber_lines(units: _UnitSystem, loads: Sequence[float], omega: float) -> list[str]:
+    """Return the lines of a tuned mass damper on the roof of a building with the circular frequency
+    `omega` (rad/s), whose first mode is a straight line.
+
+    The tuning f of the frequencies and the damping ratio are the optimum for a harmonic force on an
+    undamped building (Den Hartog 1956): f = 1 / (1 + mu), zeta = sqrt(3 mu / (8 (1 + mu))), with
+    the mass ratio mu. The ratio zeta refers to the frequency of the damper itself.
+    """
+    floors, mu = len(loads), _ABSORBER_MASS
+    modal_load = math.fsum(load * (i / floors) ** 2 for i, load in enumerate(loads, start=1))
+    tuned = omega / (1.0 + mu)
+    damping_ratio = math.sqrt(3.0 * mu / (8.0 * (1.0 + mu)))
+    mass = mu * modal_load * _mass_factor(units)
+    by_force = LENGTH[units.length] / FORCE[units.force]
+    return [
+        f"# Tuned mass damper, {100.0 * mu:g} % of the modal mass of the first mode. Tuning and",
+        "# damping are the optimum of Den Hartog (1956): frequency of the building over 1 + mu,",
+        f"# damping ratio sqrt(3 mu / (8 (1 + mu))) = {damping_ratio:.4f} of the damper itself.",
+        "attachments:",
+        f"  - {{name: tuned mass damper, floor: roof, {units.load_key}: {mu * modal_load:.6g}, "
+        f"stiffness: {mass * tuned**2 * by_force:.6g}, "
+        f"dashpot: {2.0 * damping_ratio * mass * tuned * by_force:.6g}}}",
+    ]
 
 
 def _isolation_lines(units: _UnitSystem, loads: Sequence[float]) -> list[str]:

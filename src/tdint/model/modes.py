@@ -40,12 +40,15 @@ class Modes(Tabular):
     damping : ndarray, shape (n,), or None
         Damping ratios; None if they were not requested (`tdint.modes`) or the damping couples
         modes.
+    roof : int
+        Index of the roof; attachments follow after it.
     """
 
     omega: Array
     shapes: Array
     mass: Array
     damping: Array | None = None
+    roof: int = -1
 
     def _headline(self) -> str:
         return f"of {pluralize(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
@@ -58,7 +61,7 @@ class Modes(Tabular):
         """
         # The stored shapes have phi^T M phi = 1; division by the roof displacement multiplies the
         # factor by it.
-        roof = self.shapes[-1]
+        roof = self.shapes[self.roof]
         return np.asarray(self.mass @ self.shapes * roof)
 
     @property
@@ -108,7 +111,7 @@ class Modes(Tabular):
         # phi^T M 1. A shape multiplied by its factor has the participation factor 1.
         if norm == "participation":
             return np.asarray(self.shapes * (self.mass @ self.shapes))
-        roof = self.shapes[-1]
+        roof = self.shapes[self.roof]
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 
     def damping_ratios(self, damping: Array) -> Array | None:
@@ -242,10 +245,15 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     lower.flat[n :: n + 1] = -(root_spring * link)[1:] / root_mass[:-1]
     # The singular values are in decreasing order, and are therefore reversed.
     _, omega, right_vectors = np.linalg.svd(lower)
+    return _named_modes(omega, right_vectors, mass, -1)
+
+
+def _named_modes(omega: Array, right_vectors: Array, mass: Array, roof: int) -> Modes:
+    """Return the modes of the singular values `omega` in decreasing order and of their vectors."""
     omega = omega[::-1]
-    shapes = (right_vectors[::-1] / root_mass).T
-    signs = np.where(shapes[-1] < 0.0, -1.0, 1.0)
-    return Modes(omega, shapes * signs, mass)
+    shapes = (right_vectors[::-1] / np.sqrt(mass)).T
+    signs = np.where(shapes[roof] < 0.0, -1.0, 1.0)
+    return Modes(omega, shapes * signs, mass, roof=roof)
 
 
 @dataclass(frozen=True)
@@ -259,17 +267,29 @@ class FreeVibration:
         spring to the ground.
     geometric : ndarray, shape (n,), optional
         P-delta part of the spring stiffnesses, N/m, for error messages.
+    deformations : ndarray, shape (springs, n), optional
+        Matrix of the deformations of all springs of a building with attachments or links
+        (`tdint.model.topology.incidence`), which replaces `link`.
+    roof : int
+        Index of the roof among the masses.
     """
 
     mass: Array
     stiffness: Array
     link: Array
     geometric: Array | None = None
+    deformations: Array | None = None
+    roof: int = -1
 
     @cached_property
     def modes(self) -> Modes:
         """All modes; raises the errors of `solve_modes`."""
         _check_springs(self.stiffness, self.geometric)
+        if self.deformations is not None:
+            # As in `solve_modes`, with one row of L for each spring
+            factor = np.sqrt(self.stiffness)[:, None] * self.deformations / np.sqrt(self.mass)
+            _, omega, right_vectors = np.linalg.svd(factor)
+            return _named_modes(omega, right_vectors, self.mass, self.roof)
         return solve_modes(self.mass, self.stiffness, self.link)
 
     def frequency(self, number: int) -> float:
@@ -282,7 +302,7 @@ class FreeVibration:
         ModelError
             A spring stiffness is not positive.
         """
-        if self.mass.size <= _MAX_STORIES_OF_ALL_MODES:
+        if self.deformations is not None or self.mass.size <= _MAX_STORIES_OF_ALL_MODES:
             return float(self.modes.omega[number - 1])
         _check_springs(self.stiffness, self.geometric)
         return chain_frequency(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
@@ -299,6 +319,8 @@ class FreeVibration:
         ModelError
             A spring stiffness is not positive.
         """
+        if self.deformations is not None:
+            return float(self.modes.omega[0]), self.modes.shapes[:, 0]
         _check_springs(self.stiffness, self.geometric)
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
         for _ in range(_MAX_ITERATIONS):

@@ -16,6 +16,7 @@ from tdint.ground_motion.record import peak_warnings
 from tdint.kernels import layout as rows
 from tdint.model.building import (
     Building,
+    assemble,
     stiffness_after_yield,
     unstable_after_yield,
     yield_strength,
@@ -316,6 +317,7 @@ def plausibility_warnings(
         True if the building is under a ground motion. Free vibration and forces on floors are
         often studied without damping.
     """
+    model, building = _without_devices(model, building)
     warnings = unusual_values(model, building, pga)
     warnings += _damped_attached_stories(model)
     if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
@@ -385,6 +387,14 @@ def _law_warnings(model: Model) -> list[str]:
     ]
 
 
+def _without_devices(model: Model, building: Building) -> tuple[Model, Building]:
+    """Return the building without attachments and links: usual values are those of stories."""
+    if not model.devices:
+        return model, building
+    bare = replace(model, attachments=(), links=())
+    return bare, assemble(bare)
+
+
 def unusual_values(model: Model, building: Building, pga: float = math.nan) -> list[str]:
     """Return warnings about unusual values of a building and of the ground acceleration.
 
@@ -392,6 +402,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     """
     if model.plausibility_off:
         return [*peak_warnings(pga)]
+    model, building = _without_devices(model, building)
     omega, damping = building.approximate_first_mode
     period = 2.0 * math.pi / omega
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small

@@ -54,7 +54,7 @@ def model_chapter(
     """
     building = assemble(model)
     damping = building.first_mode()[1]
-    p_delta = "with P-delta" if model.p_delta else "without P-delta"
+    p_delta = "with P-delta" if model.has_p_delta else "without P-delta"
     isolator_note = ""
     if any(story.isolator for story in model.stories):
         secant = (
@@ -205,6 +205,7 @@ def run_page(
             ),
         ),
         Chapter("Elements of the stories", _element_parts(response, units)),
+        Chapter("Attachments and links", _device_parts(response, units)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
         motion_chapter(
@@ -249,6 +250,22 @@ def _element_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
         return ()
     names = [column.name for column in ELEMENT_COLUMNS]
     return (table.chosen(names).in_units(units),)
+
+
+def _device_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
+    """Return the tables of attachments and links, without errors; empty without them."""
+    if response.devices is None:
+        return ()
+    # Imported here, because few models have attachments or links.
+    from tdint.output.tables.devices import device_tables
+
+    return tuple(
+        table.chosen([name for name in table.columns if not name.endswith("_error")]).in_units(
+            units
+        )
+        for table in device_tables(response)
+        if table is not None
+    )
 
 
 def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) -> list[Part]:

@@ -199,6 +199,7 @@ def run_summary(
         },
         "peaks": peaks(response.stories),
         **_elements(response),
+        **_devices(response),
         "check": _check(response.check, response.stories),
         **(
             {"events": [_event_summary(event) for event in response.events]}
@@ -288,7 +289,12 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     names = dict.fromkeys(
         _number_keys({key: value for key, value in content.items() if key not in skipped})
     )
-    return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
+    known = MEANINGS
+    if content.keys() & {"attachments", "links"}:
+        from tdint.output.tables.devices import COLUMNS
+
+        known = {column.name: (column.unit, column.meaning) for column in COLUMNS} | MEANINGS
+    return {key: {"meaning": known[key][1], "unit": known[key][0]} for key in names}
 
 
 def _number_keys(content: Mapping[str, Any]) -> Iterator[str]:
@@ -333,6 +339,15 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
     return {key: None if math.isnan(error) else error for key, error in errors_by_column.items()}
 
 
+def _devices(response: Response) -> dict[str, Any]:
+    """Return the rows of attachments.csv and links.csv; empty without attachments and links."""
+    if response.devices is None:
+        return {}
+    from tdint.output.tables.devices import as_json
+
+    return as_json(response)
+
+
 def _elements(response: Response) -> dict[str, Any]:
     """Return the rows of elements.csv under the key `elements`; empty without such a table."""
     from tdint.output.tables.responses import element_table
@@ -361,7 +376,7 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
             damping = {"type": "modal", "ratios": list(ratios)}
     content: dict[str, Any] = {
         "stories": len(model.stories),
-        "p_delta": model.p_delta,
+        "p_delta": model.has_p_delta,
         "damping": damping,
     }
     # Without a first mode or a record, there is no spectral acceleration at the first period.

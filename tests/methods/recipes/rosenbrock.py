@@ -72,7 +72,7 @@ def step(
     """Perform one step, with one factorization and two solutions."""
     n = linear_terms.shape[1] - 1
     by = G * h
-    factors = Factors(scratch, ROW.PIVOT, ROW.COUPLING, STORE)
+    factors = Factors(scratch, ROW.PIVOT, ROW.COUPLING, STORE, linear_terms)
     floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, ROW.LOAD)
     floor_load(
         linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD + 1

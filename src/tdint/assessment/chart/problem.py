@@ -338,7 +338,7 @@ def stretched(model: Model, count: int) -> Model:
             ),
         )
     elif isinstance(damping, ModalDamping):
-        damping = ModalDamping(damping.ratios[:count])
+        damping = replace(damping, ratios=damping.ratios[:count])
 
     def moved(force: _Moved) -> _Moved:
         """Return a force on the floor of the new building."""

@@ -69,6 +69,10 @@ class Variant:
         Dampers in series with a brace.
     tangent_damping : bool
         Rayleigh damping with the tangent stiffness.
+    tree : bool
+        Attachments or links, so that a spring can stand on any floor.
+    links : bool
+        Links between any two floors.
     """
 
     laws: tuple[str, ...] = ()
@@ -78,6 +82,8 @@ class Variant:
     elements: bool = True
     braces: bool = True
     tangent_damping: bool = True
+    tree: bool = True
+    links: bool = True
 
     @property
     def text(self) -> str:

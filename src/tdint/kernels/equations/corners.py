@@ -24,9 +24,14 @@ from tdint.kernels.linear_terms import (
     BRACES,
     FORCES,
     TANGENT_DAMPING,
+    TREE,
+    above,
     add_modal_force,
+    base_of,
     force_value,
+    is_tree,
     power_damper,
+    tie,
 )
 from tdint.kernels.peaks_between_steps import keep_corner, raise_peak
 from tdint.kernels.stepping import Integrals, PathSegment
@@ -53,7 +58,7 @@ def _story_value(linear_terms, scratch, row, i):
     """Return the difference between floor `i` and the floor below (0 for the ground) in a row of
     floor values.
     """
-    return scratch[row, i] - linear_terms[rows.LINK, i] * scratch[row, max(i - 1, 0)]
+    return scratch[row, i] - linear_terms[rows.LINK, i] * scratch[row, base_of(linear_terms, i)]
 
 
 @inline
@@ -413,12 +418,36 @@ def _store_accelerations(scene, h, load, scratch, k):
         )
         story_force_above = link * story_force
         viscous_shear *= link
+        if TREE and is_tree(linear_terms):
+            scratch[ROW.NODE_FORCE + k, i] = story_force
+            scratch[ROW.MODAL_FORCE, i] = viscous_force
+    if TREE and is_tree(linear_terms):
+        _store_tree_accelerations(linear_terms, scratch, k)
     if FORCES:
         for j in range(forces.shape[0]):
             i = int(forces[j, rows.FLOOR])
             scratch[ROW.NODE_ACCELERATION + k, i] += linear_terms[
                 rows.INVERSE_MASS, i
             ] * force_value(forces, j, load[rows.TIME] + t * h)
+    tie(linear_terms, scratch, ROW.NODE_ACCELERATION + k)
+
+
+@outlined
+def _store_tree_accelerations(linear_terms, scratch, k):
+    """Compute the results of `_store_accelerations` without forces on floors for a building with
+    attachments or links, from the story forces (row NODE_FORCE + k) and the viscous forces from the
+    ground on the floors (row MODAL_FORCE)."""
+    n = linear_terms.shape[1] - 1
+    forces, accelerations = ROW.NODE_FORCE + k, ROW.NODE_ACCELERATION + k
+    for i in range(n):
+        force = above(linear_terms, scratch, forces, i) - scratch[forces, i]
+        force += scratch[ROW.MODAL_FORCE, i]
+        scratch[accelerations, i] = linear_terms[rows.INVERSE_MASS, i] * force
+    for i in range(n - 1, -1, -1):
+        # The columns of links, which are the last, have no inertia.
+        scratch[forces, i] = 0.0
+        shear = above(linear_terms, scratch, forces, i)
+        scratch[forces, i] = shear - linear_terms[rows.MASS, i] * scratch[accelerations, i]
 
 
 @outlined
@@ -552,7 +581,8 @@ def _may_exceed_peaks(scene, h, load, memory):
     n = linear_terms.shape[1] - 1
     inverse_h_squared = 1.0 / (h * h)
     any_leaves = False
-    may_exceed = FORCES and forces.shape[0] > 0
+    # The sums below are those of a chain.
+    may_exceed = (FORCES and forces.shape[0] > 0) or (TREE and is_tree(linear_terms))
     deviation_above = shear_0 = shear_1 = 0.0
     # shear_0 and shear_1 are sums of mass times absolute acceleration at the start and at the end
     # of the step. Without forces on floors, they are minus the total shears.

@@ -64,10 +64,15 @@ from tdint.kernels.linear_terms import (
     BRACES,
     MODAL,
     TANGENT_DAMPING,
+    TREE,
+    above,
     add_modal_force,
+    base_of,
     floor_impulse,
     floor_load,
+    is_tree,
     power_damper,
+    tie,
 )
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
@@ -245,6 +250,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
         factors + _BLOCK.PIVOT,
         factors + _BLOCK.MULTIPLIER,
         factors + _STORE + 6 * modal.shape[0] + 1,
+        linear_terms,
     )
     # The modal part of l C multiplies a pair (real part, imaginary part) by l.
     damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
@@ -293,11 +299,16 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
         mass = linear_terms[rows.MASS, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
         v = state[rows.VELOCITY, i]
-        rate = v - link * state[rows.VELOCITY, max(i - 1, 0)]
+        rate = v - link * state[rows.VELOCITY, base_of(linear_terms, i)]
         spring_force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         # The story dampers do not contribute to the impulse for u1 = u0.
         force = spring_force + linear_terms[rows.STORY_DAMPER, i] * rate
         impulse = h * (spring_force + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
+        if TREE and is_tree(linear_terms):
+            scratch[momentum.FORCE_1, i] = force
+            scratch[momentum.FORCE_S, i] = impulse
+            force_above = above(linear_terms, scratch, momentum.FORCE_1, i)
+            impulse_above = above(linear_terms, scratch, momentum.FORCE_S, i)
         mass_times_a1 = (
             scratch[momentum.LOAD, i]
             - linear_terms[rows.FLOOR_DAMPER, i] * v
@@ -337,11 +348,14 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]
-        below = max(i - 1, 0)
+        base = base_of(linear_terms, i)
         du = du_below
         dv = dv_below
-        dv_below = scratch[ROW.COMPLEX + 1, below] * by_im
-        du_below = scratch[ROW.COMPLEX, below] + re * dv_below
+        if TREE and is_tree(linear_terms):
+            dv = scratch[ROW.COMPLEX + 1, i] * by_im
+            du = scratch[ROW.COMPLEX, i] + re * dv
+        dv_below = scratch[ROW.COMPLEX + 1, base] * by_im
+        du_below = scratch[ROW.COMPLEX, base] + re * dv_below
         v = state[rows.VELOCITY, i] + dv
         scratch[momentum.DU, i] = du
         scratch[momentum.DV, i] = dv
@@ -351,8 +365,11 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         force += (law_state[rows.SLOPE, i] + geometric) * (du - link * du_below)
         force += linear_terms[rows.STORY_DAMPER, i] * (
-            v - link * (state[rows.VELOCITY, below] + dv_below)
+            v - link * (state[rows.VELOCITY, base] + dv_below)
         )
+        if TREE and is_tree(linear_terms):
+            scratch[momentum.FORCE_1, i] = force
+            force_above = above(linear_terms, scratch, momentum.FORCE_1, i)
         floor_force = scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v
         scratch[momentum.A1, i] = linear_terms[rows.INVERSE_MASS, i] * (
             floor_force - (force - force_above)
@@ -360,6 +377,7 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         force_above = link * force
     if MODAL and modal.shape[0] > 0:
         _add_modal_acceleration(linear_terms, modal, scratch, n)
+    tie(linear_terms, scratch, momentum.A1)
 
 
 @outlined
@@ -452,7 +470,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
         is_correction_negligible = correct(
-            coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n
+            coefficients[BETA], modal, h, _newton_factorization(linear_terms, scratch, factors), n
         )
         iterations += 1
         # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
@@ -499,6 +517,19 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
         link = linear_terms[rows.LINK, i]
+        if TREE and is_tree(linear_terms):
+            base = base_of(linear_terms, i)
+            u_below, v_below = scratch[momentum.U1, base], scratch[momentum.V1, base]
+            du_below = scratch[momentum.DU, base]
+            uc_below = (
+                state[rows.DISPLACEMENT, base]
+                + coefficients[BY_INCREMENT] * du_below
+                + h
+                * (
+                    coefficients[BY_VELOCITY_0] * state[rows.VELOCITY, base]
+                    + coefficients[BY_VELOCITY_1] * v_below
+                )
+            )
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
@@ -544,7 +575,8 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
             )
             _add_tangent_damping(linear_terms, i, h, (force, law_mean, tangent), increment, memory)
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
-            bend = h * (scratch[momentum.DV, i] - link * scratch[momentum.DV, max(i - 1, 0)])
+            dv_below = scratch[momentum.DV, base_of(linear_terms, i)]
+            bend = h * (scratch[momentum.DV, i] - link * dv_below)
             is_stale = _add_brace(scene, i, h, increment, bend, memory, factors) or is_stale
         uc_below = uc
         u_below = u
@@ -662,7 +694,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     state, law_state, scratch, _ = memory
     drift_c, drift = drifts
     link = linear_terms[rows.LINK, i]
-    below = max(i - 1, 0)
+    below = base_of(linear_terms, i)
     sign = law_state[rows.RATE_SIGN, i]
     # q0 and q1 times the sign of the drift rate: positive in the direction of loading, m.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
@@ -773,9 +805,8 @@ def keep_negligible_kinks(scene, h, memory):
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        dashpot_force = (
-            scratch[ROW.DASHPOT_MISMATCH, i]
-            - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
+        dashpot_force = scratch[ROW.DASHPOT_MISMATCH, i] - above(
+            linear_terms, scratch, ROW.DASHPOT_MISMATCH, i
         )
         difference = (
             0.5 * (a0 + a1)
@@ -811,10 +842,10 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     be factorized again, because SLOPE_1 has changed; SLOPE_C is not compared (see `_factor`).
     """
     state, _, scratch, _ = memory
-    # For the first story, column i - 1 is the last column of the tables, and link is 0.
     link = linear_terms[rows.LINK, i]
-    rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
-    rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, i - 1]
+    base = base_of(linear_terms, i)
+    rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base]
+    rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, base]
     rate_c = (
         coefficients[RATE_BY_INCREMENT] / h * increment
         + coefficients[RATE_BY_VELOCITY_0] * rate_0
@@ -851,7 +882,7 @@ def _add_tangent_damping(linear_terms, i, h, law, increment, memory):
     state, law_state, scratch, _ = memory
     force_1, mean, tangent = law
     coefficient = linear_terms[rows.TANGENT_DAMPING, i]
-    link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+    link, below = linear_terms[rows.LINK, i], base_of(linear_terms, i)
     rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
     rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
     force_0 = law_state[rows.FORCE, i]
@@ -902,9 +933,15 @@ def _add_brace(scene, i, h, rise, bend, memory, factors):
 
 
 @inline
-def _newton_factorization(scratch, factors):
+def _newton_factorization(linear_terms, scratch, factors):
     """Return the location of the factorization of Newton's method from row `factors` on."""
-    return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
+    return Factors(
+        scratch,
+        factors + _BLOCK.BLOCKS,
+        factors + _BLOCK.COUPLING,
+        factors + _STORE,
+        linear_terms,
+    )
 
 
 @outlined
@@ -971,10 +1008,16 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
                 scratch[coupling + (row + 2) % 4, i] += factor * tangent
     scratch[factors + _BLOCK.FACTORED_1, n] = h
     assemble_blocks(
-        linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
+        linear_terms,
+        _newton_factorization(linear_terms, scratch, factors),
+        h * coefficients[THETA],
+        by_a,
+        n,
     )
     # The factors of the modal part of C in the two equations are -be h^2 (M a1 contains -C v1) for
     # v1 and 1 for u1: the second and third number.
     factor_blocks(
-        _newton_factorization(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n
+        _newton_factorization(linear_terms, scratch, factors),
+        ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0),
+        n,
     )

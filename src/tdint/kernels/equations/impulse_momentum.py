@@ -17,7 +17,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline
 from tdint.kernels.equations.iteration import ROUNDING, is_balanced
 from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
-from tdint.kernels.linear_terms import add_modal_force
+from tdint.kernels.linear_terms import above, add_modal_force, size_above, tie
 
 # Scratch rows: load (N) and its impulse (N s), increments of displacement (m) and velocity (m/s),
 # response at the end of the step, and the following rows.
@@ -66,12 +66,11 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     n = linear_terms.shape[1] - 1
     # M a1 (row A1) and R2 without modal damping
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]
-        force = scratch[FORCE_1, i] - link * scratch[FORCE_1, i + 1]
+        force = scratch[FORCE_1, i] - above(linear_terms, scratch, FORCE_1, i)
         scratch[A1, i] = (
             scratch[LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * scratch[V1, i] - force
         )
-        impulse = scratch[FORCE_S, i] - link * scratch[FORCE_S, i + 1]
+        impulse = scratch[FORCE_S, i] - above(linear_terms, scratch, FORCE_S, i)
         scratch[R2, i] = (
             scratch[IMPULSE, i]
             - linear_terms[rows.MASS, i] * scratch[DV, i]
@@ -88,6 +87,7 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
         scratch[R1, i] = linear_terms[rows.MASS, i] * (
             velocity_terms + acceleration_terms - scratch[DU, i]
         )
+    tie(linear_terms, scratch, A1)
 
 
 @inline
@@ -113,9 +113,8 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]
         mass = linear_terms[rows.MASS, i]
-        rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
+        rounding = scratch[SIZE, i] + size_above(linear_terms, scratch, SIZE, i)
         # Sum of the terms: first of the kinematic equation (m, without the factor mass), then of
         # the momentum equation (N s)
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
@@ -124,7 +123,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
             is_last, tolerance, step_status, i, scratch[R1, i], mass * scale + by_a * rounding
         )
         scale = abs(scratch[IMPULSE, i]) + abs(mass * scratch[DV, i]) + h * rounding
-        scale += abs(scratch[FORCE_S, i]) + link * abs(scratch[FORCE_S, i + 1])
+        scale += abs(scratch[FORCE_S, i]) + abs(above(linear_terms, scratch, FORCE_S, i))
         is_small &= is_balanced(is_last, tolerance, step_status, i, scratch[R2, i], scale)
     return is_small
 

@@ -42,10 +42,18 @@ from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import (
     BRACES,
     DASHPOTS,
+    LINKS,
     MODAL,
     TANGENT_DAMPING,
+    TREE,
+    above,
     add_modal_force,
+    base_of,
+    below,
+    is_tree,
     power_damper,
+    size_above,
+    upper_of,
 )
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
@@ -204,7 +212,7 @@ def solve_step(coefficients, scene, h, memory):
         # `_correct` returns True if the correction is of the order of rounding errors.
         if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
-        solve(modal, h, scratch, ROW.X, n)
+        solve(linear_terms, modal, h, scratch, ROW.X, n)
         is_correction_negligible = _correct(state, scratch, n)
         iterations += 1
         previous_norm = norm
@@ -252,11 +260,10 @@ def _solve_on_branches(coefficients, scene, h, memory):
         scratch[ROW.LEAVES_BRANCH, i] = 0.0
     norm = 0.0
     for i in range(n):
-        # LINK of story i + 1 is 1 if this story is on floor `i`. It is 0 for i = n - 1: column n of
-        # row PATH + MEAN is not set and has no effect.
+        # The last column of row PATH + MEAN is not set and has no effect.
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
-            - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
+            - above(linear_terms, scratch, ROW.PATH + path.MEAN, i)
             - scratch[ROW.LOAD, i]
         )
         # Both residuals have the opposite sign, as the right side of the linear system. For
@@ -281,7 +288,7 @@ def _solve_on_branches(coefficients, scene, h, memory):
                     _TANGENTS_PER_SLOPE[row] * law_state[rows.SLOPE, i]
                 )
         _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
-    solve(modal, h, scratch, ROW.X, n)
+    solve(linear_terms, modal, h, scratch, ROW.X, n)
     for row in range(2):
         for i in range(n):
             scratch[ROW.CORRECTION + row, i] = scratch[ROW.X + row, i]
@@ -336,7 +343,9 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         # `rise` and `bend` belong to the drift of story `i`: floor `i` minus the floor below.
         # `rise_below` and `bend_below` are afterwards set to the values of floor `i`, which is the
-        # floor below in the next pass.
+        # floor below in the next pass of a chain.
+        rise_below = below(linear_terms, scratch, ROW.RISE, i, rise_below)
+        bend_below = below(linear_terms, scratch, ROW.BEND, i, bend_below)
         rise = scratch[ROW.RISE, i] - link * rise_below
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -375,6 +384,10 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         # because the convergence test multiplies it by the tolerance. `displacement_scale` is |u0|
         # plus the absolute rise of floor `i` (now in `rise_below`).
         displacement_scale = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
+        if TREE and is_tree(linear_terms):
+            base = base_of(linear_terms, i)
+            displacement_scale_below = abs(state[rows.DISPLACEMENT, base])
+            displacement_scale_below += abs(scratch[ROW.RISE, base])
         scratch[ROW.ROUNDING_FORCE, i] = (
             rounding
             * law_parameters[rows.STIFFNESS, i]
@@ -435,6 +448,9 @@ def _commit_tangent_damping(linear_terms, h, state, scratch):
     v_below = rise_below = bend_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
+        rise_below = below(linear_terms, scratch, ROW.RISE, i, rise_below)
+        bend_below = below(linear_terms, scratch, ROW.BEND, i, bend_below)
+        v_below = below(linear_terms, state, rows.VELOCITY, i, v_below)
         rise = scratch[ROW.RISE, i] - link * rise_below
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below, bend_below = scratch[ROW.RISE, i], scratch[ROW.BEND, i]
@@ -528,9 +544,10 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     # ground there is only floor `i`. `first_rate` is w(0) and `last_rate` is w(1) of the docstring.
     rise = first_rate = last_rate = 0.0
     floor_count = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
-    for below in range(floor_count):
-        j = i - below
-        sign = 1.0 - 2.0 * below
+    base = base_of(linear_terms, i)
+    for end in range(floor_count):
+        j = i if end == 0 else base
+        sign = 1.0 - 2.0 * end
         rate = h * state[rows.VELOCITY, j]
         a1 = coefficients[BY_RISE] * (0.5 * scratch[ROW.BEND, j] - scratch[ROW.RISE, j] + rate)
         rise += sign * scratch[ROW.RISE, j]
@@ -542,8 +559,8 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         h
         * h
         * (
-            _acceleration(scene, memory, i)
-            - (_acceleration(scene, memory, i - 1) if floor_count == 2 else 0.0)
+            _acceleration(scene, memory, upper_of(linear_terms, i))
+            - (_acceleration(scene, memory, base) if floor_count == 2 else 0.0)
         )
     )
     direction, reversal_time, _, _, _ = locate_reversals(rise, first_rate, last_rate, initial_slope)
@@ -572,24 +589,38 @@ def _acceleration(scene, memory, i):
         for k in range(n):
             amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
-    for above in range(2):
-        j = i + above
-        if j < n:
-            link = linear_terms[rows.LINK, j]
-            rate = state[rows.VELOCITY, j] - link * state[rows.VELOCITY, max(j - 1, 0)]
-            story_force = (
-                law_state[rows.FORCE, j]
-                + linear_terms[rows.GEOMETRIC, j] * law_state[rows.DRIFT, j]
-            )
-            story_force += (
-                linear_terms[rows.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
-            )
-            if BRACES and linear_terms[rows.BRACE, j] != 0.0:
-                story_force += state[rows.BRACE_REPORTED, j]
-            if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, j] != 0.0:
-                story_force += state[rows.DAMPING_FORCE, j]
-            force += story_force * link if above else -story_force
+    force -= _story_force_at_start(linear_terms, state, law_state, i)
+    if TREE and is_tree(linear_terms):
+        j = int(linear_terms[rows.FIRST_ON, i])
+        while j > 0:
+            force += _story_force_at_start(linear_terms, state, law_state, j)
+            j = int(linear_terms[rows.NEXT_ON, j])
+        j = int(linear_terms[rows.FIRST_TIED, i]) if LINKS else 0
+        while j > 0:
+            force -= _story_force_at_start(linear_terms, state, law_state, j)
+            j = int(linear_terms[rows.NEXT_TIED, j])
+    elif i + 1 < n:
+        link = linear_terms[rows.LINK, i + 1]
+        force += _story_force_at_start(linear_terms, state, law_state, i + 1) * link
     return linear_terms[rows.INVERSE_MASS, i] * force
+
+
+@inline
+def _story_force_at_start(linear_terms, state, law_state, j):
+    """Return the force of story `j` at the start of the step, with P-delta and dampers, N."""
+    rate = state[rows.VELOCITY, j]
+    rate -= linear_terms[rows.LINK, j] * state[rows.VELOCITY, base_of(linear_terms, j)]
+    story_force = (
+        law_state[rows.FORCE, j] + linear_terms[rows.GEOMETRIC, j] * law_state[rows.DRIFT, j]
+    )
+    story_force += (
+        linear_terms[rows.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
+    )
+    if BRACES and linear_terms[rows.BRACE, j] != 0.0:
+        story_force += state[rows.BRACE_REPORTED, j]
+    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, j] != 0.0:
+        story_force += state[rows.DAMPING_FORCE, j]
+    return story_force
 
 
 @inline
@@ -608,7 +639,6 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
     norm = 0.0
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]
         rise = scratch[ROW.RISE, i]
         bend = scratch[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
@@ -619,12 +649,12 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
         # F0 - P0 and F1 - P1 of the floor are story below minus story above minus load, N.
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
-            - link * scratch[ROW.PATH + path.MEAN, i + 1]
+            - above(linear_terms, scratch, ROW.PATH + path.MEAN, i)
             - scratch[ROW.LOAD, i]
         )
         moment = (
             scratch[ROW.PATH + path.MOMENT, i]
-            - link * scratch[ROW.PATH + path.MOMENT, i + 1]
+            - above(linear_terms, scratch, ROW.PATH + path.MOMENT, i)
             - scratch[ROW.LOAD + 1, i]
         )
         scratch[ROW.X, i] -= linear_terms[rows.MASS, i] * a0 + floor_damping * rise + h * h * mean
@@ -660,15 +690,15 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i + 1]
         mass = linear_terms[rows.MASS, i]
         # `force_scale` and `inertia_scale` are the parts of the sum of absolute values with forces
         # and with accelerations, first for the impulse, later for the first moment. `rounding` is
         # the effect of the rounding errors of the displacements, divided by the tolerance, N.
-        rounding = scratch[ROW.ROUNDING_FORCE, i] + link * scratch[ROW.ROUNDING_FORCE, i + 1]
+        rounding = scratch[ROW.ROUNDING_FORCE, i]
+        rounding += size_above(linear_terms, scratch, ROW.ROUNDING_FORCE, i)
         force_scale = (
             abs(scratch[ROW.PATH + path.MEAN, i])
-            + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
+            + abs(above(linear_terms, scratch, ROW.PATH + path.MEAN, i))
             + abs(scratch[ROW.LOAD, i])
         )
         # M a0 has the terms M D1 and M r a1.
@@ -685,7 +715,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         # contains |D1| instead of |D1| / 2.
         force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
-            + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
+            + abs(above(linear_terms, scratch, ROW.PATH + path.MOMENT, i))
             + abs(scratch[ROW.LOAD + 1, i])
         )
         inertia_scale = (
@@ -775,13 +805,13 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     scratch[ROW.FACTORED, n] = h
     # Modal damping adds h C to the derivatives of the first equation with respect to D0, and of the
     # second equation with respect to D1.
-    factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
+    factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE, linear_terms)
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, ModalBlocks(modal, h, 0.0, 0.0, h), n)
 
 
 @inline
-def solve(modal, h, scratch, x, n):
+def solve(linear_terms, modal, h, scratch, x, n):
     """Solve the linear system of Newton's method, factorized by `_factor`, for the rises and bends
     of all floors.
 
@@ -789,7 +819,7 @@ def solve(modal, h, scratch, x, n):
     respect to D0, and of the second equation (first moment) with respect to D1. The rows `x` and
     `x` + 1 contain the right side (negative residuals, kg m) and receive D0 and D1.
     """
-    factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
+    factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE, linear_terms)
     # The values in `ModalBlocks` are the factors of C for D0 and D1 in the first equation, and for
     # D0 and D1 in the second equation.
     solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), x, x + 1, n)
@@ -832,6 +862,8 @@ def update_state(coefficients, scene, h, memory):
         state[rows.VELOCITY, i] += inverse_h * a0
         state[rows.ACCELERATION, i] = inverse_h * inverse_h * (a0 + 0.5 * a1)
         # From here on, rise and bend describe the drift of story `i`.
+        rise_below = below(linear_terms, scratch, ROW.RISE, i, rise_below)
+        bend_below = below(linear_terms, scratch, ROW.BEND, i, bend_below)
         rise -= linear_terms[rows.LINK, i] * rise_below
         bend -= linear_terms[rows.LINK, i] * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -881,6 +913,8 @@ def _dashpot_work(linear_terms, scratch, n):
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
+        rise_below = below(linear_terms, scratch, ROW.RISE, i, rise_below)
+        bend_below = below(linear_terms, scratch, ROW.BEND, i, bend_below)
         rise = scratch[ROW.RISE, i] - linear_terms[rows.LINK, i] * rise_below
         bend = scratch[ROW.BEND, i] - linear_terms[rows.LINK, i] * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -898,6 +932,10 @@ def _commit_braces(linear_terms, h, state, scratch):
         link = linear_terms[rows.LINK, i]
         v = state[rows.VELOCITY, i]
         v_0 = v - scratch[ROW.A0, i] / h  # A0 is h times the change of the velocity
+        if TREE and is_tree(linear_terms):
+            base = base_of(linear_terms, i)
+            v_below = state[rows.VELOCITY, base]
+            v_0_below = v_below - scratch[ROW.A0, base] / h
         if linear_terms[rows.BRACE, i] != 0.0:
             first_rate, last_rate = v_0 - link * v_0_below, v - link * v_below
             mean_rate = (scratch[ROW.RISE, i] - link * scratch[ROW.RISE, max(i - 1, 0)]) / h

@@ -30,7 +30,16 @@ from tdint.kernels.equations.iteration import (
     squared_norm,
 )
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
-from tdint.kernels.linear_terms import BRACES, TANGENT_DAMPING, add_modal_force, power_damper
+from tdint.kernels.linear_terms import (
+    BRACES,
+    TANGENT_DAMPING,
+    above,
+    add_modal_force,
+    base_of,
+    below,
+    power_damper,
+    size_above,
+)
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, follow_brace_at_midpoint
@@ -198,7 +207,11 @@ def solve_equilibrium_with_dampers(damper_step, effective, factors, previous, tr
     n = linear_terms.shape[1] - 1
     tangents = factors + _FACTOR.FACTORED
     factorization = Factors(
-        scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE
+        scratch,
+        factors + _FACTOR.PIVOT,
+        factors + _FACTOR.COUPLING,
+        factors + _STORE,
+        linear_terms,
     )
     # `factor_combination` assembles by_a M + by_v (linear dampers) + by_k (row TANGENT + geometric
     # stiffness). If by_u is 0, the displacements are known and the stiffness does not contribute;
@@ -278,6 +291,8 @@ def _story_forces(damper_step, effective, factors, previous, trial, scene, memor
     u_below = 0.0
     v_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
+        u_below = below(linear_terms, scratch, ROW.U, i, u_below)
+        v_below = below(linear_terms, scratch, ROW.V, i, v_below)
         drift = scratch[ROW.U, i] - linear_terms[rows.LINK, i] * u_below
         rate = scratch[ROW.V, i] - linear_terms[rows.LINK, i] * v_below
         u_below = scratch[ROW.U, i]
@@ -351,7 +366,7 @@ def _tangent_damping_force(damper_step, by_x, trial, scene, i, memory):
     linear_terms, law_state, scratch = scene.linear_terms, memory.law_state, memory.scratch
     factor = damper_step.by_force * linear_terms[rows.TANGENT_DAMPING, i]
     if damper_step.weight != 1.0:
-        trial, link, below = rows.SECOND_TRIAL, linear_terms[rows.LINK, i], max(i - 1, 0)
+        trial, link, below = rows.SECOND_TRIAL, linear_terms[rows.LINK, i], base_of(linear_terms, i)
         drift = memory.state[rows.DISPLACEMENT, i] + scratch[ROW.RISE, i]
         drift += damper_step.by_rise * scratch[ROW.X, i]
         drift -= link * (
@@ -382,7 +397,7 @@ def commit_tangent_damping(damper_step, inertia_weight, work, slope, i, linear_t
     force += damper_step.by_force * coefficient * law_state[rows.FORCE, i]
     state[rows.DAMPING_STATE, i] += (force - state[rows.DAMPING_STATE, i]) / inertia_weight
     rate = state[rows.VELOCITY, i]
-    rate -= linear_terms[rows.LINK, i] * state[rows.VELOCITY, max(i - 1, 0)]
+    rate -= linear_terms[rows.LINK, i] * state[rows.VELOCITY, base_of(linear_terms, i)]
     state[rows.DAMPING_FORCE, i] = coefficient * slope * rate
     state[rows.DAMPING_WORK, i] += coefficient * work
 
@@ -393,7 +408,7 @@ def _brace_force(damper_step, linear_terms, i, memory):
     with respect to x, kg."""
     h, weight, by_rise, _ = damper_step
     scratch = memory.scratch
-    link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
+    link, below = linear_terms[rows.LINK, i], base_of(linear_terms, i)
     rise = scratch[ROW.RISE, i] + by_rise * scratch[ROW.X, i]
     rise -= link * (scratch[ROW.RISE, below] + by_rise * scratch[ROW.X, below])
     force_0 = memory.state[rows.BRACE_FORCE, i]
@@ -424,15 +439,15 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         load = scratch[ROW.LOAD, i]
         inertia = linear_terms[rows.MASS, i] * scratch[ROW.A, i]
         damping = scratch[ROW.RESIDUAL, i]
-        link = linear_terms[rows.LINK, i + 1]
-        residual = load - inertia - damping - scratch[ROW.SUM, i] + link * scratch[ROW.SUM, i + 1]
+        residual = load - inertia - damping - scratch[ROW.SUM, i]
+        residual += above(linear_terms, scratch, ROW.SUM, i)
         scratch[ROW.RESIDUAL, i] = residual
         scale = (
             abs(load)
             + abs(inertia)
             + abs(damping)
             + scratch[ROW.SIZE, i]
-            + link * scratch[ROW.SIZE, i + 1]
+            + size_above(linear_terms, scratch, ROW.SIZE, i)
         )
         is_small &= is_balanced(is_last, RESIDUAL_TOLERANCE, step_status, i, residual, scale)
     return is_small
@@ -455,7 +470,8 @@ def _evaluate_laws(previous, trial, scene, memory):
             i,
             previous,
             trial,
-            scratch[ROW.U, i] - linear_terms[rows.LINK, i] * u_below,
+            scratch[ROW.U, i]
+            - linear_terms[rows.LINK, i] * below(linear_terms, scratch, ROW.U, i, u_below),
         )
         u_below = scratch[ROW.U, i]
 

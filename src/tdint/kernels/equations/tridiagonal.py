@@ -23,9 +23,12 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
+from tdint.kernels.linear_terms import count_masses, is_tree, tie
 from tdint.kernels.stepping import Array
 
 _MODAL = VARIANT.modal
+_TREE = VARIANT.tree
+_LINKS = VARIANT.links
 
 COUPLING_ROWS = 8
 """Number of scratch rows for the couplings between adjacent floors in `factor_blocks`: four entries
@@ -81,12 +84,65 @@ def factor(factors, n):
     n : int
         Number of floors.
     """
-    scratch, pivot, coupling, _ = factors
+    scratch, pivot, coupling, _, linear_terms = factors
+    if _TREE and is_tree(linear_terms):
+        # The floors are eliminated from the tips of the tree on: an attachment before its floor.
+        for i in range(count_masses(linear_terms) - 1, -1, -1):
+            inverse = 1.0 / scratch[pivot, i]
+            scratch[pivot, i] = inverse
+            if i > 0:
+                base = int(linear_terms[rows.BASE, i])
+                multiplier = scratch[coupling, i] * inverse
+                scratch[pivot, base] -= multiplier * scratch[coupling, i]
+                scratch[coupling, i] = multiplier
+                if _LINKS:
+                    _eliminate_entries(linear_terms, scratch, pivot, coupling, i)
+        return
     scratch[pivot, 0] = 1.0 / scratch[pivot, 0]
     for i in range(1, n):
         multiplier = scratch[coupling, i] * scratch[pivot, i - 1]
         scratch[pivot, i] = 1.0 / (scratch[pivot, i] - multiplier * scratch[coupling, i])
         scratch[coupling, i] = multiplier
+
+
+@inline
+def _add_to_entry(linear_terms, scratch, row, i):
+    """Move the coupling of link `i` to the column of its matrix entry."""
+    entry = int(linear_terms[rows.ENTRY, i])
+    if entry != i:
+        scratch[row, entry] += scratch[row, i]
+        scratch[row, i] = 0.0
+
+
+@inline
+def _entry_between(linear_terms, i, j):
+    """Return the column with the matrix entry of the floors `i` and `j`.
+
+    It exists, also if the entry is zero before the elimination (`tdint.model.topology`).
+    """
+    column, lower = max(i, j), min(i, j)
+    while linear_terms[rows.BASE, column] != lower:
+        column = int(linear_terms[rows.NEXT_ENTRY, column])
+    return column
+
+
+@outlined
+def _eliminate_entries(linear_terms, scratch, pivot, coupling, i):
+    """Eliminate floor `i` from the equations of the lower floors of its links, and replace their
+    entries by those of L. Row `pivot` contains the inverse of D_i."""
+    j = int(linear_terms[rows.NEXT_ENTRY, i])
+    while j > 0:
+        base, entry = int(linear_terms[rows.BASE, j]), scratch[coupling, j]
+        multiplier = entry * scratch[pivot, i]
+        scratch[pivot, base] -= multiplier * entry
+        k = i
+        while k != j:  # the pairs of this floor and the earlier floors of the list
+            other = int(linear_terms[rows.BASE, k])
+            column = _entry_between(linear_terms, base, other)
+            scratch[coupling, column] -= entry * scratch[coupling, k]
+            k = int(linear_terms[rows.NEXT_ENTRY, k])
+        scratch[coupling, j] = multiplier
+        j = int(linear_terms[rows.NEXT_ENTRY, j])
 
 
 @inline
@@ -102,7 +158,30 @@ def solve(factors, x, n):
     n : int
         Number of floors.
     """
-    scratch, pivot, coupling, _ = factors
+    scratch, pivot, coupling, _, linear_terms = factors
+    if _TREE and is_tree(linear_terms):
+        last = count_masses(linear_terms) - 1
+        for i in range(last, 0, -1):
+            base = int(linear_terms[rows.BASE, i])
+            scratch[x, base] -= scratch[coupling, i] * scratch[x, i]
+            if _LINKS:
+                j = int(linear_terms[rows.NEXT_ENTRY, i])
+                while j > 0:
+                    base = int(linear_terms[rows.BASE, j])
+                    scratch[x, base] -= scratch[coupling, j] * scratch[x, i]
+                    j = int(linear_terms[rows.NEXT_ENTRY, j])
+        scratch[x, 0] *= scratch[pivot, 0]
+        for i in range(1, last + 1):
+            base = int(linear_terms[rows.BASE, i])
+            value = scratch[x, i] * scratch[pivot, i] - scratch[coupling, i] * scratch[x, base]
+            if _LINKS:
+                j = int(linear_terms[rows.NEXT_ENTRY, i])
+                while j > 0:
+                    value -= scratch[coupling, j] * scratch[x, int(linear_terms[rows.BASE, j])]
+                    j = int(linear_terms[rows.NEXT_ENTRY, j])
+            scratch[x, i] = value
+        tie(linear_terms, scratch, x)
+        return
     # Forward substitution with L
     partial = scratch[x, 0]
     for i in range(1, n):
@@ -169,7 +248,7 @@ def _store_woodbury(factors, modal, scale, n):
     """Store the terms of the Woodbury formula for s = `scale`: from row `store` on T^-1 W^T, one
     row per mode, then the matrix in brackets.
     """
-    scratch, _, _, store = factors
+    scratch, _, _, store, _ = factors
     modes = modal.shape[0]
     inverse_row = store + modes
     for j in range(modes):
@@ -256,7 +335,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
         Number of floors.
     """
     by_m, by_c, by_k = combination
-    scratch, diagonal, coupling, _ = factors
+    scratch, diagonal, coupling, _, _ = factors
     for i in range(n):
         # `story` is the contribution of story `i` to the floors above and below it.
         story = (
@@ -268,6 +347,14 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
         )
         scratch[coupling, i] = -linear_terms[rows.LINK, i] * story
     # Add the story above to the diagonal entry of each floor; its coupling is the negative value.
+    if _TREE and is_tree(linear_terms):
+        for i in range(1, n):
+            scratch[diagonal, int(linear_terms[rows.BASE, i])] -= scratch[coupling, i]
+        if _LINKS:
+            for i in range(count_masses(linear_terms), n):
+                scratch[diagonal, int(linear_terms[rows.UPPER_FLOOR, i])] += scratch[diagonal, i]
+                _add_to_entry(linear_terms, scratch, coupling, i)
+        return
     for i in range(n - 1):
         scratch[diagonal, i] -= scratch[coupling, i + 1]
 
@@ -330,7 +417,7 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     n : int
         Number of floors.
     """
-    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`.
+    scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`.
     for i in range(n):
         mass = linear_terms[rows.MASS, i]
         floor = linear_terms[rows.FLOOR_DAMPER, i]
@@ -361,10 +448,22 @@ def link_blocks(linear_terms, factors, n):
     n : int
         Number of floors.
     """
-    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`.
+    scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`.
     for i in range(n):
         for entry in range(4):
             scratch[coupling + entry, i] *= linear_terms[rows.LINK, i]
+    if _TREE and is_tree(linear_terms):
+        for i in range(1, n):
+            base = int(linear_terms[rows.BASE, i])
+            for entry in range(4):
+                scratch[blocks + entry, base] += scratch[coupling + entry, i]
+        if _LINKS:
+            for i in range(count_masses(linear_terms), n):
+                floor = int(linear_terms[rows.UPPER_FLOOR, i])
+                for entry in range(4):
+                    scratch[blocks + entry, floor] += scratch[blocks + entry, i]
+                    _add_to_entry(linear_terms, scratch, coupling + entry, i)
+        return
     for i in range(n - 1):
         for entry in range(4):
             scratch[blocks + entry, i] += scratch[coupling + entry, i + 1]
@@ -409,10 +508,15 @@ def factor_blocks(factors, damping, n):
     n : int
         Number of floors.
     """
-    if _MODAL and _is_full(damping.modal, n):
+    if _MODAL and _is_full(factors.linear_terms, damping.modal, n):
         _factor_full(factors, damping, n)
         return
-    scratch, blocks, coupling, _ = factors  # `blocks` is the number of row `pivot`
+    if _TREE and is_tree(factors.linear_terms):
+        _factor_tree_blocks(factors, n)
+        if _MODAL:
+            _store_blocks_woodbury(factors, damping, n)
+        return
+    scratch, blocks, coupling, _, _ = factors  # `blocks` is the number of row `pivot`
     # The second half of the coupling rows is for the products A_i B_(i+1).
     upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
@@ -462,15 +566,90 @@ def factor_blocks(factors, damping, n):
 
 
 @inline
-def _is_full(modal, n):
+def _block(scratch, row, i):
+    """Return the 2 x 2 block in column `i`, row by row."""
+    return scratch[row, i], scratch[row + 1, i], scratch[row + 2, i], scratch[row + 3, i]
+
+
+@inline
+def _product(a, b):
+    """Return the product of two 2 x 2 blocks."""
+    return (
+        a[0] * b[0] + a[1] * b[2],
+        a[0] * b[1] + a[1] * b[3],
+        a[2] * b[0] + a[3] * b[2],
+        a[2] * b[1] + a[3] * b[3],
+    )
+
+
+@inline
+def _change_block(scratch, row, i, keep, factor, block):
+    """Replace the 2 x 2 block in column `i` by `keep` times this block plus `factor` times another
+    block."""
+    for entry in range(4):
+        scratch[row + entry, i] = keep * scratch[row + entry, i] + factor * block[entry]
+
+
+@outlined
+def _factor_tree_blocks(factors, n):
+    """Factorize the matrix of `factor_blocks` for a tree with links, from its tips on.
+
+    With A_i = D_i^-1, the elimination of floor i with the entries -U in its equation and -L in the
+    equation of a lower floor reduces D of this floor by L A_i U. For another lower floor with L'
+    and U', the entries of both floors receive L A_i U' and L' A_i U. The rows of an entry receive
+    L A_i (forward substitution) and A_i U (backward substitution). L and U are equal before the
+    elimination.
+    """
+    scratch, blocks, coupling, _, linear_terms = factors
+    upper = coupling + COUPLING_ROWS // 2
+    if _LINKS:
+        for i in range(1, n):
+            _change_block(scratch, upper, i, 0.0, 1.0, _block(scratch, coupling, i))
+    for i in range(count_masses(linear_terms) - 1, -1, -1):
+        p, q, r, s = _block(scratch, blocks, i)
+        determinant = 1.0 / (p * s - q * r)
+        inverse = s * determinant, -q * determinant, -r * determinant, p * determinant
+        _change_block(scratch, blocks, i, 0.0, 1.0, inverse)
+        j = i  # column of the entry; 0 after the last lower floor
+        while j > 0:
+            base = int(linear_terms[rows.BASE, j])
+            lower_entry = _block(scratch, coupling, j)
+            upper_entry = lower_entry
+            if _LINKS:
+                upper_entry = _block(scratch, upper, j)
+            by_upper = _product(inverse, upper_entry)
+            _change_block(scratch, upper, j, 0.0, 1.0, by_upper)
+            _change_block(scratch, coupling, j, 0.0, 1.0, _product(lower_entry, inverse))
+            _change_block(scratch, blocks, base, 1.0, -1.0, _product(lower_entry, by_upper))
+            if not _LINKS:
+                break
+            k = i
+            while k != j:  # the pairs of this floor and the earlier floors of the list
+                other = int(linear_terms[rows.BASE, k])
+                column = _entry_between(linear_terms, base, other)
+                in_base = _product(lower_entry, _block(scratch, upper, k))
+                in_other = _product(_block(scratch, coupling, k), upper_entry)
+                if base > other:
+                    in_base, in_other = in_other, in_base
+                _change_block(scratch, coupling, column, 1.0, 1.0, in_base)
+                _change_block(scratch, upper, column, 1.0, 1.0, in_other)
+                k = int(linear_terms[rows.NEXT_ENTRY, k])
+            j = int(linear_terms[rows.NEXT_ENTRY, j])
+
+
+@inline
+def _is_full(linear_terms, modal, n):
     """Return True if a matrix with two unknowns per floor is factorized as a full matrix.
 
     The full matrix of a building with n floors needs 4 n scratch rows, but for m damped modes only
     6 m + 1 rows are reserved (for the Woodbury formula). It can therefore be used if m is at least
     2 n / 3. For each such m it also needs fewer operations: about (2 n)^3 / 3 for the
     factorization, compared with about (2 m)^3 + 4 m^2 n + 32 m n for the terms of the Woodbury
-    formula, which is at least 4 n^3.
+    formula, which is at least 4 n^3. It is not used for trees, whose floors are not in the order of
+    their neighbors.
     """
+    if _TREE and is_tree(linear_terms):
+        return False
     return 3 * modal.shape[0] >= 2 * n
 
 
@@ -485,7 +664,7 @@ def _factor_full(factors, damping, n):
     If a pivot were singular, the solution would be infinite or nan, and the step would report a
     failure.
     """
-    scratch, blocks, coupling, xx = factors
+    scratch, blocks, coupling, xx, _ = factors
     modal = damping.modal
     xy, yx, yy = xx + n, xx + 2 * n, xx + 3 * n
     for i in range(n):
@@ -581,8 +760,35 @@ def solve_blocks(factors, x, y, n):
     n : int
         Number of floors.
     """
-    scratch, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _, linear_terms = factors
     upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
+    if _TREE and is_tree(linear_terms):
+        last = count_masses(linear_terms) - 1
+        for i in range(last, 0, -1):
+            x0, y0, j = scratch[x, i], scratch[y, i], i
+            while j > 0:
+                base = int(linear_terms[rows.BASE, j])
+                scratch[x, base] += scratch[coupling, j] * x0 + scratch[coupling + 1, j] * y0
+                scratch[y, base] += scratch[coupling + 2, j] * x0 + scratch[coupling + 3, j] * y0
+                if not _LINKS:
+                    break
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
+        for i in range(last + 1):
+            x0, y0, j = scratch[x, i], scratch[y, i], i
+            x1 = scratch[blocks, i] * x0 + scratch[blocks + 1, i] * y0
+            y1 = scratch[blocks + 2, i] * x0 + scratch[blocks + 3, i] * y0
+            while j > 0:
+                base = int(linear_terms[rows.BASE, j])
+                p, q = scratch[x, base], scratch[y, base]
+                x1 += scratch[upper, j] * p + scratch[upper + 1, j] * q
+                y1 += scratch[upper + 2, j] * p + scratch[upper + 3, j] * q
+                if not _LINKS:
+                    break
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
+            scratch[x, i], scratch[y, i] = x1, y1
+        tie(linear_terms, scratch, x)
+        tie(linear_terms, scratch, y)
+        return
     # Forward substitution: (x0, y0) is f of the floor below.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
@@ -648,8 +854,13 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         Modal part of l C. With l = re + i im, the coefficients of the real part x and of the
         imaginary part y of an unknown are xx = re, xy = -im, yx = im and yy = re.
     """
+    if _TREE and is_tree(linear_terms):
+        _factor_tree_pairs(linear_terms, law_state, root, factors, n)
+        if _MODAL:
+            _store_pairs_woodbury(factors, damping, n)
+        return
     re, im = root
-    scratch, pivot, coupling, _ = factors
+    scratch, pivot, coupling, _, _ = factors
     # l^2, and the contribution l C + l^2 K of the first story
     square_re = re * re - im * im
     square_im = 2.0 * re * im
@@ -696,6 +907,67 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         _store_pairs_woodbury(factors, damping, n)
 
 
+@outlined
+def _factor_tree_pairs(linear_terms, law_state, root, factors, n):
+    """Factorize the matrix of `factor_pairs` for a tree with links, from its tips on."""
+    re, im = root
+    scratch, pivot, coupling, _, _ = factors
+    square_re = re * re - im * im
+    square_im = 2.0 * re * im
+    for i in range(n):
+        scratch[pivot, i] = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i]
+        scratch[pivot + 1, i] = im * linear_terms[rows.FLOOR_DAMPER, i]
+        scratch[coupling, i] = scratch[coupling + 1, i] = 0.0
+    # The columns of links come first: their contributions are complete before the elimination.
+    for i in range(n - 1, -1, -1):
+        spring = law_state[rows.SLOPE, i] + linear_terms[rows.GEOMETRIC, i]
+        damper = linear_terms[rows.STORY_DAMPER, i]
+        story_re = re * damper + square_re * spring
+        story_im = im * damper + square_im * spring
+        floor = entry = i
+        if _LINKS:
+            floor, entry = int(linear_terms[rows.UPPER_FLOOR, i]), int(linear_terms[rows.ENTRY, i])
+        scratch[pivot, floor] += story_re
+        scratch[pivot + 1, floor] += story_im
+        if linear_terms[rows.LINK, i] != 0.0:
+            base = int(linear_terms[rows.BASE, i])
+            scratch[pivot, base] += story_re
+            scratch[pivot + 1, base] += story_im
+            scratch[coupling, entry] -= story_re
+            scratch[coupling + 1, entry] -= story_im
+        if floor == i:
+            # All springs at floor `i` have been added to its pivot.
+            _eliminate_pairs(linear_terms, scratch, pivot, coupling, i)
+
+
+@inline
+def _eliminate_pairs(linear_terms, scratch, pivot, coupling, i):
+    """Invert the complex pivot of floor `i` and eliminate it from the equations of lower floors."""
+    p, q = scratch[pivot, i], scratch[pivot + 1, i]
+    squared = 1.0 / (p * p + q * q)
+    inverse_re, inverse_im = p * squared, -q * squared
+    scratch[pivot, i], scratch[pivot + 1, i] = inverse_re, inverse_im
+    j = i  # column of the entry; 0 after the last lower floor
+    while j > 0:
+        base = int(linear_terms[rows.BASE, j])
+        b_re, b_im = scratch[coupling, j], scratch[coupling + 1, j]
+        by_re = b_re * inverse_re - b_im * inverse_im
+        by_im = b_re * inverse_im + b_im * inverse_re
+        scratch[coupling, j], scratch[coupling + 1, j] = by_re, by_im
+        scratch[pivot, base] -= by_re * b_re - by_im * b_im
+        scratch[pivot + 1, base] -= by_re * b_im + by_im * b_re
+        if not _LINKS:
+            break
+        k = i
+        while k != j:  # the pairs of this floor and the earlier floors of the list
+            column = _entry_between(linear_terms, base, int(linear_terms[rows.BASE, k]))
+            k_re, k_im = scratch[coupling, k], scratch[coupling + 1, k]
+            scratch[coupling, column] -= b_re * k_re - b_im * k_im
+            scratch[coupling + 1, column] -= b_re * k_im + b_im * k_re
+            k = int(linear_terms[rows.NEXT_ENTRY, k])
+        j = int(linear_terms[rows.NEXT_ENTRY, j])
+
+
 @inline
 def solve_pairs(factors, x, y, n):
     """Solve a complex tridiagonal system with the factorization of `factor_pairs`, without modal
@@ -706,7 +978,36 @@ def solve_pairs(factors, x, y, n):
     substitution computes f_i = b_i - m_i f_(i-1), and backward substitution z_i = g_i f_i - m_(i+1)
     z_(i+1).
     """
-    scratch, pivot, coupling, _ = factors
+    scratch, pivot, coupling, _, linear_terms = factors
+    if _TREE and is_tree(linear_terms):
+        last = count_masses(linear_terms) - 1
+        for i in range(last, 0, -1):
+            x0, y0, j = scratch[x, i], scratch[y, i], i
+            while j > 0:
+                base = int(linear_terms[rows.BASE, j])
+                by_re, by_im = scratch[coupling, j], scratch[coupling + 1, j]
+                scratch[x, base] -= by_re * x0 - by_im * y0
+                scratch[y, base] -= by_re * y0 + by_im * x0
+                if not _LINKS:
+                    break
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
+        for i in range(last + 1):
+            re, im = scratch[pivot, i], scratch[pivot + 1, i]
+            x0, y0, j = scratch[x, i], scratch[y, i], i
+            x1, y1 = re * x0 - im * y0, re * y0 + im * x0
+            while j > 0:
+                base = int(linear_terms[rows.BASE, j])
+                by_re, by_im = scratch[coupling, j], scratch[coupling + 1, j]
+                p, q = scratch[x, base], scratch[y, base]
+                x1 -= by_re * p - by_im * q
+                y1 -= by_re * q + by_im * p
+                if not _LINKS:
+                    break
+                j = int(linear_terms[rows.NEXT_ENTRY, j])
+            scratch[x, i], scratch[y, i] = x1, y1
+        tie(linear_terms, scratch, x)
+        tie(linear_terms, scratch, y)
+        return
     # (x0, y0) is the value of the floor below.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
@@ -765,7 +1066,7 @@ def _woodbury_storing_function(solve_undamped):
                         and in row 2 j + 1 for y
             2 m rows    the inverse of the small matrix I + D U T^-1 U^T
         """
-        scratch, _, _, store = factors
+        scratch, _, _, store, _ = factors
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
         inverse_row = store + 4 * modes
@@ -805,7 +1106,7 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
     """Correct a solution without modal damping by the Woodbury formula (`store_woodbury`), for
     pairs of unknowns (x, y) per floor.
     """
-    scratch, _, _, store = factors
+    scratch, _, _, store, _ = factors
     modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
     inverse_row = store + 4 * modes
@@ -845,7 +1146,7 @@ def solve_blocks_damped(factors, damping, x, y, n):
     n : int
         Number of floors.
     """
-    if _MODAL and _is_full(damping.modal, n):
+    if _MODAL and _is_full(factors.linear_terms, damping.modal, n):
         _solve_full(factors.table, factors.store, x, y, n)
     else:
         solve_blocks(factors, x, y, n)

@@ -43,6 +43,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.iteration import must_halve
+from tdint.kernels.linear_terms import above, tie
 from tdint.kernels.stories.path import (
     MEAN,
     MEAN_BY_BEND,
@@ -370,7 +371,8 @@ def add_reported_accelerations(linear_terms, state, scratch, row):
     n = linear_terms.shape[1] - 1
     for i in range(n):
         difference = state[rows.BRACE_FORCE, i] - state[rows.BRACE_REPORTED, i]
-        difference -= linear_terms[rows.LINK, i + 1] * (
-            state[rows.BRACE_FORCE, i + 1] - state[rows.BRACE_REPORTED, i + 1]
+        difference -= above(linear_terms, state, rows.BRACE_FORCE, i) - above(
+            linear_terms, state, rows.BRACE_REPORTED, i
         )
         scratch[row, i] += linear_terms[rows.INVERSE_MASS, i] * difference
+    tie(linear_terms, scratch, row)

@@ -18,6 +18,7 @@ from tdint.kernels.laws.selection import (
     HAS_ELEMENTS,
     select_function,
 )
+from tdint.kernels.linear_terms import below
 
 NONE = 2.0
 """Fraction of the step that represents "no change of branch"; any value above 1."""
@@ -266,6 +267,9 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
+        v_below = below(linear_terms, state, rows.VELOCITY, i, v_below)
+        u1_below = below(linear_terms, scratch, u1, i, u1_below)
+        v1_below = below(linear_terms, scratch, v1, i, v1_below)
         d0 = law_state[rows.DRIFT, i]
         w0 = h * (state[rows.VELOCITY, i] - link * v_below)
         d3 = scratch[u1, i] - link * u1_below

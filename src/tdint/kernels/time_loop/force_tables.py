@@ -21,8 +21,11 @@ from tdint.kernels.linear_terms import (
     MODAL,
     TANGENT_DAMPING,
     add_modal_force,
+    base_of,
+    below_next,
     force_value,
     power_damper,
+    tie,
 )
 from tdint.kernels.peaks_between_steps import raise_peak
 from tdint.kernels.peaks_in_parts import raise_peaks_in_part
@@ -350,6 +353,7 @@ def _bound_deviations(scene, h, state, observer_state):
         bound = h / 3.0 * observer_state[rows.DEVIATION_BOUND, i]
         observer_state[rows.VELOCITY_BOUND, i] = bound
         observer_state[rows.MODAL_DEVIATION, i] = 0.0
+    tie(linear_terms, observer_state, rows.VELOCITY_BOUND)
     if MODAL:
         for j in range(modal.shape[0]):
             amplitude = 0.0
@@ -360,7 +364,9 @@ def _bound_deviations(scene, h, state, observer_state):
     story_above = floors = 0.0  # bounds of the sums in `raise_peaks_in_part`, N
     for i in range(n - 1, -1, -1):
         link, link_above = linear_terms[rows.LINK, i], linear_terms[rows.LINK, i + 1]
-        below = max(i - 1, 0)
+        below = base_of(linear_terms, i)
+        if below_next(linear_terms, i) != i:
+            link_above = 0.0
         velocity = observer_state[rows.VELOCITY_BOUND, i]
         rate = velocity + link * observer_state[rows.VELOCITY_BOUND, below]
         coefficient = linear_terms[rows.STORY_DAMPER, i]
@@ -420,9 +426,10 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
     linear_terms, _, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
     ground = load[rows.GROUND_0]
-    below = 0.0  # of the floor below
+    tie(linear_terms, observer_state, rows.ACCELERATION_JUMP)
     for i in range(linear_terms.shape[1] - 1):
         jump = observer_state[rows.ACCELERATION_JUMP, i]
+        below = observer_state[rows.ACCELERATION_JUMP, base_of(linear_terms, i)]
         for row in range(shifts.shape[0]):
             state[row, i] += shifts[row] * jump
         a = observer_state[rows.A_PREVIOUS, i] + jump
@@ -444,7 +451,6 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
             * observer_state[rows.DASHPOT_FACTOR, i]
             * (jump - linear_terms[rows.LINK, i] * below)
         )
-        below = jump
     # START_FORCE contains the tables only. The harmonic forces are first.
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] > 0.0:

@@ -24,13 +24,21 @@ from tdint.kernels.linear_terms import (
     BRACES,
     DASHPOTS,
     FORCES,
+    LINKS,
     MODAL,
     TANGENT_DAMPING,
+    TREE,
+    above,
     add_modal_force,
+    base_of,
+    below,
     force_rate,
     force_value,
+    is_tree,
     observed_power_damper,
     power_damper,
+    tie,
+    upper_of,
 )
 from tdint.kernels.located_peaks import call_update_located_peaks
 from tdint.kernels.peaks_between_steps import (
@@ -169,12 +177,24 @@ def observe(scene, span, slope, memory, seen):
     # + h^2 A / 20.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
     excess = 0.05 * span.h * span.h  # h^2 / 20, s^2
+    if TREE and is_tree(linear_terms):
+        _clear_tree_sums(observer_state, n)
     for i in range(n - 1, -1, -1):
-        above, below = min(i + 1, n - 1), max(i - 1, 0)
-        v_below = state[rows.VELOCITY, below]
-        u_0_below = observer_state[rows.U_PREVIOUS, below]
-        v_0_below = observer_state[rows.V_PREVIOUS, below]
-        a_0_below = observer_state[rows.A_PREVIOUS, below]
+        next_story, base = min(i + 1, n - 1), base_of(linear_terms, i)
+        if TREE and is_tree(linear_terms):
+            v = state[rows.VELOCITY, i]
+            u_0 = observer_state[rows.U_PREVIOUS, i]
+            v_0 = observer_state[rows.V_PREVIOUS, i]
+            a_0 = observer_state[rows.A_PREVIOUS, i]
+            story_force_above = observer_state[rows.FORCE_ON, i]
+            floor_damping_above = observer_state[rows.DAMPING_ON, i]
+            inertia_above = observer_state[rows.INERTIA_ON, i]
+            bulge_above = observer_state[rows.BULGE_ON, i]
+            story_factor_above = observer_state[rows.FACTOR_ON, i]
+        v_below = state[rows.VELOCITY, base]
+        u_0_below = observer_state[rows.U_PREVIOUS, base]
+        v_0_below = observer_state[rows.V_PREVIOUS, base]
+        a_0_below = observer_state[rows.A_PREVIOUS, base]
         link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
         drift = law_state[rows.DRIFT, i]
@@ -196,24 +216,34 @@ def observe(scene, span, slope, memory, seen):
             )
             - ground
         )
+        if LINKS and upper_of(linear_terms, i) != i:
+            a = 0.0  # the floor at which the link ends accelerates, not its column
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
         floor_damping_above += floor_damping
         if MODAL:
             floor_damping_above += observer_state[rows.MODAL_FORCE, i]
         total_shear = story_force + floor_damping_above
+        if LINKS and is_tree(linear_terms):
+            # Links carry a part of the shear: sum of load minus inertia instead of forces
+            floor_damping_above = observer_state[rows.DAMPING_ON, i] - mass * (a + ground)
+            floor_damping_above += (
+                observer_state[rows.FLOOR_FORCE, i] + observer_state[rows.MODAL_FORCE, i]
+            )
+            total_shear = floor_damping_above
         observer_state[rows.TOTAL_SHEAR, i] = total_shear
         # The bounds of the story above were prepared by the previous pass; for the uppermost floor,
         # they are zero and exceed no peak. The last two fields of `Ends` (values one step earlier)
         # are not used by the bounds, so any values are allowed.
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
-        may_exceed |= may_exceed_story_peaks(
-            reach_above,
-            excess * abs(a_above - link_above * a),
-            law_parameters[rows.STIFFNESS, above],
-            peaks,
-            above,
-        )
+        if not (TREE and is_tree(linear_terms)):
+            may_exceed |= may_exceed_story_peaks(
+                reach_above,
+                excess * abs(a_above - link_above * a),
+                law_parameters[rows.STIFFNESS, next_story],
+                peaks,
+                next_story,
+            )
         # The first zero replaces the drift acceleration at the end, which the next pass computes.
         story_ends = Ends(
             u_0 - link * u_0_below,
@@ -266,6 +296,8 @@ def observe(scene, span, slope, memory, seen):
             observer_state[rows.VISCOUS_FACTOR, i] = (
                 floor_damping + story_damping - story_factor_above
             )
+            if LINKS and upper_of(linear_terms, i) != i:
+                observer_state[rows.VISCOUS_FACTOR, i] = 0.0
         # An equal change of all floor accelerations only changes the drift acceleration of stories
         # on the ground.
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
@@ -274,11 +306,27 @@ def observe(scene, span, slope, memory, seen):
         inertia_above *= link
         bulge_above *= link
         story_factor_above = link * story_damping
+        if LINKS and upper_of(linear_terms, i) != i:
+            floor = upper_of(linear_terms, i)
+            observer_state[rows.FORCE_ON, floor] -= story_force
+            observer_state[rows.FACTOR_ON, floor] -= story_damping
+        if TREE and is_tree(linear_terms) and base != i:
+            observer_state[rows.FORCE_ON, base] += story_force_above
+            observer_state[rows.DAMPING_ON, base] += floor_damping_above
+            observer_state[rows.INERTIA_ON, base] += inertia_above
+            observer_state[rows.BULGE_ON, base] += bulge_above
+            observer_state[rows.FACTOR_ON, base] += story_factor_above
         v = v_below
         u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
     # The drift acceleration of the lowest story is the acceleration of floor 1.
     stiffness = law_parameters[rows.STIFFNESS, 0]
-    may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
+    if TREE and is_tree(linear_terms):
+        tie(linear_terms, observer_state, rows.OBSERVED_ACCELERATION)
+        may_exceed |= _may_exceed_tree_peaks(scene, span, memory, seen)
+    else:
+        may_exceed |= may_exceed_story_peaks(
+            reach_above, excess * abs(a_above), stiffness, peaks, 0
+        )
     sums = _FloorSums(
         momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
     )
@@ -291,6 +339,51 @@ def observe(scene, span, slope, memory, seen):
         _observe_braces(linear_terms, state, seen)
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
+    return may_exceed
+
+
+@outlined
+def _clear_tree_sums(observer_state, n):
+    """Set the sums over the stories on each floor to zero (row FORCE_ON and the following rows)."""
+    for row in range(rows.FORCE_ON, rows.OBSERVER_ROWS):
+        for i in range(n):
+            observer_state[row, i] = 0.0
+
+
+@outlined
+def _may_exceed_tree_peaks(scene, span, memory, seen):
+    """Return True if the drift or the shear of a story can exceed its peak in the step.
+
+    The accelerations of all floors at the end of the step are known, so that no story has to wait
+    for those of its lower floor as in the loop of `observe`.
+    """
+    linear_terms, _, law_parameters, _, _ = scene
+    state, law_state = memory.state, memory.law_state
+    observer_state, peaks, _, _, _ = seen
+    may_exceed = False
+    for i in range(linear_terms.shape[1] - 1):
+        link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
+        a = observer_state[rows.OBSERVED_ACCELERATION, i]
+        a -= link * observer_state[rows.OBSERVED_ACCELERATION, base]
+        ends = Ends(
+            observer_state[rows.U_PREVIOUS, i] - link * observer_state[rows.U_PREVIOUS, base],
+            observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, base],
+            observer_state[rows.A_PREVIOUS, i] - link * observer_state[rows.A_PREVIOUS, base],
+            law_state[rows.DRIFT, i],
+            state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base],
+            0.0,
+            0.0,
+            0.0,
+        )
+        stiffness = limit_stiffness(linear_terms, law_parameters, i)
+        reach = story_reach(span, ends, law_state[rows.FORCE, i], stiffness)
+        may_exceed |= may_exceed_story_peaks(
+            reach,
+            0.05 * span.h * span.h * abs(a),
+            law_parameters[rows.STIFFNESS, i],
+            peaks,
+            i,
+        )
     return may_exceed
 
 
@@ -308,15 +401,15 @@ def _observe_elements(span, scene, memory, seen):
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
         if law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-            link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
-            v_0 = observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, below]
-            v_1 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
+            link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
+            v_0 = observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, base]
+            v_1 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base]
             reach = 0.0
             if span.on_path or v_0 * v_1 < 0.0:
                 a_0 = observer_state[rows.A_PREVIOUS, i]
-                a_0 -= link * observer_state[rows.A_PREVIOUS, below]
+                a_0 -= link * observer_state[rows.A_PREVIOUS, base]
                 a_1 = observer_state[rows.OBSERVED_ACCELERATION, i]
-                a_1 -= link * observer_state[rows.OBSERVED_ACCELERATION, below]
+                a_1 -= link * observer_state[rows.OBSERVED_ACCELERATION, base]
                 reach = span.h * max(abs(v_0), abs(v_1))
                 reach += 0.05 * span.h * span.h * (abs(a_0) + abs(a_1))
             for element in range(
@@ -397,6 +490,12 @@ def _observe_dashpots(span, linear_terms, state, seen):
         v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
         u, u_0 = state[rows.DISPLACEMENT, i], observer_state[rows.U_PREVIOUS, i]
         v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
+        u_below = below(linear_terms, state, rows.DISPLACEMENT, i, u_below)
+        v_below = below(linear_terms, state, rows.VELOCITY, i, v_below)
+        a_below = below(linear_terms, observer_state, rows.OBSERVED_ACCELERATION, i, a_below)
+        u_0_below = below(linear_terms, observer_state, rows.U_PREVIOUS, i, u_0_below)
+        v_0_below = below(linear_terms, observer_state, rows.V_PREVIOUS, i, v_0_below)
+        a_0_below = below(linear_terms, observer_state, rows.A_PREVIOUS, i, a_0_below)
         rate = v - link * v_below
         drift_acceleration = a - link * a_below
         ends = Ends(
@@ -411,7 +510,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
         )
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
         bound = observer_state[rows.VELOCITY_BOUND, i]
-        bound += link * observer_state[rows.VELOCITY_BOUND, max(i - 1, 0)]
+        bound += link * observer_state[rows.VELOCITY_BOUND, base_of(linear_terms, i)]
         reach = velocity_reach(h, by_h, ends) + bound
         may_exceed |= (bound > 0.0) & (reach > peaks[rows.PEAK_DRIFT_RATE, i])
         # The accelerations have peaks before the rest of a dashpot with an exponent below 1.
@@ -449,8 +548,8 @@ def _store_brace_forces(scene, state, observer_state):
     has_other_forces = forces.shape[0] + modal.shape[0] > 0
     for i in range(linear_terms.shape[1] - 1):
         force = state[rows.BRACE_REPORTED, i] + state[rows.DAMPING_FORCE, i]
-        force -= linear_terms[rows.LINK, i + 1] * (
-            state[rows.BRACE_REPORTED, i + 1] + state[rows.DAMPING_FORCE, i + 1]
+        force -= above(linear_terms, state, rows.BRACE_REPORTED, i) + above(
+            linear_terms, state, rows.DAMPING_FORCE, i
         )
         if not has_other_forces:
             observer_state[rows.FLOOR_FORCE, i] = observer_state[rows.MODAL_FORCE, i] = 0.0
@@ -867,12 +966,13 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
     )
 
 
-@kernel(INITIALIZE_LAWS, parts=("laws", "elements"))
+@kernel(INITIALIZE_LAWS, parts=("laws", "elements", "tree", "links"))
 def initialize_laws(linear_terms, law_parameters, state, law_state):
     """Move the hysteretic laws of all stories from zero drift to their initial drifts; return 0."""
     displacement_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
+        displacement_below = below(linear_terms, state, rows.DISPLACEMENT, i, displacement_below)
         drift = state[rows.DISPLACEMENT, i] - link * displacement_below
         start(law_parameters, law_state, i, drift)
         displacement_below = state[rows.DISPLACEMENT, i]

@@ -31,6 +31,7 @@ from tdint.ground_motion.choice import (
     parse_pad,
     parse_trim,
 )
+from tdint.model.config.devices import ATTACHMENTS, LINKS, read_devices
 from tdint.model.config.sections import (
     DAMPING,
     UNITS,
@@ -385,6 +386,7 @@ def model_keys() -> Keys:
     return Keys(
         tuple(replace(key, type=types.get(key.name, key.type)) for key in _MODEL.declared),
         _MODEL.one_of,
+        other_names=_MODEL.other_names,
     )
 
 
@@ -394,6 +396,8 @@ _MODEL = Keys(
         Key("units", UNITS, "units of the numbers in this file; default: SI"),
         Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
         Key("building", Keys(()), "properties from which rules derive the stories"),
+        Key("attachments", ATTACHMENTS, "masses on floors: absorbers, tanks, equipment"),
+        Key("links", LINKS, "springs and dashpots between any two floors, or to the ground"),
         Key(
             "damping",
             DAMPING,
@@ -431,6 +435,10 @@ _MODEL = Keys(
         ),
     ),
     one_of=(("stories", "building"),),
+    other_names=(
+        *((name, "attachments") for name in ("absorbers", "absorber", "tmd", "tmds", "equipment")),
+        *((name, "links") for name in ("link", "dampers", "dashpots", "braces", "springs")),
+    ),
 )
 _DEFAULT_COLLAPSE_DRIFT = 0.10
 """Drift ratio. Codes and incremental dynamic analyses use it as collapse criterion of frames."""
@@ -511,6 +519,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
+    attachments, links = read_devices(section, unit, count)
 
     output_units, page_units = _read_output_units(section.get("output_units"), unit)
     # The keys of `_ANALYSIS` have the order of the attributes of `Analysis`.
@@ -533,6 +542,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         plausibility_off=section.read("plausibility") or "",
         weight_factor=_weight_factor(section, unit) if stories else 1.0,
         force_unit=unit.named.force,
+        attachments=attachments,
+        links=links,
     )
     # Standard input can be read only one time: it cannot contain both the model and the record.
     record = model.excitation.record

@@ -459,6 +459,7 @@ _DASHPOT = Keys(
         *_INCLINATION,
     )
 )
+DASHPOT = Either((NOT_NEGATIVE, _DASHPOT))
 _STORY = Keys(
     (
         Key("mass", POSITIVE, "mass of the floor above"),
@@ -470,7 +471,7 @@ _STORY = Keys(
         Key("elements", ELEMENTS, "springs in parallel, instead of `stiffness` and `law`"),
         Key(
             "dashpot",
-            Either((NOT_NEGATIVE, _DASHPOT)),
+            DASHPOT,
             "viscous damper between the floors: force over velocity",
         ),
         Key(
@@ -545,27 +546,11 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     else:
         height_entry = section.get("height")
     height = height_entry.number(scale=unit.length) if height_entry else None
-    law_entry, elements_entry = section.get("law"), section.get("elements")
-    elements: tuple[Element, ...] = ()
-    if elements_entry:
-        for name in ("law", "stiffness", "period"):
-            if section.has(name):
-                section.value.fault(
-                    f"give either `{name}` or `elements`, not both; move the {name} into an element"
-                )
-        elements = _read_elements(elements_entry, unit, height)
-        law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
-    else:
-        law, stiffness_of_law = read_law(law_entry, unit)
-    dashpot, power_dashpot, damper_factor = _read_dashpot(section.get("dashpot"), unit)
-    mass = _read_mass(section, unit)
-    if elements_entry:
-        stiffness = sum(element.stiffness for element in elements) if elements else math.nan
-        if len(elements) == 1:  # a story with a single element is a story with a law
-            law, elements = elements[0].law, ()
-    else:
-        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
-
+    dashpot, power_dashpot, damper_factor = read_dashpot(section.get("dashpot"), unit)
+    mass = read_mass(section, unit)
+    stiffness, law, elements = read_spring(
+        section, unit, section.get("elements"), mass=mass, height=height
+    )
     # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
     # does not apply to an isolator unless the value is `rayleigh`.
     isolator_entry = section.get("isolator")
@@ -588,6 +573,37 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         story_p_delta,
     )
 
+    return story, section.read("repeat", 1)
+
+
+def read_spring(
+    section: Section,
+    unit: ModelUnits,
+    elements_entry: Value | None = None,
+    *,
+    mass: float = math.nan,
+    height: float | None = None,
+) -> tuple[float, Law, tuple[Element, ...]]:
+    """Return initial stiffness (N/m), law and elements of a spring; nan after an error."""
+    law_entry = section.get("law")
+    elements: tuple[Element, ...] = ()
+    if elements_entry:
+        for name in ("law", "stiffness", "period"):
+            if section.has(name):
+                section.value.fault(
+                    f"give either `{name}` or `elements`, not both; move the {name} into an element"
+                )
+        elements = _read_elements(elements_entry, unit, height)
+        law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
+    else:
+        law, stiffness_of_law = read_law(law_entry, unit)
+    if elements_entry:
+        stiffness = sum(element.stiffness for element in elements) if elements else math.nan
+        if len(elements) == 1:  # a story with a single element is a story with a law
+            law, elements = elements[0].law, ()
+    else:
+        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
+
     # Parameters and stiffness can be valid separately, but their combination invalid.
     is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
     if law_entry and is_known:
@@ -595,8 +611,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
             law_entry.fault(fault)
         elif law_entry.is_mapping:
             law = _read_fracture(law_entry, law, stiffness, unit, height)
-            story = replace(story, law=law)
-    return story, section.read("repeat", 1)
+    return stiffness, law, elements
 
 
 _FORBIDDEN_IN_NAMES = re.compile(r"[\[\],=\"']")
@@ -757,7 +772,7 @@ def _read_stiffness(
     return stiffness_of_law
 
 
-def _read_mass(section: Section, unit: ModelUnits) -> float:
+def read_mass(section: Section, unit: ModelUnits) -> float:
     """Return the mass of the floor, kg, from the key `mass` or `weight`."""
     if section.has("weight"):
         if section.has("mass"):
@@ -776,9 +791,7 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
     return section.number("mass", scale=unit.mass, default=math.nan)
 
 
-def _read_dashpot(
-    value: Value | None, unit: ModelUnits
-) -> tuple[float, PowerDashpot | None, float]:
+def read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None, float]:
     """Return the coefficient of a linear dashpot, N s/m, the power-law dashpot, and the cosine of
     the inclination.
 

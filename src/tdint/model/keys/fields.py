@@ -258,6 +258,8 @@ class Keys(Sequence[str]):
     make : callable, optional
         Converts the mapping. Receives the `Value` of the mapping and, as keyword arguments, the
         converted value of each declared key (None if it is missing).
+    other_names : tuple of (str, str)
+        Unknown names that users try, each with the key that is meant.
     """
 
     declared: tuple[Key, ...]
@@ -265,6 +267,7 @@ class Keys(Sequence[str]):
     alternative_groups: tuple[tuple[str, ...], ...] = ()
     description: str = ""
     make: Callable[..., Any] | None = None
+    other_names: tuple[tuple[str, str], ...] = ()
 
     def __getitem__(self, index: Any) -> Any:
         """Return the name at an index, or a tuple of the names of a slice."""
@@ -948,6 +951,8 @@ def _related_key(name: str, names: Collection[str]) -> str:
     # {height: 3,5} is a mapping with the keys `height` and `5`.
     if name.isdecimal():
         return "; a comma divides entries here: write a decimal point"
+    if isinstance(names, Keys) and (known := dict(names.other_names).get(name)):
+        return f"; did you mean `{known}`?"
     # The key may belong to an inner section, such as `record` to `excitation`. The keys of `units`
     # (length, force, mass) are not searched, because they are also quantities of other sections.
     if isinstance(names, Keys):

@@ -422,7 +422,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     # With dashpots or P-delta, the total shears are shown in addition to the restoring forces, with
     # dashpots also their forces.
     lines = []
-    if response.model.has_dashpots or response.model.p_delta:
+    if response.model.has_dashpots or response.model.has_p_delta:
         forces = response.model.forces_of_total_shear.replace(" and ", " and\n")
         lines.append((stories.peak_total_shear, DASHES[1], f"with {forces}"))
     if np.any(stories.peak_damper_force):

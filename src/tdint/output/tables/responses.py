@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from tdint.output.tables.devices import history_groups as device_groups
 from tdint.output.tables.table import (
     Cell,
     Column,
@@ -29,7 +30,7 @@ from tdint.response.runs.outcome import (
 from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
-    from tdint.response.runs.outcome import Response, StoryErrors, StoryPeaks
+    from tdint.response.runs.outcome import DeviceHistory, Response, StoryErrors, StoryPeaks
 
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
 STORY_COLUMNS = (
@@ -150,29 +151,47 @@ def response_table(response: Response) -> Table:
     return Table((SHOCK.name, *table.columns), rows, describe([SHOCK]) | table.meanings)
 
 
-def history_groups(
-    error: bool, has_elements: bool = False
-) -> tuple[tuple[str, tuple[Column, ...]], ...]:
-    """Return the columns of a response history in groups, as tuples of a name and the columns.
+def history_parts(
+    history: History,
+) -> tuple[int, bool, Sequence[str], DeviceHistory | None]:
+    """Return the arguments of `history_groups` and `history_columns` for a response history."""
+    stories = history.displacement.shape[1]
+    return stories, history.error is not None, history.element_labels, history.devices
 
-    A group with the name `floor`, `story` or `element` is repeated for each floor, story or element
-    of stories with several elements; a group with an empty name (time, ground, energies) is written
-    once. `error` adds the columns of the estimated errors.
+
+def history_groups(
+    stories: int,
+    error: bool,
+    elements: Sequence[str] = (),
+    devices: DeviceHistory | None = None,
+) -> tuple[tuple[Sequence[str], tuple[Column, ...]], ...]:
+    """Return the columns of a response history in groups: the names that precede the columns of a
+    group, and the columns, which are repeated for each name (floor, story, element of stories with
+    several elements, attachment, link).
+
+    The columns of time, ground and energies have an empty name. `error` adds the columns of the
+    estimated errors.
     """
-    elements = (("element", (ELEMENT_FORCE,)),) if has_elements else ()
-    errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
+    floors, story_names = (
+        tuple(f"{location}_{i}" for i in range(1, stories + 1)) for location in ("floor", "story")
+    )
+    errors = ((floors, HISTORY_FLOOR_ERROR), (story_names, HISTORY_STORY_ERROR)) if error else ()
     return (
-        ("", HISTORY_START),
-        ("floor", HISTORY_FLOOR),
-        ("story", HISTORY_STORY),
-        *elements,
-        ("", HISTORY_ENERGY),
+        (("",), HISTORY_START),
+        (floors, HISTORY_FLOOR),
+        (story_names, HISTORY_STORY),
+        *(((elements, (ELEMENT_FORCE,)),) if elements else ()),
+        *device_groups(devices),
+        (("",), HISTORY_ENERGY),
         *errors,
     )
 
 
 def history_columns(
-    stories: int, error: bool = False, elements: Sequence[str] = ()
+    stories: int,
+    error: bool = False,
+    elements: Sequence[str] = (),
+    devices: DeviceHistory | None = None,
 ) -> tuple[Column, ...]:
     """Return the columns of the CSV file of a response history, for example `floor_2_velocity_m_s`.
 
@@ -182,15 +201,15 @@ def history_columns(
         True to add the columns of the estimated errors at the end; false by default.
     elements : sequence of str
         Labels of the elements (`History.element_labels`).
+    devices : DeviceHistory, optional
+        Attachments and links of the history.
     """
-    result: list[Column] = []
-    for location, group in history_groups(error, bool(elements)):
-        prefixes = [f"{location}_{i}_" for i in range(1, stories + 1)] if location else [""]
-        if location == "element":
-            prefixes = [f"{label}_" for label in elements]
-        for prefix in prefixes:
-            result += [replace(column, name=prefix + column.name) for column in group]
-    return tuple(result)
+    return tuple(
+        replace(column, name=f"{name}_{column.name}" if name else column.name)
+        for names, group in history_groups(stories, error, elements, devices)
+        for name in names
+        for column in group
+    )
 
 
 def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -219,12 +238,9 @@ def write_history(
     header : bool
         True to write the header; true by default.
     """
-    has_error = history.error is not None
+    parts = history_parts(history)
     names_and_factors = [
-        units.column(column.name, column.unit)
-        for column in history_columns(
-            history.displacement.shape[1], has_error, history.element_labels
-        )
+        units.column(column.name, column.unit) for column in history_columns(*parts)
     ]
     if header:
         stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
@@ -234,10 +250,7 @@ def write_history(
     # For a group with the quantities a and b of each story, the columns of the file are a and b of
     # story 1, a and b of story 2, and so on, as in `history_columns`. `stack` therefore adds the
     # quantity as the last axis, and `reshape` joins the axes of stories and quantities.
-    groups = [
-        [column.of(history) for column in group]
-        for _, group in history_groups(has_error, bool(history.element_labels))
-    ]
+    groups = [[column.of(history) for column in group] for _, group in history_groups(*parts)]
     for start in range(0, len(history.time), _ROWS_AT_ONCE):
         row_slice = slice(start, start + _ROWS_AT_ONCE)
         group_blocks = (

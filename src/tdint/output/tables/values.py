@@ -93,17 +93,15 @@ def mode_columns(result: Any) -> Values:
 
 def history_columns(result: History) -> Values:
     """Return the columns of a response history with their values, as in the CSV file."""
-    stories, has_error = result.displacement.shape[1], result.error is not None
+    parts = responses.history_parts(result)
     values: list[Any] = []
-    labels = result.element_labels
-    for location, columns in responses.history_groups(has_error, bool(labels)):
+    for names, columns in responses.history_groups(*parts):
         arrays = [column.of(result) for column in columns]
-        if location:  # a column for each floor or story, in the order of the CSV file
-            count = len(labels) if location == "element" else stories
-            values += [array[:, i] for i in range(count) for array in arrays]
-        else:
-            values += arrays
-    return list(zip(responses.history_columns(stories, has_error, labels), values, strict=True))
+        # A column for each floor or story, in the order of the CSV file; other names are empty
+        values += (
+            [array[:, i] for i in range(len(names)) for array in arrays] if all(names) else arrays
+        )
+    return list(zip(responses.history_columns(*parts), values, strict=True))
 
 
 def floor_spectrum_columns(result: Any) -> Values:

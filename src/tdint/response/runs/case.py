@@ -35,6 +35,7 @@ from tdint.model.story_laws import LAWS
 from tdint.number_parsing import pluralize
 from tdint.response.runs.elements import element_peaks
 from tdint.response.runs.loop_results import (
+    device_peaks,
     energy_errors,
     interstep_peak_errors,
     named_energies,
@@ -361,7 +362,8 @@ class Case:
             return self._divergence(steps, space)
         residual = float(space.step_status[rows.RESIDUAL])
         reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
-        story = int(space.step_status[rows.WORST_STORY]) + 1
+        # The equation of an attachment or a link is reported as that of the roof.
+        story = min(int(space.step_status[rows.WORST_STORY]), self.building.floors - 1) + 1
         event = (
             f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: the "
             f"residual of story {story} is {residual:.1e} of its forces"
@@ -375,9 +377,13 @@ class Case:
         maximum drift."""
         # Velocities of a diverged run can overflow when they are squared; the message then omits
         # the kinetic energy.
+        velocity = space.state[rows.VELOCITY, : self.building.masses]
         with np.errstate(over="ignore", invalid="ignore"):
-            energy = float(0.5 * np.sum(self.building.mass * space.state[rows.VELOCITY, :-1] ** 2))
-        reached, story = float(space.totals[rows.STEPS_REACHED]) * steps.h, _runaway_story(space)
+            energy = float(0.5 * np.sum(self.building.mass * velocity**2))
+        reached, story = (
+            float(space.totals[rows.STEPS_REACHED]) * steps.h,
+            _runaway_story(space, self.building.floors),
+        )
         reason = reason or f"the drift of story {story} grew without bound"
         return self._divergence_error(
             steps, reached, energy if math.isfinite(energy) else None, reason, story
@@ -577,6 +583,7 @@ class Case:
             history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
             interstep_bound=bound,
+            devices=device_peaks(self.building, space, steps.late),
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
             warnings=warnings,
@@ -596,7 +603,7 @@ class Case:
             return []
         # Ignore isolators, which are designed for a large ductility, and other stories without a
         # height, which do not belong to a frame.
-        has_height = np.isfinite(self.building.heights)
+        has_height = np.isfinite(self.building.heights[: self.building.floors])
         ductility = np.where(has_height, stories.ductility, math.nan)
         return unusual_stories(DUCTILITY, ductility)
 
@@ -756,12 +763,12 @@ def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
     return np.asarray((batch.ends[:, CODE] < 0) | collapsed | has_diverged)
 
 
-def _runaway_story(space: Workspace) -> int:
+def _runaway_story(space: Workspace, floors: int) -> int:
     """Return the story, counted from 1, with the maximum drift at the end of a diverged run.
 
     If a displacement is not finite, return the story below the first such floor.
     """
-    displacement = space.state[rows.DISPLACEMENT, :-1]
+    displacement = space.state[rows.DISPLACEMENT, :floors]
     is_finite = np.isfinite(displacement)
     if not is_finite.all():
         return int(np.argmin(is_finite)) + 1  # argmin returns the index of the first False

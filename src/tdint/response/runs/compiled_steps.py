@@ -152,6 +152,18 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
             f"{integrator.label} does not support dampers with a brace; use one of {names}, or "
             "omit `brace` from the dashpots"
         )
+    if building.branched:
+        is_braced = building.braced or building.tangent_damped
+        needed = "braced_devices" if is_braced else "devices"
+        if not getattr(integrator.family, needed):
+            names = ", ".join(
+                name for name, method in catalogue().items() if getattr(method.family, needed)
+            )
+            of_dampers = " with braces of dampers or tangent damping" if is_braced else ""
+            return (
+                f"{integrator.label} does not support attachments and links{of_dampers}; use one "
+                f"of {names}"
+            )
     if integrator.family.linear_only and not building.linear:
         return (
             f"{integrator.label} supports only linear buildings; this building has nonlinear "

@@ -34,7 +34,7 @@ from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
 from tdint.response.runs.case import Case
-from tdint.response.runs.loop_results import story_peaks
+from tdint.response.runs.loop_results import all_peaks, columns
 from tdint.response.runs.outcome import (
     ElementValues,
     ErrorEstimate,
@@ -258,7 +258,21 @@ def with_error_estimate(
     # for rounding, unless it collapses at least one of its steps earlier.
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
-    errors = story_errors(response, other, factors(case.method), start=start_peaks(case, steps))
+    errors = story_errors(
+        _with_devices(response),
+        _with_devices(other),
+        factors(case.method),
+        start=start_peaks(case, steps),
+    )
+    if response.devices is not None:
+        count = len(response.model.stories)
+        parts = [
+            {field.name: getattr(errors, field.name)[part] for field in fields(StoryErrors)}
+            for part in (slice(count), slice(count, None))
+        ]
+        errors = StoryErrors(**parts[0])
+        devices = replace(response.devices, errors=StoryErrors(**parts[1]))
+        response = replace(response, devices=devices)
     check = ErrorEstimate.of(
         response.stories,
         errors,
@@ -289,6 +303,37 @@ def with_error_estimate(
         chunks = partial(_chunks_with_error, response.history_chunks, other.history_chunks, ratio)
         response = replace(response, history=with_error, history_chunks=chunks)
     return replace(response, check=check)
+
+
+@dataclass(frozen=True)
+class _AllPeaks:
+    """Peaks and bounds of all stories, attachments and links, for `story_errors`."""
+
+    stories: StoryPeaks
+    interstep_bound: StoryErrors
+
+
+def _with_devices(response: Response) -> Response | _AllPeaks:
+    """Return the peaks of a response with those of its attachments and links, if there are any.
+
+    The minima of the errors are common to all of them.
+    """
+    devices = response.devices
+    if devices is None:
+        return response
+
+    def joined(values: StoryPeaks, others: StoryPeaks) -> dict[str, Array]:
+        """Return all arrays of both objects, joined."""
+        pairs = {field.name: (values, others) for field in fields(values)}
+        return {
+            name: np.concatenate([getattr(first, name), getattr(second, name)])
+            for name, (first, second) in pairs.items()
+        }
+
+    return _AllPeaks(
+        StoryPeaks(**joined(response.stories, devices.stories)),
+        StoryErrors(**joined(response.interstep_bound, devices.interstep_bound)),
+    )
 
 
 def factors(method: Integrator) -> EstimateFactors:
@@ -324,13 +369,13 @@ def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks
     start = attempt(reference(case), short)
     if isinstance(start, FailedRun):
         return None
-    later = _later_peaks(case, replace(steps, count=last or steps.count), start.stories)
+    first = _with_devices(start).stories
+    later = _later_peaks(case, replace(steps, count=last or steps.count), first)
     if later is None:
-        return start.stories
+        return first
     names = [field.name for field in fields(StoryErrors)]
     return replace(
-        start.stories,
-        **{name: np.maximum(getattr(start.stories, name), getattr(later, name)) for name in names},
+        first, **{name: np.maximum(getattr(first, name), getattr(later, name)) for name in names}
     )
 
 
@@ -362,13 +407,14 @@ def _later_peaks(case: Case, steps: Steps, start: StoryPeaks) -> StoryErrors | N
 def _peaks_after(case: Case, steps: Steps, first: int) -> StoryPeaks | None:
     """Return the peaks after step number `first`; None if the run ends before."""
     parts = case.prepared.integrate_in_parts(case.method, steps, case.ground, [0, first])
-    peaks = [story_peaks(case.building, space) for space in parts]
+    reported = slice(case.building.device_columns.stop)
+    peaks = [columns(all_peaks(case.building, space), reported) for space in parts]
     return peaks[1] if len(peaks) == 2 else None
 
 
 def story_errors(
-    response: Response | EventResponse,
-    other: Response | EventResponse,
+    response: Response | EventResponse | _AllPeaks,
+    other: Response | EventResponse | _AllPeaks,
     by: EstimateFactors = _LOW_ORDER,
     *,
     start: StoryPeaks | None = None,

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields, replace
 from functools import reduce
 from operator import add, sub
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.kernels import layout as rows
 from tdint.methods.workspace import Workspace
 from tdint.model.building import Building
 from tdint.model.force_arrays import add_force_history
+from tdint.model.story import column_name
 from tdint.response.runs.outcome import (
     ENERGY_TERMS,
     STORY_QUANTITIES,
+    DeviceHistory,
+    DevicePeaks,
     Energy,
     EnergyHistory,
     History,
@@ -26,6 +32,8 @@ from tdint.response.runs.outcome import (
 
 Loads = tuple[Array, Array]
 """Forces on floors and points of their tables (`load_arrays`)."""
+
+ValuesT = TypeVar("ValuesT", StoryPeaks, StoryErrors)
 
 FieldFunction = Callable[[Building, Loads, Array, Array], Array]
 """Function that computes one quantity of the response history for all floors or stories.
@@ -38,9 +46,31 @@ Its arguments are the building, the forces on its floors, the times of the rows 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """Return the peaks of all stories at the end of a time integration; the present drifts are the
     residual drifts. The arrays are copies."""
-    return named_peaks(
-        building, space.peaks.copy(), space.law_state[rows.DRIFT, : building.stories].copy()
-    )
+    return columns(all_peaks(building, space), slice(building.floors))
+
+
+def all_peaks(building: Building, space: Workspace) -> StoryPeaks:
+    """Return the peaks of stories, attachments and links at the end of a time integration."""
+    drift = space.law_state[rows.DRIFT, : building.stories].copy()
+    values = story_values(building, space.peaks.copy(), drift)
+    return StoryPeaks(height=building.heights, **values)
+
+
+def columns(values: ValuesT, part: slice) -> ValuesT:
+    """Return the values of a part of the columns: of the stories, or of attachments and links."""
+    parts = {field.name: getattr(values, field.name)[..., part] for field in fields(values)}
+    return replace(values, **parts)
+
+
+def device_peaks(building: Building, space: Workspace, late: float) -> DevicePeaks | None:
+    """Return the peaks of attachments and links at the end of a run and the bounds of
+    `interstep_peak_errors`; None without them."""
+    if not building.branched:
+        return None
+    peaks = all_peaks(building, space)
+    bounds = _interstep_errors(building, space, late, peaks)
+    part = building.device_columns
+    return DevicePeaks(columns(peaks, part), columns(bounds, part))
 
 
 def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
@@ -57,7 +87,7 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
         Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units.
     """
     values = story_values(building, peaks, residual_drift)
-    return StoryPeaks(height=building.heights, **values)
+    return columns(StoryPeaks(height=building.heights, **values), slice(building.floors))
 
 
 def residual_oscillation(
@@ -73,13 +103,13 @@ def residual_oscillation(
     initial to present stiffness.
     """
     distance, present_stiffness = building.rest_distance(space.law_state)
-    rate = _drift_rates(building, space.state[rows.VELOCITY])
+    rate = _drift_rates(building, space.state[rows.VELOCITY])[: distance.size]
     if inverse_omega is None:
         displacement, velocity = (
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
         )
         inverse_omega = displacement / velocity if velocity > 0.0 else 0.0
-    softening = np.sqrt(building.initial_stiffness / present_stiffness)
+    softening = np.sqrt(building.initial_stiffness[: distance.size] / present_stiffness)
     return np.asarray(np.hypot(distance, rate * inverse_omega * softening))
 
 
@@ -94,12 +124,14 @@ def possible_growth(
     moves at the end (`is_at_rest` is False), only stories count whose drift is the peak and
     increases.
     """
-    drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
-    reach = np.abs(drift - building.rest_distance(space.law_state)[0])
+    distance, _ = building.rest_distance(space.law_state)
+    drift, peak = space.law_state[rows.DRIFT], space.peaks[rows.PEAK_DRIFT]
+    drift, peak = drift[: distance.size], peak[: distance.size]
+    reach = np.abs(drift - distance)
     reach = reach + residual_oscillation(building, space, period / (2.0 * np.pi))
     counts = peak > 0.0
     if not is_at_rest:
-        rate = _drift_rates(building, space.state[rows.VELOCITY])
+        rate = _drift_rates(building, space.state[rows.VELOCITY])[: distance.size]
         counts &= (np.abs(drift) >= peak) & (drift * rate > 0.0)
     return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
 
@@ -120,9 +152,15 @@ def _drift_rates(building: Building, floors: Array) -> Array:
 
     The last entry of `floors` is the ground; the result has one entry less.
     """
-    rates: Array = floors[:-1].copy()
-    rates[1:] -= building.linear_terms[rows.LINK, 1:-1] * floors[:-2]
-    return rates
+    link = building.linear_terms[rows.LINK, :-1]
+    return np.asarray(floors[:-1] - link * floors[_base(building)])
+
+
+def _base(building: Building) -> NDArray[np.intp]:
+    """Return the columns of the lower floors of all springs; any column for the ground."""
+    if building.branched:
+        return building.linear_terms[rows.BASE, :-1].astype(np.intp)
+    return np.arange(building.stories) - 1
 
 
 def interstep_peak_errors(
@@ -135,6 +173,16 @@ def interstep_peak_errors(
     peaks at time steps. Residual drifts are read at the end of the last time step, `late` s after
     the requested end; their error is the change of the drifts in this interval.
     """
+    if not building.branched:
+        return _interstep_errors(building, space, late, stories)
+    bounds = _interstep_errors(building, space, late, all_peaks(building, space))
+    return columns(bounds, slice(building.floors))
+
+
+def _interstep_errors(
+    building: Building, space: Workspace, late: float, stories: StoryPeaks
+) -> StoryErrors:
+    """Return the result of `interstep_peak_errors` for all columns; `stories` are their peaks."""
     drift_change = np.zeros(building.stories)
     if late > 0.0:
         velocity, acceleration = (
@@ -224,6 +272,8 @@ def named_history(
     has_energy = max_input_energy > 0.0
     relative = imbalance / max_input_energy if has_energy else np.zeros_like(imbalance)
     has_elements = building.elements > 0
+    part = slice(building.floors)
+    series = {name: compute(building, loads, time, table) for name, compute in HISTORIES.items()}
     first_element = first_energy + rows.ENERGY_TERMS
     return History(
         time=time,
@@ -231,7 +281,24 @@ def named_history(
         energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
         element_force=table[:, first_element:] if has_elements else None,
         element_labels=building.element_labels,
-        **{name: compute(building, loads, time, table) for name, compute in HISTORIES.items()},  # type: ignore[arg-type]
+        devices=_device_history(building, series) if building.branched else None,
+        **{name: values[:, part] for name, values in series.items()},  # type: ignore[arg-type]
+    )
+
+
+def _device_history(building: Building, series: dict[str, Array]) -> DeviceHistory:
+    """Return the histories of attachments and links; the deformations of links have the sign of
+    their ends in the model."""
+    part = building.device_columns
+    signs = np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
+    signed = ("drift", "shear", "damper_force")
+    return DeviceHistory(
+        attachments=tuple(column_name(item.name) for item in building.attachments),
+        links=tuple(column_name(item.name) for item in building.links),
+        **{
+            name: series[name][:, part] * (signs if name in signed else 1.0)
+            for name in ("displacement", "velocity", "acceleration", *signed)
+        },
     )
 
 
@@ -254,10 +321,10 @@ def _floor_difference(field: int) -> FieldFunction:
     def subtract_floor_below(building: Building, loads: Loads, time: Array, table: Array) -> Array:
         """Return the differences, shape (rows, n)."""
         floors = _stored_field(field)(building, loads, time, table)
-        differences = floors.copy()
-        # The values are relative to the ground, which is below the first story: it keeps its value.
-        differences[:, 1:] -= floors[:, :-1]
-        return differences
+        # The values are relative to the ground: springs on the ground keep the values of the floor.
+        return np.asarray(
+            floors - building.linear_terms[rows.LINK, :-1] * floors[:, _base(building)]
+        )
 
     return subtract_floor_below
 
@@ -272,7 +339,11 @@ def _total_shear(building: Building, loads: Loads, time: Array, table: Array) ->
         building, loads, time, table
     )
     add_force_history(*loads, time, floor_forces)
-    # Sum from the roof down.
+    # Sum from the roof down, attachments first.
+    if building.branched:
+        for i, item in enumerate(building.attachments, start=building.floors):
+            floor_forces[:, item.floor - 1] += floor_forces[:, i]
+        floor_forces = floor_forces[:, : building.floors]
     return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
 

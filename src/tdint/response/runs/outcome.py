@@ -485,6 +485,44 @@ class ErrorHistory:
     shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
+@dataclass(frozen=True)
+class DevicePeaks:
+    """Peaks of the attachments and then the links of a building.
+
+    Attributes
+    ----------
+    stories : StoryPeaks
+        Peaks, as of stories: the drift is the deformation (the stroke of an attachment), the shear
+        the force of the spring. Displacement, velocity and acceleration are those of the mass.
+    interstep_bound : StoryErrors
+        As for a `Response`.
+    errors : StoryErrors | None
+        Estimated errors.
+    """
+
+    stories: StoryPeaks
+    interstep_bound: StoryErrors
+    errors: StoryErrors | None = None
+
+
+@dataclass(frozen=True)
+class DeviceHistory:
+    """Response histories of attachments and then links, shape (steps + 1, devices), SI units.
+
+    The drift is the deformation. Of links, only `drift`, `shear` and `damper_force` have a meaning.
+    `attachments` and `links` are the names in columns.
+    """
+
+    attachments: tuple[str, ...]
+    links: tuple[str, ...]
+    displacement: Array
+    velocity: Array
+    acceleration: Array
+    drift: Array
+    shear: Array
+    damper_force: Array
+
+
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
     """Response history at all time steps.
@@ -550,6 +588,7 @@ class History(Tabular):
     error: ErrorHistory | None = None
     element_force: Array | None = None
     element_labels: tuple[str, ...] = ()
+    devices: DeviceHistory | None = None
 
     def _headline(self) -> str:
         stories = pluralize(self.displacement.shape[1], "story")
@@ -703,6 +742,8 @@ class Response(Tabular):
         and `stories` are those of the complete sequence.
     gradient : Gradient | None
         Derivatives of the peaks, if requested (`tdint.response.runs.gradient`).
+    devices : DevicePeaks | None
+        Peaks of attachments and links; None without them.
     elements : ElementPeaks | None
         Results of the elements of stories with several elements; None without such stories.
     """
@@ -730,6 +771,7 @@ class Response(Tabular):
     warnings: tuple[str, ...] = ()
     events: tuple[EventResponse, ...] = ()
     gradient: Gradient | None = None
+    devices: DevicePeaks | None = None
     elements: ElementPeaks | None = None
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:

@@ -40,6 +40,7 @@ from tdint.methods.workspace import (
 from tdint.model.building import Building, assemble, variant
 from tdint.model.definition import Model
 from tdint.model.force_arrays import load_arrays
+from tdint.model.topology import extended
 from tdint.response.runs.compiled_steps import (
     Instability,
     find_instability,
@@ -348,11 +349,12 @@ class PreparedBuilding:
             P-delta exceeds the stiffness of a story.
         """
         forces, points = load_arrays(model.excitation)
+        building = assemble(model)
         return cls(
-            assemble(model),
+            building,
             forces,
-            np.array(model.initial.displacement),
-            np.array(model.initial.velocity),
+            extended(building.linear_terms, np.array(model.initial.displacement)),
+            extended(building.linear_terms, np.array(model.initial.velocity)),
             model.collapse_drift,
             points,
         )

@@ -132,6 +132,7 @@ def transfer_function(
         The floor does not exist, or a frequency is not positive.
     """
     model = model_of(model)
+    model.require_chain("the transfer function")
     building = assemble(model)
     _check_source(source, building.stories)
     _check_dampers(model, building)

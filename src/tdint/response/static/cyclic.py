@@ -343,7 +343,7 @@ def _with_element_only(model: Model, story: int, element: str | None) -> Model:
     spring = tested.elements[names.index(element)]
     stories = list(model.stories)
     stories[story - 1] = replace(tested, stiffness=spring.stiffness, law=spring.law, elements=())
-    return replace(model, stories=tuple(stories), p_delta=False)
+    return replace(model, stories=tuple(stories)).without_p_delta()
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:

@@ -223,7 +223,13 @@ def pushover(
     if not 1 <= points <= MAX_PUSHOVER_POINTS:
         raise UsageError(f"points must be from 1 to {MAX_PUSHOVER_POINTS}, got {points}")
     model = model_of(model)
-    building = assemble(replace(model, damping=None))
+    if springs := [link.name for link in model.links if link.spring.stiffness]:
+        raise UsageError(
+            f"pushover does not support springs between floors ({', '.join(springs)}); use time "
+            "histories, or omit these links"
+        )
+    # Attached masses and dashpots have no static forces; the loads are those of the stories.
+    building = assemble(replace(model, damping=None, attachments=(), links=()))
     target = _target(drift_of(size), building)
     forces = PATTERNS[pattern](building)
     forces /= forces.sum()

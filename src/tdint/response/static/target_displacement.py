@@ -448,9 +448,9 @@ def _strength_note(
         slope = float(curve.shear[end_point] - curve.shear[peak]) / roof_range / stiffness
         # Compute the contribution of P-delta to the slope by a second pushover without P-delta.
         p_delta_slope, pushed = 0.0, curve.pushed
-        if pushed.model.p_delta:
+        if pushed.model.has_p_delta:
             end_roof = float(curve.roof[end_point])
-            without_p_delta = replace(pushed.model, p_delta=False)
+            without_p_delta = pushed.model.without_p_delta()
             size = DriftSize(f"{end_roof:.6g}m", end_roof, "length")
             points = max(pushed.base_shear.size - 1, 1)
             curve_without_p_delta = _PushoverCurve.of(

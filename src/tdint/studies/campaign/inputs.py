@@ -215,7 +215,9 @@ def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
     if analysis.collapse_drift is not None:
         model = replace(model, collapse_drift=analysis.collapse_drift)
     if analysis.p_delta is not None:
-        if analysis.p_delta and any(story.height is None for story in model.stories):
+        if analysis.p_delta and any(
+            story.height is None and story.p_delta is not False for story in model.stories
+        ):
             raise ModelError(
                 f"{model.source}: p_delta of the campaign file requires the heights of all "
                 "stories; add the heights, or remove p_delta"

@@ -231,7 +231,7 @@ def _statistics_chapter(
     """
     subject = subjects.get(profile.building)
     suite_columns: tuple[str, ...] = _SUITE_COLUMNS
-    if subject and not (subject.model.p_delta or subject.model.has_dashpots):
+    if subject and not (subject.model.has_p_delta or subject.model.has_dashpots):
         suite_columns = tuple(name for name in suite_columns if name != "peak_total_shear")
     has_heights = not np.isnan(profile.height).any()
     # Isolators have no height, so their drifts in length units are listed in addition to the

@@ -1,0 +1,231 @@
+"""The sections `attachments` and `links` of a model file: masses on floors, and springs and
+dashpots between any two floors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tdint.model.config.sections import ModelUnits
+from tdint.model.config.stories import (
+    DASHPOT,
+    LAW,
+    read_dashpot,
+    read_mass,
+    read_spring,
+)
+from tdint.model.definition import Attachment, Link
+from tdint.model.keys.fields import (
+    POSITIVE,
+    ROOF,
+    Choice,
+    Either,
+    EntriesOf,
+    Integer,
+    Key,
+    Keys,
+    Section,
+    TextLine,
+    Value,
+)
+from tdint.model.story import MAX_STORIES, Story, column_name
+from tdint.model.story_laws import LAWS, LINEAR, Law
+
+_GROUND = "ground"
+_INERTANCE = Key("inertance", POSITIVE, "not supported: see the message")
+_NO_INERTANCE = (
+    "inertance is not supported: an inerter between two floors couples their accelerations; omit it"
+)
+_ATTACHMENT = Keys(
+    (
+        Key("name", TextLine(), "name in tables; default: attachment_1, attachment_2, ..."),
+        Key(
+            "floor",
+            Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
+            "floor on which it stands, from 1 at the bottom, or roof",
+            needed=True,
+            advice="give the floor, counted from 1 at the bottom, or roof",
+        ),
+        Key("mass", POSITIVE, "attached mass"),
+        Key("weight", POSITIVE, "attached weight, instead of the mass"),
+        Key("stiffness", POSITIVE, "initial stiffness of its spring"),
+        Key("law", LAW, "hysteretic law of its spring; default: linear"),
+        Key("dashpot", DASHPOT, "viscous damper between mass and floor: force over velocity"),
+        _INERTANCE,
+    ),
+    one_of=(("mass", "weight"),),
+)
+ATTACHMENTS = EntriesOf(_ATTACHMENT, least=1)
+_END = Either((Integer(1, MAX_STORIES), TextLine()))
+_LINK = Keys(
+    (
+        Key("name", TextLine(), "name in tables; default: link_1, link_2, ..."),
+        Key(
+            "from",
+            _END,
+            "start: ground, a floor from 1, roof, or the name of an attachment",
+            needed=True,
+            advice="give ground, a floor, roof or an attachment",
+        ),
+        Key(
+            "to",
+            _END,
+            "end; its displacement minus that of the start is the deformation",
+            needed=True,
+            advice="give ground, a floor, roof or an attachment",
+        ),
+        Key("stiffness", POSITIVE, "initial stiffness of a spring"),
+        Key("law", LAW, "hysteretic law of the spring; default: linear"),
+        Key("dashpot", DASHPOT, "viscous damper: force over velocity"),
+        _INERTANCE,
+    ),
+)
+LINKS = EntriesOf(_LINK, least=1)
+
+
+@dataclass
+class _Names:
+    """Names of the attachments and links of a file, which must be unique."""
+
+    used: list[str]
+
+    def read(self, section: Section, kind: str, number: int) -> str:
+        """Return the name of an entry, or its default; report a name that is already used."""
+        value = section.get("name")
+        name = (value.text() if value else None) or f"{kind}_{number}"
+        if name in (_GROUND, ROOF) or name.isdecimal():
+            (value or section.value).fault(f"{name!r} is the name of a floor; use another name")
+        elif column_name(name) in map(column_name, self.used):
+            (value or section.value).fault(f"{name!r} is already used; names must be unique")
+        self.used.append(name)
+        return name
+
+
+def read_devices(
+    section: Section, unit: ModelUnits, count: int | None
+) -> tuple[tuple[Attachment, ...], tuple[Link, ...]]:
+    """Return the attachments and links of a model file; errors are added to its errors.
+
+    `count` is the number of stories; None if it is unknown because of an error.
+    """
+    names = _Names([])
+    attachments = []
+    for number, entry in enumerate(_entries(section, "attachments"), start=1):
+        if item := entry.section(_ATTACHMENT):
+            attachments.append(_read_attachment(item, number, unit, count, names))
+    masses = list(names.used)
+    links = []
+    for number, entry in enumerate(_entries(section, "links"), start=1):
+        if item := entry.section(_LINK):
+            link_name = names.read(item, "link", number)
+            links.append(_read_link(item, link_name, unit, count, masses))
+    return tuple(attachments), tuple(link for link in links if link)
+
+
+def _entries(section: Section, name: str) -> Sequence[Value]:
+    """Return the entries of a list; empty without the list."""
+    value = section.get(name)
+    return (
+        value.items(f"a list of {name}", "must contain at least one entry") if value else ()
+    ) or ()
+
+
+def _read_attachment(
+    section: Section, number: int, unit: ModelUnits, count: int | None, names: _Names
+) -> Attachment:
+    """Return an attachment. Invalid values are reported and replaced by nan, the floor by 1."""
+    name = names.read(section, "attachment", number)
+    value = section.need("floor", "give the floor, counted from 1 at the bottom, or roof")
+    floor = 1
+    if value and value.word in names.used:
+        value.fault(
+            "must be a floor of the building: attachments on attachments are not supported; a link "
+            "between both attachments has the same effect"
+        )
+    elif value:
+        floor = value.floor(count) or 1
+    if inertance := section.get("inertance"):
+        inertance.fault(_NO_INERTANCE)
+    stiffness, law, _ = read_spring(section, unit)
+    dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
+    spring = Story(
+        mass=read_mass(section, unit),
+        height=None,
+        stiffness=stiffness,
+        law=law,
+        dashpot=dashpot,
+        power_dashpot=power_dashpot,
+        rayleigh=False,
+        damper_factor=factor,
+        p_delta=False,
+    )
+    return Attachment(name, floor, spring)
+
+
+def _read_link(
+    section: Section, name: str, unit: ModelUnits, count: int | None, attachments: Sequence[str]
+) -> Link | None:
+    """Return a link; None after an error in its ends."""
+    ends = [_read_end(section, key, count, attachments) for key in ("from", "to")]
+    if inertance := section.get("inertance"):
+        inertance.fault(_NO_INERTANCE)
+    stiffness, law = 0.0, LINEAR
+    if section.mentions("stiffness", "law"):
+        stiffness, law, _ = read_spring(section, unit)
+    elif not section.mentions("dashpot", "inertance"):
+        section.value.fault("give at least one of `stiffness`, `law` and `dashpot`")
+    dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
+    start, end = ends
+    if start is None or end is None:
+        return None
+    if start == end:
+        section.value.fault("`from` and `to` must be different")
+        return None
+    if start > end and not _is_symmetric(section, law):
+        section.value.fault(
+            "`from` must be below `to` for a law that differs in both directions; exchange both "
+            "ends and both directions"
+        )
+    spring = Story(
+        mass=0.0,
+        height=None,
+        stiffness=stiffness,
+        law=law,
+        dashpot=dashpot,
+        power_dashpot=power_dashpot,
+        rayleigh=False,
+        damper_factor=factor,
+        p_delta=False,
+    )
+    return Link(name, (start, end), spring)
+
+
+def _is_symmetric(section: Section, law: Law) -> bool:
+    """Return True if a law is equal in both directions.
+
+    Laws with a group `negative` of parameters are equal in both directions if the file omits it.
+    """
+    if law == LINEAR or LAWS[law.name].symmetric(law.parameters):
+        return True
+    has_group = any(parameter.group == "negative" for parameter in LAWS[law.name].parameters)
+    entry = section.get("law")
+    return has_group and entry is not None and entry.peek("negative") is None
+
+
+def _read_end(
+    section: Section, key: str, count: int | None, attachments: Sequence[str]
+) -> int | None:
+    """Return an end of a link: 0 for the ground, a floor from 1, or an attachment after the roof;
+    None after an error."""
+    value = section.need(key, "give ground, a floor, roof or an attachment")
+    if value is None:
+        return None
+    if value.is_word(_GROUND):
+        return 0
+    if value.word in attachments and not value.word.isdecimal():
+        return (count or 0) + 1 + attachments.index(value.word)
+    if not value.word.isdecimal() and not value.is_word(ROOF):
+        known = f"; attachments: {', '.join(attachments)}" if attachments else ""
+        value.fault(f"must be ground, a floor from 1, roof or the name of an attachment{known}")
+        return None
+    return value.floor(count) or None

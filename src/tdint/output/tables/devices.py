@@ -1,0 +1,183 @@
+"""Tables of attachments and links: peaks, and their columns in response histories."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.model.definition import Attachment, Link
+from tdint.output.tables.table import Cell, Column, Table, error_columns, rows_of
+from tdint.response.runs.outcome import STORY_QUANTITIES, DeviceHistory, History
+from tdint.units import OutputUnits, quantities
+
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
+    from tdint.response.runs.outcome import Response
+
+_MEANINGS = {
+    "peak_drift": "maximum absolute displacement of the mass relative to its floor (stroke)",
+    "residual_drift": "displacement relative to the floor at the end of the run",
+    "peak_shear": "maximum absolute force of the spring, without the dashpot",
+    "peak_damper_force": "maximum absolute force of the dashpot; 0 without a dashpot",
+    "ductility": "peak drift divided by drift at first yield",
+    "peak_displacement": "maximum absolute displacement of the mass, relative to the ground",
+    "peak_velocity": "maximum absolute velocity of the mass, relative to the ground",
+    "peak_absolute_acceleration": "maximum absolute acceleration of the mass",
+}
+_OF_LINKS = {
+    "peak_drift": (
+        "peak_deformation_m",
+        "maximum absolute deformation: displacement of the end relative to the start",
+    ),
+    "residual_drift": ("residual_deformation_m", "deformation at the end of the run"),
+    "peak_shear": ("peak_force_N", "maximum absolute force of the spring; 0 without a spring"),
+    "peak_damper_force": ("peak_damper_force_N", _MEANINGS["peak_damper_force"]),
+    "ductility": ("ductility", "peak deformation divided by deformation at first yield"),
+}
+_QUANTITIES = {quantity.name: quantity for quantity in STORY_QUANTITIES}
+ATTACHMENT_COLUMNS = tuple(
+    replace(Column.of_quantity(_QUANTITIES[name]), meaning=meaning)
+    for name, meaning in _MEANINGS.items()
+)
+ATTACHMENT_ERROR = error_columns(ATTACHMENT_COLUMNS)
+LINK_COLUMNS = tuple(
+    Column(column, _QUANTITIES[name].unit, name, meaning)
+    for name, (column, meaning) in _OF_LINKS.items()
+)
+LINK_ERROR = error_columns(LINK_COLUMNS)
+ATTACHMENT_NAMES = (
+    Column("attachment", "text", "name", "name of the attachment"),
+    Column("floor", "1", "floor", "floor on which it stands, numbered from the ground"),
+)
+LINK_NAMES = (
+    Column("link", "text", "name", "name of the link"),
+    Column("from", "text", "start", "start: ground, a floor or an attachment"),
+    Column("to", "text", "end", "end: ground, a floor or an attachment"),
+)
+
+COLUMNS = (
+    *(*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ATTACHMENT_ERROR),
+    *(*LINK_NAMES, *LINK_COLUMNS, *LINK_ERROR),
+)
+"""All columns of both tables."""
+
+_HISTORY = {quantity.name: quantity for quantity in quantities(History)}
+_ATTACHMENT_SERIES = ("displacement", "velocity", "acceleration", "drift", "shear", "damper_force")
+_LINK_SERIES = {"drift": "deformation_m", "shear": "force_N", "damper_force": "damper_force_N"}
+
+
+def _series(kind: str, name: str, column: str, meaning: str) -> Column:
+    """Return the history column of attachments or links."""
+
+    def values(history: History) -> Any:
+        """Return the values, shape (steps, attachments) or (steps, links)."""
+        devices = history.devices
+        assert devices is not None
+        count = len(devices.attachments)
+        part = slice(count) if kind == "attachment" else slice(count, None)
+        return getattr(devices, name)[:, part]
+
+    return Column(column, _HISTORY[name].unit, values, meaning)
+
+
+HISTORY_ATTACHMENT = tuple(
+    _series(
+        "attachment", name, _HISTORY[name].column, f"of the attachment: {_HISTORY[name].meaning}"
+    )
+    for name in _ATTACHMENT_SERIES
+)
+"""Columns of each attachment in a response history; its name precedes the name of the column."""
+HISTORY_LINK = tuple(
+    _series("link", name, column, f"of the link: {column.rpartition('_')[0].replace('_', ' ')}")
+    for name, column in _LINK_SERIES.items()
+)
+"""Columns of each link in a response history; its name precedes the name of the column."""
+
+
+def history_groups(
+    devices: DeviceHistory | None,
+) -> tuple[tuple[tuple[str, ...], tuple[Column, ...]], ...]:
+    """Return the names and columns of the groups of attachments and links in a history."""
+    if devices is None:
+        return ()
+    groups = ((devices.attachments, HISTORY_ATTACHMENT), (devices.links, HISTORY_LINK))
+    return tuple((names, columns) for names, columns in groups if names)
+
+
+def device_tables(response: Response) -> tuple[Table | None, Table | None]:
+    """Return the tables of attachments and links, with error estimates if the run has them; None
+    for a table without rows."""
+    devices, model = response.devices, response.model
+    if devices is None:
+        return None, None
+    count = len(model.attachments)
+    attachments = [(item.name, item.floor) for item in model.attachments]
+    links = [(item.name, *(end_name(model, end) for end in item.ends)) for item in model.links]
+    groups = (
+        (ATTACHMENT_NAMES, attachments, ATTACHMENT_COLUMNS, ATTACHMENT_ERROR, slice(count)),
+        (LINK_NAMES, links, LINK_COLUMNS, LINK_ERROR, slice(count, None)),
+    )
+    tables = []
+    for names, labels, columns, errors, part in groups:
+        sources = [(columns, devices.stories)]
+        if devices.errors:
+            sources.append((errors, devices.errors))  # type: ignore[arg-type]
+        values = zip(*(rows_of(group, source) for group, source in sources), strict=True)
+        rows: list[tuple[Cell, ...]] = [
+            (*label, *chain.from_iterable(row))
+            for label, row in zip(labels, list(values)[part], strict=True)
+        ]
+        all_columns = [*names, *(column for group, _ in sources for column in group)]
+        tables.append(Table.of(all_columns, rows) if rows else None)
+    return tables[0], tables[1]
+
+
+def end_name(model: Model, end: int) -> str:
+    """Return the name of an end of a link: ground, the number of a floor, or an attachment."""
+    if end > len(model.stories):
+        return model.attachments[end - len(model.stories) - 1].name
+    return str(end) if end else "ground"
+
+
+def device_sentences(response: Response, units: OutputUnits) -> list[str]:
+    """Return a sentence with the main peaks of each attachment and link."""
+    devices, model = response.devices, response.model
+    if devices is None:
+        return []
+    peaks, sentences = devices.stories, []
+    for i, item in enumerate(model.devices):
+        drift = units.text(float(peaks.peak_drift[i]), "m")
+        forces = [
+            f"{name} force {units.text(float(values[i]), 'N')}"
+            for name, values in (
+                ("spring", peaks.peak_shear),
+                ("damper", peaks.peak_damper_force),
+            )
+            if values[i] > 0.0
+        ]
+        match item:
+            case Attachment(name, floor):
+                acceleration = units.text(float(peaks.peak_absolute_acceleration[i]), "m/s^2")
+                texts = [f"stroke {drift}", *forces, f"absolute acceleration {acceleration}"]
+                sentences.append(f"attachment {name} on floor {floor}: {', '.join(texts)}")
+            case Link(name):
+                sentences.append(f"link {name}: {', '.join([f'deformation {drift}', *forces])}")
+    return sentences
+
+
+def as_json(response: Response) -> dict[str, Any]:
+    """Return the rows of both tables under the keys `attachments` and `links`, if they exist."""
+    return {
+        key: [
+            {
+                name: None if isinstance(value, float) and np.isnan(value) else value
+                for name, value in row.items()
+            }
+            for row in table.as_dictionaries()
+        ]
+        for key, table in zip(("attachments", "links"), device_tables(response), strict=True)
+        if table is not None
+    }
