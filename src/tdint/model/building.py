@@ -128,18 +128,21 @@ class Building:
 
     def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
         """Return the distance of each drift from its position of rest, where the story has no
-        force, m, and the present stiffness of the story, N/m; without attachments and links.
+        force, m, and the present stiffness of the story, N/m.
 
         A slope of the law that is not positive or exceeds the initial stiffness does not lead to
         the position of rest; the initial stiffness replaces it.
         """
-        part = slice(self.floors if self.branched else self.stories)
-        drift, force, slope = law_state[[rows.DRIFT, rows.FORCE, rows.SLOPE], part]
-        initial_stiffness = self.initial_stiffness[part]
+        drift, force, slope = law_state[[rows.DRIFT, rows.FORCE, rows.SLOPE], : self.stories]
+        initial_stiffness = self.initial_stiffness
         is_usable = (slope > 0.0) & (slope < initial_stiffness)
         stiffness = np.where(is_usable, slope, initial_stiffness)
         # Force of the law plus P-delta
-        return (force + self.linear_terms[rows.GEOMETRIC, part] * drift) / stiffness, stiffness
+        total = force + self.linear_terms[rows.GEOMETRIC, :-1] * drift
+        # A link without a spring has no force at any deformation.
+        has_spring = stiffness != 0.0
+        distance = np.divide(total, stiffness, out=np.zeros_like(total), where=has_spring)
+        return distance, stiffness
 
     @property
     def story_laws(self) -> Array:

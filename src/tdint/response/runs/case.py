@@ -584,7 +584,7 @@ class Case:
             notes=(),
             interstep_bound=bound,
             devices=device_peaks(self.building, space, steps.late),
-            residual_oscillation=residual_oscillation(self.building, space),
+            residual_oscillation=residual_oscillation(self.building, space)[: self.building.floors],
             collapse=collapse,
             warnings=warnings,
             elements=element_peaks(

@@ -103,13 +103,20 @@ def residual_oscillation(
     initial to present stiffness.
     """
     distance, present_stiffness = building.rest_distance(space.law_state)
-    rate = _drift_rates(building, space.state[rows.VELOCITY])[: distance.size]
+    rate = _drift_rates(building, space.state[rows.VELOCITY])
     if inverse_omega is None:
         displacement, velocity = (
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
         )
         inverse_omega = displacement / velocity if velocity > 0.0 else 0.0
-    softening = np.sqrt(building.initial_stiffness[: distance.size] / present_stiffness)
+    softening = np.sqrt(
+        np.divide(
+            building.initial_stiffness,
+            present_stiffness,
+            out=np.ones_like(present_stiffness),
+            where=present_stiffness != 0.0,
+        )
+    )
     return np.asarray(np.hypot(distance, rate * inverse_omega * softening))
 
 
@@ -124,14 +131,12 @@ def possible_growth(
     moves at the end (`is_at_rest` is False), only stories count whose drift is the peak and
     increases.
     """
-    distance, _ = building.rest_distance(space.law_state)
-    drift, peak = space.law_state[rows.DRIFT], space.peaks[rows.PEAK_DRIFT]
-    drift, peak = drift[: distance.size], peak[: distance.size]
-    reach = np.abs(drift - distance)
+    drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
+    reach = np.abs(drift - building.rest_distance(space.law_state)[0])
     reach = reach + residual_oscillation(building, space, period / (2.0 * np.pi))
     counts = peak > 0.0
     if not is_at_rest:
-        rate = _drift_rates(building, space.state[rows.VELOCITY])[: distance.size]
+        rate = _drift_rates(building, space.state[rows.VELOCITY])
         counts &= (np.abs(drift) >= peak) & (drift * rate > 0.0)
     return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
 
