@@ -10,7 +10,7 @@ from ground_motion import format_files as files
 from ground_motion.files import refused, trace, wave, write
 from tdint.errors import RecordError
 from tdint.ground_motion.reading import contents
-from tdint.ground_motion.reading.contents import is_record
+from tdint.ground_motion.reading.contents import other_content
 from tdint.ground_motion.reading.read import read_record, read_records
 
 
@@ -87,6 +87,6 @@ def test_decompression_bomb_is_refused(tmp_path, monkeypatch):
 
 
 def test_only_zip_archives_count_as_records_of_directory(tmp_path, path):
-    (tmp_path / "table.xlsx").write_bytes(path.read_bytes())
-    assert is_record(path)
-    assert not is_record(tmp_path / "table.xlsx")
+    (tmp_path / "table.docx").write_bytes(path.read_bytes())
+    assert other_content(path) == ""
+    assert other_content(tmp_path / "table.docx") == "document"

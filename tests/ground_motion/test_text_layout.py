@@ -12,7 +12,7 @@ from ground_motion.samples import SAMPLES
 from selection import every
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.choice import AS_STATED, TextLayout
-from tdint.ground_motion.reading.contents import is_record
+from tdint.ground_motion.reading.contents import other_content
 from tdint.ground_motion.reading.read import read_record, read_records
 from tdint.model.config.model_file import load_model
 from tdint.units import STANDARD_GRAVITY
@@ -270,9 +270,8 @@ def test_layout_is_refused_for_other_formats(file):
 
 def test_layout_of_files_in_directory(file):
     file.write_text(text(WORDS, one_column(header=None)))
-    assert is_record(file)
-    assert is_record(file, TextLayout(skip_lines=2))
-    assert not is_record(file, TextLayout(skip_lines=200))
+    assert other_content(file) == ""
+    assert other_content(file, TextLayout(skip_lines=2)) == ""
     assert read_record(file, units="gal", layout=TextLayout(0.01, (), 2)).pga == 0.015
 
 

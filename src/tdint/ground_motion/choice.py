@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
+from fnmatch import fnmatchcase
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Self
@@ -211,13 +212,32 @@ class Processing(_OptionalFields):
 
 @dataclass(frozen=True)
 class RecordChoice:
-    """Options of `tdint.read_record` for a file, and the processing steps."""
+    """Options of `tdint.read_record` for a file, and the processing steps.
+
+    Attributes
+    ----------
+    described : tuple of (str, RecordChoice)
+        Files, patterns and directories with options of their own, from descriptions of records.
+    """
 
     units: str | Mapping[str, str] | None = None
     component: str | None = None
     inventory: str | Path | None = None
     processing: Processing = field(default_factory=Processing)
     layout: TextLayout = AS_STATED
+    described: tuple[tuple[str, RecordChoice], ...] = ()
+
+    def of(self, file: str) -> RecordChoice:
+        """Return the options for a file: those of the first description that contains it, its
+        directory or a pattern of its name; otherwise these options."""
+        for source, choice in self.described:
+            if (
+                file == source
+                or fnmatchcase(file, source)
+                or file.startswith(f"{source.rstrip('/')}/")
+            ):
+                return choice
+        return self
 
     @property
     def reading(self) -> dict[str, Any]:

@@ -46,4 +46,14 @@ class IncompleteRecord(RecordError):
 
 class OtherContent(RecordError):
     """File that is recognized as something other than a ground motion: response spectra, the table
-    of a search, a spreadsheet. A directory may contain such files."""
+    of a search. A directory may contain such files.
+
+    Attributes
+    ----------
+    content : str
+        Type of the content, for the list of the files of a directory.
+    """
+
+    def __init__(self, message: str, content: str = "other content") -> None:
+        super().__init__(message)
+        self.content = content

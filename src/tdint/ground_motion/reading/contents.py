@@ -15,7 +15,7 @@ import hashlib
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
@@ -28,6 +28,12 @@ from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
+from tdint.ground_motion.reading.other_files import (
+    has_data_suffix,
+    other_type,
+    repeated_motions,
+    unused_text,
+)
 from tdint.ground_motion.record import Input
 
 if TYPE_CHECKING:
@@ -288,20 +294,43 @@ class Contents:
     compared: tuple[str, ...]
 
 
-def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
-    """Return True if a file has a supported format or cannot be read.
+def other_content(source: str | Path, layout: TextLayout = AS_STATED) -> str:
+    """Return the type of a file that contains no ground motion; empty for a record, for a file with
+    numbers in an unknown format, and for a file that cannot be read.
 
-    A file that cannot be read counts as a record, so that the later attempt to read it reports the
-    error. A file with a supported format may still be corrupt.
+    The later attempt to read such a file reports its error, so that no data are lost.
     """
     try:
-        data = read_bytes(source)
-        if is_zip(data):  # Spreadsheets are also zip files, so the suffix is checked.
-            return str(source).lower().endswith(".zip")
-        recognized = _recognize(data, layout)
-        return recognized is not None and recognized.is_record
+        return _other_content(read_bytes(source), str(source), layout)
     except RecordError:
-        return True
+        return ""
+
+
+def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
+    """Return the type of a file with this content (`other_content`)."""
+    if is_zip(data) and source.lower().endswith(".zip"):
+        return ""
+    # A table that is too small for a record is no table of data.
+    is_table = False
+    try:
+        recognized = _require_format(data, source, layout)
+        if recognized.format != TEXT_TABLE:
+            return ""
+        is_table = recognized.is_record
+        # Tables may be response spectra, which only their reader recognizes.
+        if not (content := other_type(source, data)):
+            _read(recognized)
+    except OtherContent as error:
+        return "" if has_data_suffix(source) else error.content
+    except RecordError:
+        content = other_type(source, data)
+        if not (content or is_table or has_data_suffix(source) or _JSON_NUMBERS.search(data)):
+            return "no numbers"
+    return content
+
+
+_JSON_NUMBERS = re.compile(rb"\[\s*(?:-?\d[-+.\deE]*\s*,\s*){20}")
+"""Pattern of a list of numbers in JSON, which may be the samples of a ground motion."""
 
 
 def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
@@ -316,7 +345,7 @@ def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[st
     -------
     list of (str, str)
         Name and format of the file, or of each record in the zip file. Files without a supported
-        format are omitted.
+        format, and files that `read_all_contents` omits, are omitted.
 
     Raises
     ------
@@ -324,7 +353,7 @@ def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[st
         The file cannot be read, or the archive is corrupt.
     """
     data = read_bytes(source)
-    files = [*archive_files(data, source)] if is_zip(data) else [(source, data)]
+    files = _records_in_archive(data, source, layout)[0] if is_zip(data) else [(source, data)]
     recognized_by_file = [(name, _recognize(content, layout)) for name, content in files]
     return [(name, recognized.format) for name, recognized in recognized_by_file if recognized]
 
@@ -342,26 +371,45 @@ def read_all_contents(
     Returns
     -------
     list of (str, Contents)
-        Name and traces of each record. Archived files without a supported format are omitted.
+        Name and traces of each record. Archived files that are no records, or that repeat a motion
+        in another quantity, are omitted, with a note.
 
     Raises
     ------
     RecordError
         The archive contains no record, or `read_contents` raises an error for a record.
     """
-    records = [(source, data)]
+    records, notes = [(source, data)], tuple[str, ...]()
     if is_zip(data):
-        files = [*archive_files(data, source)]
-        records = [(name, content) for name, content in files if _recognize(content, layout)]
-        if any(name.endswith(_SPREADSHEET_MEMBERS) for name, _ in files):
-            raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV")
+        records, unused = _records_in_archive(data, source, layout)
         if not records:
-            names = [name.removeprefix(f"{source}/")[:60] for name, _ in files[:10]]
+            names = [name.removeprefix(f"{source}/")[:60] for name in [*unused][:10]]
             raise RecordError(
                 f"{source}: the archive contains no record of a supported format; it contains "
                 f"{', '.join(names) or 'nothing'}"
             )
-    return [(name, read_contents(content, name, layout)) for name, content in records]
+        if unused:
+            text = unused_text(
+                {name.removeprefix(f"{source}/"): why for name, why in unused.items()}
+            )
+            notes = (f"not used: {text}",)
+    contents = [(name, read_contents(content, name, layout)) for name, content in records]
+    name, first = contents[0]
+    return [(name, replace(first, notes=(*notes, *first.notes))), *contents[1:]]
+
+
+def _records_in_archive(
+    data: bytes, source: str, layout: TextLayout
+) -> tuple[list[tuple[str, bytes]], dict[str, str]]:
+    """Return the names and contents of the records in a zip file, and the names of its other files
+    with the reason why they are not used, by the rules for directories."""
+    files = [*archive_files(data, source)]
+    if any(name.endswith(_SPREADSHEET_MEMBERS) for name, _ in files):
+        raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")
+    unused = {name: _other_content(content, name, layout) for name, content in files}
+    unused |= repeated_motions(name for name, why in unused.items() if not why)
+    records = [(name, content) for name, content in files if not unused[name]]
+    return records, {name: why for name, why in unused.items() if why}
 
 
 def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> Contents:
@@ -530,7 +578,7 @@ def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized
         if data.startswith(first_bytes):
             raise RecordError(f"{source}: the file is compressed ({program}); uncompress it first")
     if data.startswith(_OLE_SIGNATURE):
-        raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV")
+        raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")
     if is_json(data):
         raise RecordError(
             f"{source}: the file is JSON, which is not read; write its samples to a text file with "

@@ -3,15 +3,17 @@ components, individually or in pairs."""
 
 from __future__ import annotations
 
+import glob
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
-from tdint.files import STDIN, is_file, is_folder, protect_input
-from tdint.ground_motion.choice import RecordChoice, TextLayout
+from tdint.files import STDIN, is_file, is_folder, is_there, protect_input
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.duplicates import first_copies
 from tdint.ground_motion.horizontals import (
     USUAL,
@@ -26,7 +28,8 @@ from tdint.ground_motion.horizontals import (
 from tdint.ground_motion.measures import baseline_notes_of_suite
 from tdint.ground_motion.origin import matched_text
 from tdint.ground_motion.processing_steps import processed
-from tdint.ground_motion.reading.contents import is_record, record_formats
+from tdint.ground_motion.reading.contents import other_content, record_formats
+from tdint.ground_motion.reading.other_files import repeated_motions, unused_text
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
@@ -44,23 +47,34 @@ class Sources:
     files : tuple of str
         Files in order; `-` is standard input.
     notes : tuple of str
-        Notes about files in directories that were omitted.
+        Notes about files that were omitted.
     failures : tuple of RecordError
-        Errors for directories without records.
+        Errors for directories and patterns without records.
+    found : int
+        Number of files, including the omitted files; 0 if no directory or pattern is specified.
     """
 
     files: tuple[str, ...]
     notes: tuple[str, ...]
     failures: tuple[RecordError, ...]
+    found: int = 0
+
+    def count_notes(self, used: int) -> tuple[str, ...]:
+        """Return a note on the number of files from which ground motions are used; no note if the
+        user has named each file and all are used."""
+        found = self.found or len(self.files)
+        is_counted = self.found or used < found
+        return (f"{used} of {pluralize(found, 'file')} used",) if is_counted else ()
 
 
 def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
-    """Return the record files of the arguments; a directory is replaced by its records in order of
-    name.
+    """Return the record files of the arguments; a directory is replaced by its records and a
+    pattern (`*.AT2`) by the matching files, in order of name.
 
-    Other content of a directory (hidden files, subdirectories, files of unknown format) is omitted.
-    A file that cannot be read is kept, so that reading it reports the error. With a layout, more
-    text tables are recognized as records.
+    Other content of a directory is omitted with a note: subdirectories, documents, tables of a
+    search, response spectra, text without numbers. A file with numbers, or with a suffix of data,
+    that cannot be read is kept, so that reading it reports the error. The velocity and the
+    displacement of a motion are omitted if its acceleration is in another file.
 
     Returns
     -------
@@ -73,36 +87,66 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
         Standard input is specified more than once, or an entry of the units by file matches no
         file.
     """
-    layout = choice.layout
     if arguments.count(STDIN) > 1:
         raise UsageError("standard input (-) can be read only once")
     files: list[str] = []
     notes: list[str] = []
     failures: list[RecordError] = []
+    found = 0
     for argument in arguments:
-        if argument == STDIN or not is_folder(argument):
-            files.append(argument)
-            continue
         try:
-            records, other_names = _records_in_directory(argument, layout)
+            named = _matching_files(argument)
         except RecordError as error:
             failures.append(error)
             continue
-        files += records
-        # The command must not replace these files, even if only another process reads them.
-        for file in records:
-            protect_input(file)
-        # A license file is usual in a directory of records and needs no note.
-        skipped = [name for name in other_names if name != "LICENSE"]
-        if skipped:
-            notes.append(f"{argument}: skipped (not records): {abbreviate(skipped, _MAX_NAMES)}")
-    file_units(choice.units).require_matches(files, partial(record_formats, layout=layout))
-    return Sources(tuple(files), tuple(notes), tuple(failures))
+        for name in named:
+            if name == STDIN or not is_folder(name):
+                files.append(name)
+                found += len(named) > 1
+                continue
+            try:
+                records, unused = _records_in_directory(name, choice)
+            except RecordError as error:
+                failures.append(error)
+                continue
+            files += records
+            found += len(records) + sum(not other.endswith("/") for other in unused)
+            # The command must not replace these files, even if only another process reads them.
+            for file in records:
+                protect_input(file)
+            if unused:
+                notes.append(f"{name}: not used: {unused_text(unused)}")
+    if repeated := repeated_motions(file for file in files if file != STDIN):
+        notes.append(f"not used, because another file contains the motion: {unused_text(repeated)}")
+    files = [file for file in files if file not in repeated]
+    # Options of a description apply to its own files only.
+    files_of_choice: dict[int, tuple[RecordChoice, list[str]]] = {}
+    for file in files:
+        own = choice.of(file)
+        files_of_choice.setdefault(id(own), (own, []))[1].append(file)
+    for own, own_files in files_of_choice.values() or [(choice, [])]:
+        formats = partial(record_formats, layout=own.layout)
+        file_units(own.units).require_matches(own_files, formats)
+    return Sources(tuple(files), tuple(notes), tuple(failures), found)
 
 
-def _records_in_directory(directory: str, layout: TextLayout) -> tuple[list[str], list[str]]:
-    """Return the paths of the records in a directory and the names of its other visible content.
-    RecordError is raised if the directory cannot be read, or contains no record.
+def _matching_files(argument: str) -> Sequence[str]:
+    """Return the files that match an argument with wildcards, in order of name; the argument itself
+    if it has no wildcards or is the name of a file. RecordError is raised if no file matches."""
+    if not _WILDCARDS.search(argument) or is_there(argument):
+        return [argument]
+    if not (matches := sorted(glob.glob(argument))):  # noqa: PTH207  keeps the user's spelling
+        raise RecordError(f"{argument}: no file matches this pattern")
+    return matches
+
+
+_WILDCARDS = re.compile(r"[*?[]")
+
+
+def _records_in_directory(directory: str, choice: RecordChoice) -> tuple[list[str], dict[str, str]]:
+    """Return the paths of the records in a directory, and the names of its other visible content
+    with the reason why they are not used. RecordError is raised if the directory cannot be read, or
+    contains no record.
     """
     try:
         names = sorted(
@@ -112,20 +156,25 @@ def _records_in_directory(directory: str, layout: TextLayout) -> tuple[list[str]
         raise RecordError(
             f"{directory}: the directory cannot be read: {error.strerror or error}"
         ) from error
-    records, other_names = [], []
+    records: list[str] = []
+    unused: dict[str, str] = {}
     for name in names:
         # `Path` would change the spelling of the user, for example remove a leading "./".
         file = os.path.join(directory, name)  # noqa: PTH118
         if is_folder(file):
-            other_names.append(f"{name}/")
-        elif is_file(file) and is_record(file, layout):  # A pipe is not read: it may never end.
-            records.append(file)
+            unused[f"{name}/"] = "directory"
+        elif not is_file(file):  # A pipe is not read: it may never end.
+            unused[name] = "no regular file"
+        elif content := other_content(file, choice.of(file).layout):
+            unused[name] = content
         else:
-            other_names.append(name)
+            records.append(file)
     if not records:
-        listed = abbreviate(other_names, _MAX_NAMES) or "nothing"
+        listed = unused_text(unused) or "nothing"
         raise RecordError(f"{directory}: no record found in this directory; it contains {listed}")
-    return records, other_names
+    # A license file is usual in a directory of records and needs no note.
+    unused.pop("LICENSE", None)
+    return records, unused
 
 
 GroundMotion = Record | Horizontals
@@ -165,6 +214,7 @@ def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
     RecordError
         The file cannot be read, or a processing step cannot be applied.
     """
+    choice = choice.of(file)
     return [processed(record, choice.processing) for record in read_records(file, **choice.reading)]
 
 
@@ -208,6 +258,7 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
             *([f"the ground motions are {matched}"] if matched else ()),
             *_duplicate_notes(suite.records),
             *baseline_notes_of_suite(suite.records),
+            *sources.count_notes(len({record.inputs[0].file for record in suite.records})),
         ),
     )
 
@@ -240,6 +291,7 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
     records: list[GroundMotion] = []
     failures: list[RecordError] = []
     notes: list[str] = []
+    vertical_files: list[str] = []
     for file in files:
         try:
             components = read_chosen(file, choice)
@@ -250,17 +302,11 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
         omitted = [
             component
             for component in components
-            if choice.component is None and is_vertical(component.component)
+            if choice.of(file).component is None and is_vertical(component.component)
         ]
-        if omitted and len(omitted) == len(components):
-            failures.append(
-                RecordError(
-                    f"{file}: no horizontal component found; select a component by name to use a "
-                    "vertical one"
-                )
-            )
-            continue
-        if omitted:
+        if len(omitted) == len(components):
+            vertical_files.append(file)
+        elif omitted:
             notes.append(
                 f"{file}: vertical component omitted: "
                 f"{', '.join(component.component for component in omitted)}"
@@ -270,6 +316,17 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
             component
             for component in components
             if not any(component is other for other in omitted)
+        ]
+    # A file of a vertical component usually accompanies the files of the horizontal components.
+    if records:
+        notes += [f"{file}: not used: vertical component" for file in vertical_files]
+    else:
+        failures += [
+            RecordError(
+                f"{file}: no horizontal component found; select a component by name to use a "
+                "vertical one"
+            )
+            for file in vertical_files
         ]
     return Suite(tuple(records), tuple(failures), tuple(notes))
 

@@ -109,7 +109,11 @@ PROCESSING = (
 
 LAYOUT = (
     Key("step", POSITIVE, "sampling interval of a text table that does not contain it, s"),
-    Key("column", TextLine(), "column of a text table: its name, or its number from 1"),
+    Key(
+        "column",
+        Either((TextLine(), EntriesOf(TextLine(), least=1))),
+        "column of a text table: its name, or its number from 1; or a list of columns",
+    ),
     Key("skip_lines", Integer(0, MAX_SKIPPED_LINES), "lines before the numbers"),
     Key("rows", Flag(), "the lines of a text table continue one ground motion"),
 )

@@ -1,0 +1,204 @@
+"""Description of a set of records: the files, and how they are read and processed.
+
+A YAML file with these keys stands for the records wherever a command accepts a record, a pattern or
+a directory. The key `records` of a campaign file has the same keys.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import USUAL, PairNames
+from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
+from tdint.model.keys.document import read_document
+from tdint.model.keys.fields import (
+    Either,
+    EntriesOf,
+    Flag,
+    Key,
+    Keys,
+    Section,
+    TextLine,
+    Value,
+)
+
+UNITS = Key(
+    "units",
+    TextLine(),
+    "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
+    "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
+)
+FILES = (
+    Key(
+        "files",
+        EntriesOf(TextLine(), least=1),
+        "records, patterns (*.AT2) and directories of records, relative to this file",
+    ),
+    Key(
+        "component",
+        TextLine(),
+        "component, if files contain several; all horizontal components by default",
+    ),
+    Key(
+        "pairs",
+        Either((Flag(), TextLine())),
+        "combine the two horizontal components of a motion, so that they have the same factors: "
+        "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
+    ),
+    Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
+    *LAYOUT,
+    *PROCESSING,
+)
+_DESCRIPTION = Keys((*FILES, UNITS))
+_OTHER_YAML = frozenset(("stories", "building", "buildings", "matrices", "records"))
+"""Keys of model files and campaign files, which are no descriptions of records."""
+
+
+@dataclass(frozen=True)
+class DescribedRecords:
+    """Content of a description of records.
+
+    Attributes
+    ----------
+    files : tuple of str
+        Files, patterns and directories, relative to the working directory.
+    pairs : PairNames | None
+        Naming scheme of the two components of a motion; None: components are separate motions.
+    """
+
+    files: tuple[str, ...]
+    choice: RecordChoice
+    pairs: PairNames | None = None
+
+
+def read_description(source: str) -> DescribedRecords | None:
+    """Read a description of records.
+
+    Parameters
+    ----------
+    source : str
+        YAML file. Relative paths in the file refer to its directory.
+
+    Returns
+    -------
+    DescribedRecords | None
+        None if the file is a model file or a campaign file.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read, is not YAML, or has errors; all errors are listed with line and
+        column.
+    """
+    _, root = read_document(source, "description of records", "`files`")
+    if root.is_mapping and not _OTHER_YAML.isdisjoint(root.names):
+        return None
+    section = root.section(_DESCRIPTION)
+    described = None
+    if section:
+        section.need("files", "give a list of files, patterns and directories")
+        described = read_files(section)
+    root.faults.raise_if_any()
+    assert described is not None
+    return described
+
+
+def read_files(section: Section) -> DescribedRecords:
+    """Return the files of a section with the keys `FILES` and `UNITS`, and how they are read.
+    Errors are recorded in the document."""
+    files = section.get("files")
+    items = (
+        files.items("a list of files and directories", "is empty; give at least one record")
+        if files
+        else None
+    )
+    pairs, component = section.get("pairs"), section.get("component")
+    pair_names = _pair_names(pairs) if pairs else None
+    if pair_names and component:
+        component.fault("cannot be used with `pairs`, which use both components; remove one key")
+    paths = [item.file() for item in items or ()]
+    return DescribedRecords(tuple(filter(None, paths)), choice_of_files(section), pair_names)
+
+
+def _pair_names(value: Value) -> PairNames | None:
+    """Return the naming scheme of the files of pairs: patterns such as `{}_N.AT2,{}_E.AT2`, or the
+    usual names for `true`; None for `false` and for an invalid value, which is recorded as an
+    error."""
+    if "{}" in value.word:
+        return value.parsed(PairNames.parse)
+    return USUAL if value.boolean() else None
+
+
+def choice_of_files(section: Section) -> RecordChoice:
+    """Return the selection of components and the processing of the records. An error is recorded if
+    the keys `units` and `inventory` (station metadata, which contain the units) are combined."""
+    choice, units = read_choice(section, stdin=False, many=True), section.get("units")
+    if units and choice.inventory and isinstance(choice.units, str):
+        units.fault("cannot be used with `inventory`, which states the units; remove one key")
+    return choice
+
+
+def description_text(files: Sequence[str], choice: RecordChoice, folder: Path) -> str:
+    """Return the text of a description of records.
+
+    Parameters
+    ----------
+    files : sequence of str
+        Files, patterns and directories, relative to the working directory.
+    folder : Path
+        Directory of the description, to which its paths are relative.
+    """
+    lines = ["files:"]
+    for file in files:
+        path = file if os.path.isabs(file) else os.path.relpath(file, folder)  # noqa: PTH117
+        lines.append(f"  - {_scalar(path)}")
+    for name, value in stated_settings(choice).items():
+        if name == "inventory" and not os.path.isabs(value):  # noqa: PTH117
+            value = os.path.relpath(value, folder)
+        lines.append(f"{name}: {_scalar(value)}")
+    return "\n".join((*lines, ""))
+
+
+def stated_settings(choice: RecordChoice) -> dict[str, Any]:
+    """Return the settings of a choice that are not the default, by the key of the description."""
+    settings = {name: getattr(choice, name) for name in ("units", "component", "inventory")}
+    for part in (choice.layout, choice.processing):
+        settings |= {field.name: getattr(part, field.name) for field in fields(part)}
+    return {
+        name: value
+        for name, value in settings.items()
+        if value not in (None, ()) and value is not False
+    }
+
+
+_PLAIN = re.compile(r"[A-Za-z/.][\w/.^-]*")
+_WORDS = frozenset(("true", "false", "yes", "no", "on", "off", "null", "nan", "inf"))
+"""Texts that YAML reads as other values, so that they need quotation marks."""
+
+
+def _scalar(value: Any) -> str:
+    """Return the value of a key in YAML."""
+    if value is True:
+        return "true"
+    if isinstance(value, Mapping):
+        value = ",".join(f"{name}={units}" for name, units in value.items())
+    if isinstance(value, tuple):
+        # A range of times is written START:END, and several columns as a list.
+        if all(part is None or isinstance(part, float) for part in value):
+            value = ":".join("" if part is None else repr(part) for part in value)
+        elif len(value) == 1:
+            value = value[0]
+        else:
+            return f"[{', '.join(map(_scalar, value))}]"
+    if isinstance(value, int | float) or str(value).isdecimal():
+        return str(value)
+    text = str(value)
+    is_plain = _PLAIN.fullmatch(text) and text.lower() not in _WORDS
+    return text if is_plain else json.dumps(text, ensure_ascii=False)
