@@ -20,6 +20,8 @@ from typing import Any, TypeVar
 import click
 
 from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
+from tdint.files import is_folder
+from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import abbreviate
 from tdint.response.defaults import NO_METHOD
 from tdint.system import set_nonblocking
@@ -354,8 +356,54 @@ class Failures(TdintError):
     """
 
     def __init__(self, errors: Sequence[TdintError]) -> None:
-        super().__init__("\n".join(map(str, errors)))
+        super().__init__("\n".join(_lines_of_errors(errors)))
         self.exit_code = min(error.exit_code for error in errors)
+
+
+def _lines_of_errors(errors: Sequence[TdintError]) -> list[str]:
+    """Return the messages of errors. Records that lack the same properties have one message, which
+    ends with a command line that specifies all of them."""
+    lines = [str(error) for error in errors if not isinstance(error, IncompleteRecord)]
+    incomplete: dict[tuple[str, Missing], list[str]] = {}
+    for error in errors:
+        if isinstance(error, IncompleteRecord):
+            file, message = _file_and_message(str(error))
+            incomplete.setdefault((message, error.missing), []).append(file)
+    for (message, missing), files in incomplete.items():
+        line = _line_with(missing, message, files)
+        lines.append(f"{abbreviate(files, _NAMED_IN_ERRORS)}: {message}{line}")
+    return lines
+
+
+_NAMED_IN_ERRORS = 10  # maximum number of files that a common error names
+
+
+def _line_with(missing: Missing, message: str, files: Sequence[str]) -> str:
+    """Return the end of a message: an example of a command line that specifies all properties that
+    records lack; empty if no property is missing."""
+    settings = current()
+    arguments, words = list(settings.arguments), list[str]()
+    has_units = any(word.partition("=")[0] == "--units" for word in arguments)
+    # The message of a velocity or a displacement contains an example of its units.
+    units = re.search(r"`units=([^`]+)`", message)
+    words += ["--step", "0.01"] if missing.step else []
+    words += ["--units", units[1] if units else "g"] if missing.units and not has_units else []
+    words += ["--column", missing.columns[0]] if missing.columns else []
+    words += ["--skip-lines", str(missing.skip_lines)] if missing.skip_lines else []
+    if not (words and arguments):
+        return ""
+    if all(word in settings.options for word in words if word.startswith("--")):
+        line = shlex.join(["tdint", *arguments, *words])
+    else:
+        # The command takes the properties from a description of the records.
+        named = [word for word in arguments[1:] if word in files or is_folder(word)] or files[:1]
+        first = arguments.index(named[0]) if named[0] in arguments else len(arguments)
+        rest = [word for word in arguments if word not in named]
+        rest.insert(first, "records.yaml")
+        line = shlex.join(["tdint", "info", *named, *words, "--export", "records.yaml"])
+        line += f", then {shlex.join(['tdint', *rest])}"
+    rows = " (or --rows in place of --column)" if missing.rows and missing.columns else ""
+    return f". For example: {line}{rows}"
 
 
 def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
@@ -414,7 +462,8 @@ def _report_error(error: BaseException, settings: Settings) -> int:
         if settings.debug:
             complain(traceback.format_exc().rstrip())
         if isinstance(error, TdintError):
-            lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
+            text = _lines_of_errors([error])[0]
+            lines, code = text.splitlines() or [type(error).__name__], error.exit_code
         elif resource := _missing_resource(error, settings.options):
             lines, code = [resource], OUT_OF_RESOURCES
         # Click raises OSError if it writes to a full disk; `emit` raises OutputError.

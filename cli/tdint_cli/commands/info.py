@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import TdintError, UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs, is_folder, write_files
 from tdint.output import figures, tables
 from tdint.units import SI
 from tdint_cli import options
@@ -45,6 +45,8 @@ class Product:
 
     Attributes
     ----------
+    source : str
+        File of the record.
     records : tuple of dict
         Description of each component, for the JSON file.
     infos : tuple of RecordInfo
@@ -55,6 +57,7 @@ class Product:
         Components of the record; empty if no export is requested.
     """
 
+    source: str
     table: Table
     records: tuple[dict[str, Any], ...]
     infos: tuple[RecordInfo, ...]
@@ -63,14 +66,18 @@ class Product:
     exported: tuple[Record, ...] = ()
 
 
-_MSEED, _CSV = ".mseed", ".csv"
+_MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
 _EXPORT = options.output.option(
     "--export",
     type=FileName(written=True),
+    metavar="FILE|DIR",
     callback=options.output.refuse_empty,
     help="Also write the processed ground motions to this file: acceleration, velocity and "
     "displacement. A .mseed file (MiniSEED, SI units) contains all components, a .csv file one "
-    "component. A JSON file next to it describes the components and their processing.",
+    "component; a directory (an existing one, or a name with a / at the end) contains a .mseed "
+    "file for each record. A JSON file next to each describes the components and their processing. "
+    "A .yaml file instead describes how the records are read; other commands take it in place of "
+    "the records.",
 )
 
 
@@ -105,7 +112,11 @@ def command(request: Request) -> None:
 
     sources = records_of(request.records, request.choice)
     outputs = request.outputs
-    check_outputs([*outputs.files, *_exported_files(request)], overwrite=outputs.overwrite)
+    exported_files = _exported_files(request, sources.files)
+    check_outputs(
+        [*outputs.files, *(file for files in exported_files for file in files)],
+        overwrite=outputs.overwrite,
+    )
     notes = dict.fromkeys(sources.notes)  # An ordered set: the keys keep the order of insertion.
     warnings: dict[str, None] = {}
     failures: list[TdintError] = list(sources.failures)
@@ -125,7 +136,7 @@ def command(request: Request) -> None:
     # The figure shows only the first components, because its size is limited.
     infos = [info for product in products for info in product.infos]
     if products:
-        notes |= dict.fromkeys(_export(request, products))
+        notes |= dict.fromkeys(_export(request, products, sources.files, exported_files))
         records = [record for product in products for record in product.records]
         table = replace(
             products[0].table, rows=[row for product in products for row in product.table.rows]
@@ -141,40 +152,87 @@ def command(request: Request) -> None:
             f"the figure shows only the first {figures.static_curves.MOST_RECORDS} components; "
             f"{left_out} are omitted"
         )
-    note(*notes)
+    note(*notes, *sources.count_notes(len(products)))
     if failures:
         raise Failures(failures)
 
 
-def _exported_files(request: Request) -> list[Path]:
-    """Return the paths of the --export file and of its JSON file. UsageError is raised if the file
-    name has neither of the two suffixes.
+def _exported_files(request: Request, records: Sequence[str]) -> list[tuple[Path, ...]]:
+    """Return the paths of each file of --export and of its JSON file; in a directory, there is a
+    file for each of the `records`. UsageError is raised if the file name has none of the three
+    suffixes.
     """
     if request.export is None:
         return []
     file = Path(request.export)
+    if request.export.endswith("/") or is_folder(file):
+        from tdint_cli.commands.spectrum import tables_of
+
+        tables = tables_of(records, file)
+        return [(table.with_suffix(_MSEED), table.with_suffix(".json")) for table in tables]
+    if file.suffix.lower() == _YAML:
+        return [(file,)]
     if file.suffix.lower() not in (_MSEED, _CSV):
         raise UsageError(
-            f"--export {request.export[:60]}: unknown file type; use the suffix {_MSEED} or {_CSV}"
+            f"--export {request.export[:60]}: unknown file type; use the suffix {_MSEED}, {_CSV} "
+            f"or {_YAML}, or a directory: {request.export[:60]}/"
         )
-    return [file, beside(file, ".json")]
+    return [(file, beside(file, ".json"))]
 
 
-def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
-    """Write the processed ground motions to the file of --export, and their JSON file.
+def _export(
+    request: Request,
+    products: Sequence[Product],
+    sources: Sequence[str],
+    files: Sequence[tuple[Path, ...]],
+) -> tuple[str, ...]:
+    """Write the processed ground motions, or the description of the records, to the files of
+    --export, and return notes.
 
     UsageError is raised if several components are requested for a CSV file, or records with
     different sampling intervals for a MiniSEED file.
     """
+    if request.export is None:
+        return ()
+    contents: dict[Path, bytes] = {}
+    notes: list[str] = []
+    is_per_record = Path(request.export) not in {file for file, *_ in files}
+    if not is_per_record and len(files[0]) == 1:
+        from tdint.model.config.record_files import description_text
+
+        ((file,),) = files
+        choices = {id(choice): choice for choice in map(request.choice.of, request.records)}
+        if len(choices) > 1:
+            raise UsageError(
+                f"--export {file}: the records are read with different options; write a "
+                "description for each of them"
+            )
+        (choice,) = choices.values()
+        text = description_text(request.records, choice, file.parent)
+        contents[file] = text.encode()
+    else:
+        # In a directory, each record has a file; records that failed have none.
+        groups = [[product] for product in products] if is_per_record else [products]
+        for group in groups:
+            pair = files[sources.index(group[0].source)] if is_per_record else files[0]
+            added, more_notes = _exported(request, group, *pair)
+            contents |= added
+            notes += more_notes
+    write_files(contents, overwrite=request.outputs.overwrite)
+    return tuple(notes)
+
+
+def _exported(
+    request: Request, products: Sequence[Product], file: Path, json_file: Path
+) -> tuple[dict[Path, bytes], tuple[str, ...]]:
+    """Return the contents of a file with the processed ground motions of some records and of its
+    JSON file, and notes about it."""
     from tdint.ground_motion.measures import channels_of
     from tdint.ground_motion.origin import WRITTEN, written_motion
     from tdint.ground_motion.record import to_mseed
     from tdint.output.summary import in_units, json_bytes, table_summary
 
-    if request.export is None:
-        return ()
     # A MiniSEED file contains all components, each as acceleration, velocity and displacement.
-    file, json_file = _exported_files(request)
     motions = [record for product in products for record in product.exported]
     summaries = [dict(summary) for product in products for summary in product.records]
     units, notes, ids = SI, tuple[str, ...](), list[str]()
@@ -182,9 +240,9 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     if file.suffix.lower() == _MSEED:
         if len({record.dt for record in motions}) > 1:
             raise UsageError(
-                f"--export {request.export[:60]}: the records have different sampling intervals "
-                "and cannot be written to one file; export each record separately, or add "
-                "--resample"
+                f"--export {file}: the records have different sampling intervals and cannot be "
+                f"written to one file; write one file for each record (--export {file.stem}/), or "
+                "add --resample"
             )
         channels = channels_of(motions)
         content, notes = to_mseed(channels)
@@ -195,9 +253,8 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
             ids.append(channel.id)
     elif len(motions) > 1:
         raise UsageError(
-            f"--export {request.export[:60]}: a CSV file can contain one component, got "
-            f"{len(motions)}; select one with --component, or use FILE{_MSEED} for all "
-            "components"
+            f"--export {file}: a CSV file can contain one component, got {len(motions)}; select "
+            f"one with --component, or use {file.stem}{_MSEED} for all components"
         )
     else:
         units = request.outputs.shown_units
@@ -211,10 +268,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
         written_motion(file.name, content, id, motion.written_origin)
         for id, motion in zip(ids, motions, strict=True)
     ]
-    write_files(
-        {file: content, json_file: json_bytes(summary)}, overwrite=request.outputs.overwrite
-    )
-    return notes
+    return {file: content, json_file: json_bytes(summary)}, notes
 
 
 def _work(request: Request, task: Task) -> Product:
@@ -224,6 +278,7 @@ def _work(request: Request, task: Task) -> Product:
     records = request.read(task.source)
     infos = list(map(tables.spectra.record_info, records))
     return Product(
+        source=task.source,
         table=tables.spectra.info_table(infos),
         records=tuple(map(record_summary, records)),
         infos=tuple(infos) if request.outputs.picture else (),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_disk_space, is_folder, is_there, write_files
+from tdint.files import check_disk_space, is_there, write_files
 from tdint.ground_motion.origin import matched_text
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
@@ -110,6 +110,8 @@ def command(request: Request) -> None:
             "under the same records, use a campaign with `buildings: {models: "
             f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
+    from tdint.ground_motion.reading.suites import is_set
+
     # A comma after a colon separates the parameters of a method. Any other comma separates methods.
     method = request.method
     if method and "," in method and ":" not in method:
@@ -138,7 +140,7 @@ def command(request: Request) -> None:
         request.factors is not None
         or len(records) > 1
         or len(request.scale or ()) > 1
-        or (records and is_folder(records[0]))
+        or (records and is_set(records[0]))
     ):
         refuse_idle(SEVERAL, MODES)
         request.floor_request.check(request.output)

@@ -100,7 +100,7 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
     ]
     # Dictionaries without values are used as sets that keep the order of insertion.
     notes, warnings = dict.fromkeys(sources.notes), dict[str, None]()
-    failures, longest_interval = list[TdintError](sources.failures), 0.0
+    failures, longest_interval, used = list[TdintError](sources.failures), 0.0, 0
     outcomes_of_common_table: list[RecordTable] = []
     to_terminal = request.output is None
     width = reading_width() if to_terminal else None
@@ -113,6 +113,7 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
             if isinstance(outcome, TdintError):
                 failures.append(outcome)
                 continue
+            used += 1 + len(task.others)
             notes |= dict.fromkeys(outcome.notes)
             warnings |= dict.fromkeys(outcome.warnings)
             longest_interval = max(longest_interval, outcome.interval)
@@ -133,7 +134,7 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
         _write(request, table_type, output, outcomes_of_common_table)
     last_note = table_type.remark(request, longest_interval)
     warn(*warnings)
-    note(*filter(None, (*notes, last_note)))
+    note(*filter(None, (*notes, last_note)), *sources.count_notes(used))
     if failures:
         from tdint.ground_motion.horizontals import combine_single_components
 

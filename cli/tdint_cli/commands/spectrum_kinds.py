@@ -685,9 +685,7 @@ def _is_single(request: SpectrumRequest, file: str) -> bool:
     from tdint.ground_motion.reading.read import read_records
 
     try:
-        records = read_records(
-            file, units=request.units, inventory=request.inventory, layout=request.choice.layout
-        )
+        records = read_records(file, **request.choice.of(file).reading | {"component": None})
     except RecordError:
         return False  # The error is reported when the file is processed.
     return sum(not is_vertical(record.component) for record in records) == 1

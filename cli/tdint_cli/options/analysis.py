@@ -360,7 +360,9 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
 
     if request.record is not None:
         return RecordSource(
-            request.record, request.choice, request.scale[0] if request.scale else 1.0
+            request.record,
+            request.choice.of(request.record),
+            request.scale[0] if request.scale else 1.0,
         )
     source = model.excitation.record
     specified: dict[str, Any] = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise, takewhile
@@ -466,9 +467,13 @@ class Command(HelpAsData):
             if word in self._valued_options() and next_word in option_names:
                 raise UsageError(f"{word} requires a value, but {next_word} is an option")
         args = _with_default_values(args, self._default_values())
+        if "--to" in option_names:
+            args = _with_measures(args)
         try:
             remaining = super().parse_args(ctx, with_named_files(args, option_names))
         except click.NoSuchOption as error:
+            if error.option_name in DESCRIBED_OPTIONS and "--units" in option_names:
+                raise UsageError(self._described_line(ctx, args, error.option_name)) from None
             new_name, example = _FORMER.get(error.option_name, ("", ""))
             if new_name not in option_names:
                 raise
@@ -478,6 +483,27 @@ class Command(HelpAsData):
         if not ctx.resilient_parsing:
             self._check_needs(ctx)
         return remaining
+
+    def _described_line(self, ctx: click.Context, args: Sequence[str], option: str) -> str:
+        """Return the error for an option of the layout or the processing of records in a command
+        without such options, with the two command lines that replace it."""
+        moved, rest = _split_options(args, DESCRIBED_OPTIONS)
+        reading, _ = _split_options(
+            args, dict.fromkeys(("--units", "--component", "--inventory"), True)
+        )
+        ctx.resilient_parsing = True  # no callbacks, no missing arguments
+        super().parse_args(ctx, with_named_files(rest))
+        records = ctx.params.get("records") or ()
+        replaced = [word for word in rest if word not in (*records, *reading)]
+        first = next((i for i, word in enumerate(rest) if word in records), 0)
+        replaced.insert(min(first, len(replaced)), DESCRIPTION)
+        described = shlex.join(
+            ["tdint", "info", *records, *moved, *reading, "--export", DESCRIPTION]
+        )
+        return (
+            f"{option} is an option of run, info, spectrum and chart; describe the records once: "
+            f"{described}, then: {shlex.join(['tdint', str(ctx.info_name), *replaced])}"
+        )
 
     def _default_values(self) -> dict[str, str]:
         """Return the default values of the options whose value is an optional word."""
@@ -531,6 +557,58 @@ class Command(HelpAsData):
         formatter = ctx.make_formatter()
         super().format_help(ctx, formatter)
         return formatter.getvalue().rstrip("\n")
+
+
+DESCRIPTION = "records.yaml"
+"""Name of a description of records in messages."""
+
+DESCRIBED_OPTIONS = {
+    "--step": True,
+    "--column": True,
+    "--skip-lines": True,
+    "--rows": False,
+    "--trim": True,
+    "--baseline": True,
+    "--pad": True,
+    "--highpass": True,
+    "--lowpass": True,
+    "--filter-order": True,
+    "--resample": True,
+}
+"""Options of the layout and the processing of records, with True if they have a value. Commands
+without these options take both from a description of records."""
+
+
+def _split_options(args: Sequence[str], options: Mapping[str, bool]) -> tuple[list[str], list[str]]:
+    """Return the words of some options, with their values, and the other words of a command line;
+    `options` is True for an option with a value."""
+    selected: list[str] = []
+    others: list[str] = []
+    words = iter(args)
+    for word in words:
+        name, equals, _ = word.partition("=")
+        (selected if name in options else others).append(word)
+        if options.get(name) and not equals:
+            selected.append(next(words, ""))
+    return selected, others
+
+
+_MEASURES = ("--sa", "--sa-avg", "--pga", "--pgv", "--arias", "--cav")
+
+
+def _with_measures(args: Sequence[str]) -> list[str]:
+    """Return a command line with --to MEASURE=VALUE in place of the former options --pga VALUE and
+    similar, which remain valid."""
+    result: list[str] = []
+    words = iter(args)
+    for word in words:
+        name, equals, value = word.partition("=")
+        if name in _MEASURES:
+            value = value if equals else next(words, "")
+            result += ["--to", f"{name.removeprefix('--')}={value}"]
+        else:
+            result.append(word)
+    return result
 
 
 _FORMER = {

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+from tdint.errors import UsageError
 from tdint.number_parsing import abbreviate
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import Function
-from tdint_cli.options.option_types import FileName, ListOf, Nonzero, Number, SampleUnitsType
+from tdint_cli.options.option_types import (
+    FileName,
+    ListOf,
+    Nonzero,
+    Number,
+    PairsType,
+    PairWish,
+    SampleUnitsType,
+)
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
@@ -39,6 +48,8 @@ class RecordRequest:
         StationXML file with the instrument response; None without --inventory.
     layout : TextLayout
         Columns, header lines and sampling interval of text tables.
+    described : tuple of (str, RecordChoice)
+        Files, patterns and directories with options of their own, from descriptions of records.
     """
 
     units: SampleUnits | None
@@ -46,6 +57,7 @@ class RecordRequest:
     inventory: str | None
     layout: TextLayout | None = None
     processing: Processing | None = None
+    described: tuple[tuple[str, RecordChoice], ...] = ()
 
     @property
     def choice(self) -> RecordChoice:
@@ -58,6 +70,7 @@ class RecordRequest:
             self.inventory,
             self.processing or Processing(),
             self.layout or TextLayout(),
+            self.described,
         )
 
     def read(self, file: str) -> list[Record]:
@@ -203,9 +216,7 @@ _PROCESSING = (
 
 
 NAMES = frozenset(("units", "component", "inventory")) | {
-    flag.removeprefix("--").replace("-", "_")
-    for declared in (*_LAYOUT, *_PROCESSING)
-    for flag in declared.names
+    flag.removeprefix("--").replace("-", "_") for flag in grammar.DESCRIBED_OPTIONS
 }
 """Names of the parameters by which a record is read and processed, without the scale factor."""
 
@@ -234,14 +245,107 @@ def _with_layout_and_processing(command: Function) -> Function:
     return cast("Function", call_with_layout_and_processing)
 
 
+_DESCRIPTION_SUFFIXES = (".yaml", ".yml")
+
+
+def _with_descriptions(command: Function) -> Function:
+    """Return a command that receives, instead of each description of records (YAML), its files, and
+    as the argument `described` how they are read."""
+
+    @functools.wraps(command)
+    def call_with_files(**values: Any) -> Any:
+        """Replace the descriptions by their files, and call the command."""
+        records = values.get("records") or filter(None, [values.get("record")])
+        if any(name.lower().endswith(_DESCRIPTION_SUFFIXES) for name in records):
+            values = _with_described_files(values)
+        return command(**values)
+
+    return cast("Function", call_with_files)
+
+
+def _with_described_files(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a command line with the files of the descriptions among its records.
+    UsageError is raised if an option contradicts a description, or if a description of several
+    records is given to a command that accepts one record."""
+    from tdint.model.config.record_files import read_description
+
+    described: list[tuple[str, RecordChoice]] = []
+
+    def files_of(name: str) -> tuple[str, ...]:
+        """Return the files of a description; the name itself of a record or a model."""
+        is_description = name.lower().endswith(_DESCRIPTION_SUFFIXES)
+        description = read_description(name) if is_description else None
+        if description is None:
+            return (name,)
+        choice = _combined(values, description.choice, name)
+        described.extend((file, choice) for file in description.files)
+        if description.pairs and isinstance(_pairs_type(), PairsType) and not values.get("pairs"):
+            values["pairs"] = PairWish(None, description.pairs)
+        return description.files
+
+    values = dict(values)
+    if values.get("records"):
+        values["records"] = tuple(file for name in values["records"] for file in files_of(name))
+    if values.get("record"):
+        files = files_of(values["record"])
+        if len(files) != 1:
+            raise UsageError(
+                f"{values['record']} describes {len(files)} records, but --record accepts one"
+            )
+        (values["record"],) = files
+    return values | {"described": tuple(described)}
+
+
+def _pairs_type() -> click.ParamType | None:
+    """Return the type of the option --pairs of the running command; None without this option."""
+    parameters = click.get_current_context().command.params
+    return next((item.type for item in parameters if item.name == "pairs"), None)
+
+
+def _combined(values: Mapping[str, Any], choice: RecordChoice, source: str) -> RecordChoice:
+    """Return the options of a description with the options of the command line that it does not
+    specify. UsageError is raised if both specify different values."""
+    from tdint.ground_motion.choice import Processing, TextLayout
+    from tdint.model.config.record_files import stated_settings
+
+    of_command = dataclasses.replace(
+        choice,
+        units=values.get("units"),
+        component=values.get("component"),
+        inventory=values.get("inventory"),
+        layout=values.get("layout") or TextLayout(),
+        processing=values.get("processing") or Processing(),
+    )
+    stated = stated_settings(choice)
+    for name, value in stated_settings(of_command).items():
+        if name in stated and stated[name] != value:
+            raise UsageError(
+                f"--{name.replace('_', '-')} {value} contradicts `{name}: {stated[name]}` in "
+                f"{source}; omit the option, or change the file"
+            )
+    return dataclasses.replace(
+        choice,
+        units=of_command.units or choice.units,
+        component=of_command.component or choice.component,
+        inventory=of_command.inventory or choice.inventory,
+        layout=of_command.layout.over(choice.layout),
+        processing=of_command.processing.over(choice.processing),
+    )
+
+
 _READING = (units, component, *_LAYOUT, inventory)
-_PROCESSED = (*_PROCESSING, _with_layout_and_processing)
+_PROCESSED = (*_PROCESSING, _with_layout_and_processing, _with_descriptions)
 
 record_options = grammar.together(records, *_READING, *_PROCESSED)
 """Common options of commands with records as arguments, for a RecordsRequest."""
 
-plain_record_options = grammar.together(records_if_any, units, component, inventory)
-"""The same options without layout and processing, for records that `tdint info --export` wrote."""
+_PLAIN = (units, component, inventory, _with_descriptions)
+
+plain_record_options = grammar.together(records, *_PLAIN)
+"""The same options without layout and processing, which a description of records specifies."""
+
+optional_plain_record_options = grammar.together(records_if_any, *_PLAIN)
+"""The same options for commands with optional records."""
 
 optional_record_options = grammar.together(records_if_any, *_READING, *_PROCESSED)
 """The same options for commands with optional records."""

@@ -183,7 +183,7 @@ class IdaRequest(RecordsRequest):
     "tdint ida office.yaml office-motion.txt --threshold 2% -o study --plot",
 )
 @options.analysis.model
-@options.record.plain_record_options
+@options.record.optional_plain_record_options
 @options.of(IdaRequest)
 def command(request: IdaRequest) -> None:
     """Run incremental dynamic analyses: story drift over intensity, up to collapse.

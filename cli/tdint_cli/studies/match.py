@@ -119,7 +119,7 @@ class MatchRequest(RecordsRequest):
     "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
     exits={5: "with --require: a misfit exceeds --max-misfit"},
 )
-@options.record.plain_record_options
+@options.record.optional_plain_record_options
 @options.of(MatchRequest)
 def command(request: MatchRequest) -> None:
     """Match ground motions to a target spectrum with the smallest changes.

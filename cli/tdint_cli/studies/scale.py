@@ -266,7 +266,8 @@ def command(request: ScaleRequest) -> None:
     scale_suite = _scale_function(request)
     suite = read_suite(request.records, request.choice, request.pair_wish)
     # Factors that depend on the complete set are invalid if a record is missing.
-    if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
+    # A selection is complete without them.
+    if suite.failures and not request.select and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(suite.failures)
     scaling = scale_suite(suite.motions)
     if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):

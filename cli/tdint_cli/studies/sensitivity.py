@@ -74,7 +74,7 @@ MODES = (_MODEL, _CAMPAIGN)
 )
 @options.analysis.plugin
 @click.argument("building", metavar="MODEL.yaml|DIR", type=FileName())
-@options.record.plain_record_options
+@options.record.optional_plain_record_options
 @options.output.to_files(picture=options.output.PICTURE)
 @options.of(Request)
 def command(request: Request) -> None:

@@ -290,16 +290,18 @@ def component_names(records: Sequence[Record]) -> list[str]:
 
     The name is the component. If several channels of a file have the same component, the name is
     the id NET.STA.LOC.CHA, or the station code alone for motions exported by tdint, where the
-    station is the floor (F04).
+    station is the floor (F04), unless a station has several channels.
     """
     channels = {(record.source, record.id, record.component) for record in records}
     channel_count = Counter((source, component) for source, _, component in channels)
+    station_count = Counter((source, station_of(id)) for source, id, _ in channels)
     names = []
     for record in records:
         # The slice is empty for an id without a location code.
         location = record.id.split(".")[2:3]
-        is_exported = location == [SI_LOCATION]
-        unique_name = station_of(record.id) if is_exported else record.id
+        station = station_of(record.id)
+        is_floor = location == [SI_LOCATION] and station_count[record.source, station] == 1
+        unique_name = station if is_floor else record.id
         is_unique = channel_count[record.source, record.component] == 1
         names.append(record.component if is_unique else unique_name)
     return names

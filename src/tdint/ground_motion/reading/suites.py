@@ -51,20 +51,23 @@ class Sources:
     failures : tuple of RecordError
         Errors for directories and patterns without records.
     found : int
-        Number of files, including the omitted files; 0 if no directory or pattern is specified.
+        Number of files, including the omitted files.
+    are_named : bool
+        True if the user has named each file, without directories and patterns.
     """
 
     files: tuple[str, ...]
     notes: tuple[str, ...]
     failures: tuple[RecordError, ...]
-    found: int = 0
+    found: int
+    are_named: bool
 
     def count_notes(self, used: int) -> tuple[str, ...]:
         """Return a note on the number of files from which ground motions are used; no note if the
         user has named each file and all are used."""
-        found = self.found or len(self.files)
-        is_counted = self.found or used < found
-        return (f"{used} of {pluralize(found, 'file')} used",) if is_counted else ()
+        if self.are_named and used == self.found:
+            return ()
+        return (f"{used} of {pluralize(self.found, 'file')} used",)
 
 
 def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
@@ -102,7 +105,7 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
         for name in named:
             if name == STDIN or not is_folder(name):
                 files.append(name)
-                found += len(named) > 1
+                found += 1
                 continue
             try:
                 records, unused = _records_in_directory(name, choice)
@@ -127,13 +130,19 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     for own, own_files in files_of_choice.values() or [(choice, [])]:
         formats = partial(record_formats, layout=own.layout)
         file_units(own.units).require_matches(own_files, formats)
-    return Sources(tuple(files), tuple(notes), tuple(failures), found)
+    are_named = not any(map(is_set, arguments))
+    return Sources(tuple(files), tuple(notes), tuple(failures), found, are_named)
+
+
+def is_set(argument: str) -> bool:
+    """Return True if an argument may be several files: a directory or a pattern."""
+    return is_folder(argument) or bool(_WILDCARDS.search(argument) and not is_there(argument))
 
 
 def _matching_files(argument: str) -> Sequence[str]:
     """Return the files that match an argument with wildcards, in order of name; the argument itself
     if it has no wildcards or is the name of a file. RecordError is raised if no file matches."""
-    if not _WILDCARDS.search(argument) or is_there(argument):
+    if is_folder(argument) or not is_set(argument):
         return [argument]
     if not (matches := sorted(glob.glob(argument))):  # noqa: PTH207  keeps the user's spelling
         raise RecordError(f"{argument}: no file matches this pattern")
@@ -172,9 +181,10 @@ def _records_in_directory(directory: str, choice: RecordChoice) -> tuple[list[st
     if not records:
         listed = unused_text(unused) or "nothing"
         raise RecordError(f"{directory}: no record found in this directory; it contains {listed}")
-    # A license file is usual in a directory of records and needs no note.
-    unused.pop("LICENSE", None)
-    return records, unused
+    # A license file, and the JSON file of an exported record, are usual and need no note.
+    stems = {Path(file).stem for file in records}
+    usual = {f"{stem}.json" for stem in stems} | {"LICENSE"}
+    return records, {name: why for name, why in unused.items() if name not in usual}
 
 
 GroundMotion = Record | Horizontals

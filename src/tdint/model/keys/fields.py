@@ -492,7 +492,7 @@ class Value:
         its names. None is the result after reporting an error.
         """
         # These are the types of a scalar.
-        allowed_types: Any = (Bounds, Integer, Choice, PathOf)
+        allowed_types: Any = (Bounds, Integer, Choice, PathOf, TextLine)
         if self.is_mapping:
             allowed_types = Keys
         elif self.is_list:

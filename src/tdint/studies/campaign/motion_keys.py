@@ -3,16 +3,13 @@ or a grid."""
 
 from __future__ import annotations
 
-from tdint.ground_motion.choice import RecordChoice
-from tdint.ground_motion.horizontals import USUAL, PairNames
-from tdint.model.config.model_file import LAYOUT, PROCESSING, read_choice
+from tdint.model.config.record_files import FILES, UNITS, choice_of_files, read_files
 from tdint.model.config.sections import read_sample_units
 from tdint.model.keys.fields import (
     POSITIVE,
     Bounds,
     Choice,
     Either,
-    EntriesOf,
     Flag,
     Integer,
     Key,
@@ -26,27 +23,6 @@ from tdint.studies.campaign.definition import FieldFile, RecordFiles, SequenceFi
 from tdint.studies.motions.pairs import PAIR_DEMANDS
 
 SEED = Integer(0, 2**31 - 1)
-_FILES = (
-    Key(
-        "files",
-        EntriesOf(TextLine(), least=1),
-        "records and directories of records, relative to this file",
-    ),
-    Key(
-        "component",
-        TextLine(),
-        "component, if files contain several; all horizontal components by default",
-    ),
-    Key(
-        "pairs",
-        Either((Flag(), TextLine())),
-        "combine the two horizontal components of a motion, so that they have the same factors: "
-        "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
-    ),
-    Key("inventory", TextLine(), "station metadata, to remove the instrument response"),
-    *LAYOUT,
-    *PROCESSING,
-)
 _GRID = (
     Key("grid", TextLine(), "EventGrid.csv, relative to this file"),
     Key("neighbors", Integer(1, 1000), "number of nearest grid points to sample from"),
@@ -102,13 +78,7 @@ _SEQUENCES = (
     ),
 )
 _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
-    tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
-)
-_SAMPLE_UNITS = Key(
-    "units",
-    TextLine(),
-    "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
-    "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
+    tuple(key.name for key in keys) for keys in (FILES, _GRID, _FIELDS, _SEQUENCES)
 )
 _PAIR_DEMAND = Key(
     "pair_demand",
@@ -117,7 +87,7 @@ _PAIR_DEMAND = Key(
     "demand of one motion, or separate for two motions",
 )
 MOTIONS = Keys(
-    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _MAX_DISTANCE, _SAMPLE_UNITS, _PAIR_DEMAND),
+    (*FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _MAX_DISTANCE, UNITS, _PAIR_DEMAND),
 )
 """Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
 table of factors, which lists the records."""
@@ -156,42 +126,15 @@ def read_requested_motions(
     section.refuse(("distance", "max_distance"), "can only be used with `fields` or a `grid`")
     if section.has("sequences"):
         section.refuse(("files", "pairs"), "cannot be used with `sequences`; remove it")
-        sequence_file, choice = section.file("sequences"), _choice(section)
+        sequence_file, choice = section.file("sequences"), choice_of_files(section)
         return SequenceFile(sequence_file, choice, section.read("rest")) if sequence_file else None
     section.refuse(("rest",), "can only be used with `sequences`")
     # If all four sources of ground motions are missing, the error names the usual one, `files`.
     files = section.get("files")
     if not (files or are_listed):
         section.need("files", "give a list of files and directories, or a `grid` instead")
-    items = (
-        files.items("a list of files and directories", "is empty; give at least one record")
-        if files
-        else None
-    )
-    pairs, component = section.get("pairs"), section.get("component")
-    pair_names = _pair_names(pairs) if pairs else None
-    if pair_names and component:
-        component.fault("cannot be used with `pairs`, which use both components; remove one key")
-    paths = [item.file() for item in items or ()]
-    return RecordFiles(tuple(filter(None, paths)), _choice(section), pair_names)
-
-
-def _pair_names(value: Value) -> PairNames | None:
-    """Return the naming scheme of the files of pairs: patterns such as `{}_N.AT2,{}_E.AT2`, or the
-    usual names for `true`; None for `false` and for an invalid value, which is recorded as an
-    error."""
-    if "{}" in value.word:
-        return value.parsed(PairNames.parse)
-    return USUAL if value.boolean() else None
-
-
-def _choice(section: Section) -> RecordChoice:
-    """Return the selection of components and the processing of the records. An error is recorded if
-    the keys `units` and `inventory` (station metadata, which contain the units) are combined."""
-    choice, units = read_choice(section, stdin=False, many=True), section.get("units")
-    if units and choice.inventory and isinstance(choice.units, str):
-        units.fault("cannot be used with `inventory`, which states the units; remove one key")
-    return choice
+    described = read_files(section)
+    return RecordFiles(described.files, described.choice, described.pairs)
 
 
 def _fields(section: Section) -> FieldFile | None:
@@ -210,7 +153,7 @@ def _fields(section: Section) -> FieldFile | None:
             ("distance", "max_distance"),
             "has no effect without `sites`; specify `sites` or remove it",
         )
-    choice, distance = _choice(section), section.read("distance", "km")
+    choice, distance = choice_of_files(section), section.read("distance", "km")
     if file is None:
         return None
     max_distance, rates = read_max_distance(section), section.file("rates")
