@@ -1,0 +1,183 @@
+"""Descriptions of records in place of records, the question for missing properties, and options
+that a description replaces."""
+
+import re
+import shlex
+
+import pytest
+
+from csv_rows import rows
+from ground_motion.free_tables import accelerogram, column
+
+PGA = ("--to", "pga=0.3g")
+
+
+@pytest.fixture
+def columns(folder):
+    """Working directory with two columns of numbers, and their description."""
+    for name, peak in (("a.dat", 0.2), ("b.dat", 0.4)):
+        (folder / name).write_text(column(accelerogram(400, peak, len(name))))
+    (folder / "set.yaml").write_text('files: ["*.dat"]\nstep: 0.02\nunits: g\n')
+    return folder
+
+
+def factors(result):
+    return [(row["record"], float(row["factor"])) for row in rows(result.stdout)]
+
+
+RIGHT = [("a.dat", pytest.approx(1.5, rel=1e-5)), ("b.dat", pytest.approx(0.75, rel=1e-5))]
+
+
+def test_description_replaces_records(columns, tdint):
+    assert factors(tdint("scale", "set.yaml", *PGA)) == RIGHT
+    named = tdint("info", "a.dat", "b.dat", "--step", "0.02", "--units", "g")
+    assert tdint("info", "set.yaml").stdout == named.stdout
+    # Paths are relative to the description; a directory is replaced by its records.
+    (columns / "deep").mkdir()
+    (columns / "deep" / "d.yaml").write_text("files: [..]\nstep: 0.02\nunits: g\ncolumn: 1\n")
+    result = tdint("scale", "deep/d.yaml", *PGA, code=4)
+    assert factors(result)[:2] == RIGHT
+
+
+def test_options_complete_a_description(columns, tdint):
+    (columns / "part.yaml").write_text("files: [a.dat, b.dat]\nstep: 0.02\n")
+    assert factors(tdint("scale", "part.yaml", *PGA, "--units", "g")) == RIGHT
+    assert factors(tdint("scale", "set.yaml", *PGA, "--units", "g")) == RIGHT
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [("scale", ("--units", "gal", *PGA)), ("info", ("--step", "0.01"))],
+)
+def test_contradictions_are_refused(columns, tdint, command, options):
+    message = tdint(command, "set.yaml", *options, code=2).stderr
+    assert re.search(r"--(units gal|step 0\.01) contradicts `\w+: \S+` in set\.yaml", message)
+
+
+def test_errors_of_a_description(columns, tdint):
+    (columns / "bad.yaml").write_text("files: [a.dat]\nstepp: 0.02\nunits: 3\n")
+    message = tdint("scale", "bad.yaml", *PGA, code=3).stderr
+    assert "bad.yaml:2:1: unknown key stepp" in message
+    (columns / "bad.yaml").write_text("step: 0.02\n")
+    assert "files" in tdint("scale", "bad.yaml", *PGA, code=3).stderr
+    (columns / "none.yaml").write_text("files: ['*.AT2']\n")
+    assert "no file matches" in tdint("scale", "none.yaml", *PGA, code=4).stderr
+
+
+def test_run_with_a_description(columns, tdint):
+    """A description of one file is one record, a description of several files several runs."""
+    (columns / "one.yaml").write_text("files: [a.dat]\nstep: 0.02\nunits: g\n")
+    direct = tdint("run", "shaken.yaml", "a.dat", "--step", "0.02", "--units", "g", "--no-check")
+    for arguments in (("one.yaml",), ("--record", "one.yaml")):
+        assert tdint("run", "shaken.yaml", *arguments, "--no-check").stdout == direct.stdout
+    assert "accepts one" in tdint("run", "shaken.yaml", "--record", "set.yaml", code=2).stderr
+    assert "is a model" in tdint("run", "shaken.yaml", "forced.yaml", code=2).stderr
+
+
+def test_pairs_of_a_description(columns, tdint):
+    for name in "ab":
+        (columns / f"x_{name}.dat").write_text((columns / f"{name}.dat").read_text())
+    (columns / "pair.yaml").write_text(
+        "files: ['x_*.dat']\nstep: 0.02\nunits: g\npairs: '{}_a.dat,{}_b.dat'\n"
+    )
+    first, second = factors(tdint("scale", "pair.yaml", *PGA))
+    assert first[1] == second[1] == pytest.approx(0.3 / (0.2 * 0.4) ** 0.5, rel=1e-5)
+
+
+def lines_in(message):
+    """Return the command lines in a message, without the name of the program."""
+    found = re.findall(r"tdint (.+?)(?:, then:? |\n|$| \(or )", message)
+    return [shlex.split(line) for line in found]
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [("scale", PGA), ("drift-spectrum", ("--stories", "2", "--period", "1"))],
+)
+def test_moved_option_is_answered_by_lines(columns, tdint, command, options):
+    """An option that other commands have is answered by two command lines that work."""
+    message = tdint(
+        command, "a.dat", "b.dat", "--step=0.02", "--units", "g", *options, code=2
+    ).stderr
+    description, study = lines_in(message)
+    tdint(*description)
+    result = tdint(*study)
+    assert study[:2] == [command, "records.yaml"]
+    assert {row["record"] for row in rows(result.stdout)} == {"a.dat", "b.dat"}
+
+
+@pytest.mark.parametrize("arguments", [("info", "a.dat"), ("scale", "a.dat", *PGA)])
+def test_question_is_a_command_line(columns, tdint, arguments):
+    """The message about missing properties contains command lines that work unchanged."""
+    message = tdint(*arguments, code=4).stderr
+    lines = lines_in(message)
+    assert "--step" in lines[0]
+    assert "--units" in lines[0]
+    for line in lines:
+        result = tdint(*line)
+    assert rows(result.stdout)[0]["record"] == "a.dat"
+
+
+def test_former_measures_of_scale(columns, tdint):
+    assert factors(tdint("scale", "set.yaml", "--pga", "0.3g")) == RIGHT
+    assert factors(tdint("scale", "set.yaml", "--pga=0.3g")) == RIGHT
+
+
+def test_export_of_a_description(columns, tdint):
+    """The description reads the records with the same options, from any directory."""
+    (columns / "out").mkdir()
+    options = ("--step", "0.02", "--units", "g", "--highpass", "0.2", "--trim", ":4")
+    direct = tdint("info", "a.dat", "b.dat", *options, "--export", "out/set.yaml")
+    assert tdint("info", "out/set.yaml").stdout == direct.stdout
+    tdint("info", "out/set.yaml", "--export", "out/copy.yaml")
+    assert (columns / "out/copy.yaml").read_text() == (columns / "out/set.yaml").read_text()
+    assert (
+        "the file exists"
+        in tdint("info", "out/set.yaml", "--export", "out/copy.yaml", code=6).stderr
+    )
+
+
+def test_export_to_a_directory(columns, tdint):
+    tdint("info", "set.yaml", "--export", "exported/")
+    assert {path.name for path in (columns / "exported").iterdir()} == {
+        "a.mseed",
+        "a.json",
+        "b.mseed",
+        "b.json",
+    }
+    result = tdint("scale", "exported", *PGA)
+    assert [factor for _, factor in factors(result)] == [factor for _, factor in RIGHT]
+    assert "2 of 2 files used" in result.stderr
+
+
+def test_exported_records_of_one_station(folder, make_record, tdint):
+    """Components of one file have different names in `scale`, and `run` reads its table."""
+    make_record(folder / "x.mseed", "HNE", "HNN")
+    make_record(folder / "y.mseed", "HNE", "HNN", peak=2.0)
+    tdint("info", "x.mseed", "y.mseed", "--export", "all.mseed")
+    tdint("scale", "all.mseed", *PGA, "-o", "factors.csv")
+    names = [row["component"] for row in rows((folder / "factors.csv").read_text())]
+    assert len(set(names)) == 4
+    result = tdint("run", "shaken.yaml", "--factors", "factors.csv", "--no-check")
+    assert [row["component"] for row in rows(result.stdout)] == names
+
+
+def test_selection_omits_unusable_files(columns, tdint):
+    """A selection goes on without the files that cannot be used, and ends with code 4."""
+    (columns / "set").mkdir()
+    for number in range(4):
+        for direction in "NE":
+            values = accelerogram(2000, 0.2, 10 * number + ord(direction))
+            (columns / "set" / f"r{number}_{direction}.txt").write_text(
+                "# dt = 0.01 s, units = g\n" + column(values)
+            )
+    (columns / "set" / "damaged_N.txt").write_text("# dt = 0.01 s, units = g\n0.1\n0.x\n0.2\n")
+    (columns / "target.csv").write_text("period_s,sa_g\n0.1,0.6\n0.5,0.6\n2,0.15\n")
+    result = tdint(
+        *("scale", "set", "--target", "target.csv", "--range", "0.2:2", "--select", "3"),
+        *("--rule", "ec8", "--factor-range", "0.01:100", "--pairs", "geometric-mean"),
+        code=4,
+    )
+    assert len(rows(result.stdout)) == 6
+    assert "damaged_N.txt" in result.stderr
+    assert "8 of 9 files used" in result.stderr
