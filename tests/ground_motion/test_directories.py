@@ -29,7 +29,7 @@ OTHER_FILES = {
     "factors.csv": ("description or list of records", "record,component,factor\na.AT2,000,1\n"),
     "a.json": ("description or list of records", '{"schema": {"name": "tdint info"},\n1,\n2\n}'),
     "set.yaml": ("document", "files:\n  - a.txt\n"),
-    "a.v3": ("response spectra", f"RESPONSE SPECTRA OF A RECORD\n{NUMBERS}"),
+    "a.v3": ("spectrum", f"RESPONSE SPECTRA OF A RECORD\n{NUMBERS}"),
 }
 UNREADABLE = {
     "a.txt": WITHOUT_HEADER,

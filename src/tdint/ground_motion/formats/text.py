@@ -271,7 +271,7 @@ def _read_table(
 
     time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
     if spectrum := _unnamed_spectrum(numbers, names, header, time):
-        raise OtherContent(spectrum)
+        raise OtherContent(spectrum, "spectrum")
     table = TableColumns([], names, stated, time, ignored)
     kind, reason = _layout_of(block, numbers, table, layout)
     if kind in ("single", "rows", "numbered rows"):
@@ -305,12 +305,14 @@ def _check_content(names: Names, header: Sequence[str], stated: Statements) -> N
     if name := spectrum_name(names):
         raise OtherContent(
             f"the table contains a spectrum (column {name[:40]!r}: periods or frequencies), not a "
-            "ground motion; specify the file of the acceleration"
+            "ground motion; specify the file of the acceleration",
+            "spectrum",
         )
     if not stated.counts and (spectra := named_spectra(header)):
         raise OtherContent(
             f"the file contains {spectra.lower()} (volume 3 of a record), not a ground motion; "
-            "specify the file of the acceleration (volume 1 or 2)"
+            "specify the file of the acceleration (volume 1 or 2)",
+            "spectrum",
         )
 
 
