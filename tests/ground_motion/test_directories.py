@@ -38,7 +38,7 @@ UNREADABLE = {
     "d.mseed": "cut off",
     "e.xlsx": "PK\x03\x04",
     "f.gz": "\x1f\x8b",
-    "g": "1.0\n2.0\n",
+    "g": NUMBERS,
 }
 
 

@@ -304,7 +304,7 @@ class TestModelFile:
     @pytest.mark.parametrize(
         "wrong",
         [
-            "step: 0", "step: a", "step: [1]", "column: [2]", "column: ''", "skip_lines: -1",
+            "step: 0", "step: a", "step: [1]", "column: ''", "skip_lines: -1",
             "skip_lines: 1.5",
         ],
     )  # fmt: skip
