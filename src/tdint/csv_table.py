@@ -12,6 +12,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
@@ -76,6 +77,10 @@ class CsvTable:
         Description of a valid file, for messages.
     error : type
         Type of the exceptions that the methods raise.
+    has_decimal_commas : bool
+        True if the separator is a semicolon or a tab, and a comma is a decimal point.
+    digest : str
+        SHA-256 of the file; empty for a table whose rows are read on demand.
     """
 
     source: str
@@ -85,6 +90,8 @@ class CsvTable:
     rows: tuple[tuple[int, list[str]], ...]
     needs: str
     error: type[TdintError]
+    has_decimal_commas: bool = False
+    digest: str = ""
 
     def has(self, *names: str) -> bool:
         """Return True if the table has columns with all these names."""
@@ -155,7 +162,7 @@ class CsvTable:
         expected = "a positive number" if positive else "a number"
         numbers = []
         for line, text in self.lines(name, empty=empty):
-            value = number(text)
+            value = number(text.replace(",", ".") if self.has_decimal_commas else text)
             if text and (math.isnan(value) or (positive and value <= 0.0)):
                 raise self.error(f"{self.source}:{line}: {name} {number_error(text, expected)}")
             numbers.append(value)
@@ -344,13 +351,15 @@ def read_table(
     columns: Collection[str] | None = None,
     comment: str = "",
     error: type[TdintError] = ModelError,
+    separators: str = ",",
 ) -> CsvTable:
     """Read a CSV file (`-` is standard input) with a header.
 
     `needs` describes a valid file, for messages: `a target spectrum is a CSV file with the columns
     ...`. The names of the columns that will be read must be unique, by default all. `comment`
     contains the first characters of comment lines above the header, as in files of OpenQuake; empty
-    if such lines are not allowed.
+    if such lines are not allowed. The cells are separated by the first of `separators` in the first
+    line, by default commas.
 
     Raises
     ------
@@ -359,7 +368,13 @@ def read_table(
         same name. The type is `error`.
     """
     table, rows = stream_table(
-        source, needs, columns=columns, comment=comment, error=error, read_first=True
+        source,
+        needs,
+        columns=columns,
+        comment=comment,
+        error=error,
+        separators=separators,
+        read_first=True,
     )
     return replace(table, rows=tuple(rows))
 
@@ -371,6 +386,7 @@ def stream_table(
     columns: Collection[str] | None = None,
     comment: str = "",
     error: type[TdintError] = ModelError,
+    separators: str = ",",
     read_first: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
     """Open a CSV file with a header as by `read_table`, and read each row on demand without storing
@@ -386,11 +402,15 @@ def stream_table(
     """
     # A pipe cannot be read again, but its digest and its rows are both needed. Therefore its
     # complete content is read into memory first.
+    mark, digest = ",", ""
     if read_first or source == STDIN or not is_file(source):
         # Decode the bytes row by row, because decoded text can require four bytes per character.
-        data = io.BytesIO(_read_checked_bytes(source, needs, error))
-        text = io.TextIOWrapper(data, encoding="utf-8-sig", newline="")
-        rows = _parse_rows(source, text, error)
+        data = _read_checked_bytes(source, needs, error)
+        first_line = data.partition(b"\n")[0].decode("utf-8", "replace")
+        mark = next((mark for mark in separators if mark in first_line), ",")
+        digest = sha256(data).hexdigest()
+        text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline="")
+        rows = _parse_rows(source, text, error, mark)
     else:
         record_digest(source, lambda: digest_of(Path(source)))
         rows = _stream_rows(source, error)
@@ -409,7 +429,8 @@ def stream_table(
                 f"{source}:{header_line}: the header contains the column {name} twice; rename or "
                 "remove one of these columns"
             )
-    return CsvTable(source, names, titles, header_line, (), needs, error), rows
+    table = CsvTable(source, names, titles, header_line, (), needs, error, mark != ",", digest)
+    return table, rows
 
 
 def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
@@ -441,7 +462,7 @@ def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, li
 
 
 def _parse_rows(
-    source: str, lines: Iterable[str], error: type[TdintError]
+    source: str, lines: Iterable[str], error: type[TdintError], separator: str = ","
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row that is not blank.
 
@@ -449,7 +470,8 @@ def _parse_rows(
     `_LAST_ROW`, which is appended to the lines, detects this error: it is then missing.
     """
     # The line break before the appended row ends the last line of a file that has no line break.
-    reader = csv.reader(chain(lines, ("\n", f"{_LAST_ROW}\n")), skipinitialspace=True)
+    ended = chain(lines, ("\n", f"{_LAST_ROW}\n"))
+    reader = csv.reader(ended, delimiter=separator, skipinitialspace=True)
     is_complete = False  # True if the appended row was read as a separate row
     previous_line = last_line = 0
     try:

@@ -95,15 +95,15 @@ def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):
         ("period_s,psa_g\n1,1\n1,1\n", (), 4, "the period 1 s occurs twice"),
         ("period_s,psa_g\n-1,1\n1,1\n", (), 4, "must not be negative"),
         ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "must not be negative"),
-        ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is not a finite number"),
-        ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: ... 3 cells, ... 2 columns"),
+        ("period_s,psa_g\n1,one\n2,1\n", (), 4, ":2: psa_g must be a number, got 'one'"),
+        ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, ":2: ... 3 cells, ... 2 columns"),
         (
             "period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n",
             (),
             4,
             "damping ratio 0.05 not found; the file contains 0.1",
         ),
-        ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
+        ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "rename the column 'psa_g'"),
     ],
 )
 def test_invalid_published_spectra_are_refused(folder, tdint, text, options, code, message):

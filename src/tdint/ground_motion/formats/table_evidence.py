@@ -295,7 +295,7 @@ def first_numbers(
     unconfirmed = None
     for used in range(1, min(_MAX_FIRST_LINES, lines - 2) + 1):
         is_other = bool(np.all(widths[:used] != width))
-        if not (is_other or width == 1 or (used == 1 and width in (2, 3))):
+        if not (is_other or width == 1 or used == 1):
             break
         texts = [word for row in words[:used] for word in row]
         if len(texts) != int(np.sum(widths[:used])):  # numbers without separators
@@ -312,7 +312,7 @@ def first_numbers(
         samples = values[len(texts) :]
         remaining = (lines - used, samples.size)
         count = next(
-            (n for n in numbers if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)),
+            (n for n in whole if (n >= 1.0 and n in remaining) or is_filled(samples, n, width)),
             0.0,
         )
         if count and steps:

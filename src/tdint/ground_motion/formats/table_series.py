@@ -26,6 +26,7 @@ from tdint.ground_motion.formats.table_columns import (
     ColumnName,
     column_index,
     is_general,
+    quantity_of_units,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
 from tdint.ground_motion.missing import IncompleteRecord, Missing
@@ -74,7 +75,7 @@ def incomplete(
     `reason` explains those in `missing`."""
     stated = table.stated
     lacks_step = not (stated.intervals or layout.step or table.time is not None)
-    has_units = len(stated.units) == 1 or any(name.units for name in table.names)
+    has_units = len(stated.units) == 1 or any(quantity_of_units(name.units) for name in table.names)
     others = []
     if lacks_step and not missing.step:
         others.append("the sampling interval (`step`)")
@@ -225,10 +226,10 @@ def _series(common: Series, table: TableColumns, index: int, *, is_single: bool)
     declared = stated.units[0] if len(stated.units) == 1 else ""
     component = replace(common, samples=table.columns[index])
     if not names:
-        # The only component of a table with at most a time column in addition has the declared
-        # channel. Otherwise the channel is the number of the column, counted from 1 with the time
-        # column, as the user selects it by `column`.
-        is_only = is_single and len(table.columns) <= 2
+        # The only component of a table has the declared channel. Otherwise the channel is the
+        # number of the column, counted from 1 with the time column, as the user selects it by
+        # `column`.
+        is_only = is_single and len(table.candidates) == 1
         quantity = stated.quantity if stated.quantity != "acceleration" else ""
         return replace(
             component,

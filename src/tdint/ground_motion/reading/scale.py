@@ -423,8 +423,8 @@ def _why_unlikely(trace: Any, label: str) -> str:
     """Return the reason why the samples of a trace are unlikely to be an acceleration in m/s^2;
     empty if they may be.
 
-    The integrals are computed without the mean of the acceleration and without the linear trend of
-    the velocity, so that an offset of the sensor does not matter.
+    The integrals are computed without the means of the acceleration and the velocity, so that an
+    offset of the sensor does not matter.
     """
     name = label.split(": ")[0]
     if _PROCESSED.search(name):
@@ -444,8 +444,9 @@ def _why_unlikely(trace: Any, label: str) -> str:
         return "all samples are whole numbers, probably counts"
     dt = float(trace.stats.delta)
     velocity = np.cumsum(samples - mean) * dt
+    velocity -= np.mean(velocity)
     pgv = float(np.max(np.abs(velocity), initial=0.0))
-    displacement = np.cumsum(velocity - np.mean(velocity)) * dt
+    displacement = np.cumsum(velocity) * dt
     displacement -= np.linspace(displacement[0], displacement[-1], displacement.size)
     pgd = float(np.max(np.abs(displacement), initial=0.0))
     if pgv > _MAX_VELOCITY or pgd > _MAX_DISPLACEMENT:

@@ -25,8 +25,8 @@ from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.files import read_whole, record_digest
-from tdint.ground_motion.formats.table_columns import name_and_units
-from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
+from tdint.ground_motion.formats.table_columns import SECONDS, name_and_units
+from tdint.ground_motion.reading.named_table import SEPARATORS
 from tdint.ground_motion.record import Input, Record
 from tdint.number_parsing import parse_named, parse_positive, parse_ratio
 from tdint.response.spectra.elastic import Spectrum
@@ -706,26 +706,31 @@ def read_published(
     UsageError
         The file contains several columns of values, and `column` is None.
     """
-    table = read_named_table(source)
-    columns = [name_and_units(text) for text in table.names]
+    needs = "a published spectrum is a CSV file with periods, values and their units"
+    table = read_table(str(source), needs, error=RecordError, separators=SEPARATORS)
+    if len(table.rows) < _MIN_ROWS:
+        raise RecordError(
+            f"{source}: the table must have at least {_MIN_ROWS} rows, got {len(table.rows)}"
+        )
+    columns = [name_and_units(text) for text in table.titles]
     index = next((i for i, (name, _) in enumerate(columns) if name in _PERIOD_NAMES), None)
     if index is None:
-        listed = ", ".join(table.names)[:200]
+        listed = ", ".join(table.titles)[:200]
         raise RecordError(
             f"{table.source}: no column of periods, such as period_s; the columns are {listed}"
         )
-    text, units = table.names[index], columns[index][1]
-    if units not in SECONDS:
+    text, units = table.titles[index], columns[index][1]
+    if not units or units not in SECONDS:
         raise RecordError(
             f"{table.source}: the name of the column {text!r} must contain its unit, such as "
             "period_s"
         )
     quantity, values = _values(table, column)
-    periods = SECONDS[units] * table.numbers(index)
+    periods = SECONDS[units] * np.array(table.numbers(text))
     # Sort them by period, because interpolation requires increasing periods.
     rows = np.argsort(periods, kind="stable")
-    if "damping" in table.names:
-        ratios = table.numbers(table.column_index("damping"))
+    if table.has("damping"):
+        ratios = np.array(table.numbers("damping"))
         rows = rows[_has_damping(source, ratios, damping, RecordError)[rows]]
     periods, values = periods[rows], values[rows]
     if periods[0] < 0.0 or np.any(values < 0.0):
@@ -735,7 +740,8 @@ def read_published(
         raise RecordError(
             f"{source}: the period {twice:g} s occurs twice; keep only one spectrum in the file"
         )
-    return PublishedSpectrum(str(source), quantity, periods, values, table.input)
+    published = Input(str(source), table.digest)
+    return PublishedSpectrum(str(source), quantity, periods, values, published)
 
 
 def differences(
@@ -748,7 +754,10 @@ def differences(
     ]
 
 
-def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
+_MIN_ROWS = 2  # rows; a spectrum is interpolated between two periods
+
+
+def _values(table: CsvTable, column: str | None) -> tuple[str, Array]:
     """Return the quantity (key of `QUANTITIES`) and the values, in SI units, of a column of a
     published spectrum; without a name, of the only column of a spectral quantity.
 
@@ -756,10 +765,10 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
     there are several columns of spectra and no name.
     """
     columns = {
-        text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES
+        text: name_and_units(text) for text in table.titles if name_and_units(text)[0] in QUANTITIES
     }
     if column is not None:
-        table.column_index(column)
+        table.need(column)
         if column not in columns:
             raise RecordError(
                 f"{table.source}: the column {column!r} is not a spectrum; it must be one of "
@@ -774,7 +783,7 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         raise RecordError(
             f"{table.source}: no column of a spectrum ({', '.join(QUANTITIES)}, with units, such "
             "as "
-            f"psa_g); the columns are {', '.join(table.names)[:200]}"
+            f"psa_g); the columns are {', '.join(table.titles)[:200]}"
         )
     # The name of the column ends with the units, which must match its quantity.
     chosen = column if column is not None else next(iter(columns))
@@ -790,5 +799,5 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
             f"{table.source}: the name of the column {chosen!r} contradicts its units: {text} is a "
             f"unit of {units.quantity}, not of {QUANTITIES[name][0]}"
         )
-    values = units.scale * table.numbers(table.column_index(chosen))
+    values = units.scale * np.array(table.numbers(chosen))
     return name, values
