@@ -15,6 +15,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, RayleighRatio
 from tdint.model.modes import FreeVibration
 from tdint.model.plausibility import model_notes, negative_damping
+from tdint.response.arguments import model_of
 
 
 @pytest.mark.parametrize("stories", [101, 3000])
@@ -145,3 +146,65 @@ def test_last_of_several_modal_ratios_applies_to_all_further_modes():
         assert model_notes(model(stories, damping=ModalDamping(explicit))) == []
     undamped = assemble(model(stories, damping=ModalDamping((0.05, 0.0))))
     assert len(undamped.modal) == 1
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_complex_modes_agree_with_eigenvalues_of_state_matrix(seed):
+    """The reference contains the deformations of the dampers instead of their forces."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(1, 7))
+    mass, stiffness = random.uniform(50.0, 200.0, n), random.uniform(1e4, 1e5, n)
+    damper, brace = random.uniform(50.0, 2000.0, n), random.uniform(1e4, 2e5, n)
+    kind = random.integers(0, 3, n)  # no damper, plain, with a brace
+    kind[0] = 2 - seed % 2
+    stories = []
+    for i in range(n):
+        entry = {"mass": mass[i], "stiffness": stiffness[i]}
+        if kind[i] == 1:
+            entry["dashpot"] = damper[i]
+        elif kind[i] == 2:
+            entry["dashpot"] = {"coefficient": damper[i], "brace": brace[i]}
+        stories.append(entry)
+    building = assemble(model_of({"stories": stories, "damping": "none"}))
+    found = building.complex_modes().eigenvalues
+    drifts = np.eye(n) - np.eye(n, k=-1)
+    braced, plain = kind == 2, np.where(kind == 1, damper, 0.0)
+    rows = drifts[braced]
+    k, c = brace[braced], damper[braced]
+    zero, one = np.zeros((n, n)), np.eye(n)
+    stiff = drifts.T @ np.diag(stiffness) @ drifts + rows.T @ np.diag(k) @ rows
+    state = np.block(
+        [
+            [zero, one, np.zeros((n, k.size))],
+            [
+                -stiff / mass[:, None],
+                -(drifts.T @ np.diag(plain) @ drifts) / mass[:, None],
+                (rows.T * k) / mass[:, None],
+            ],
+            [(k / c)[:, None] * rows, np.zeros((k.size, n)), -np.diag(k / c)],
+        ]
+    )
+    eigenvalues = np.linalg.eigvals(state)
+    expected = eigenvalues[eigenvalues.imag > 1e-6 * np.abs(eigenvalues)]
+    found = found[np.isfinite(found)]
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), rel=1e-7)
+
+
+def test_complex_modes_of_critically_damped_oscillator_do_not_vibrate():
+    for ratio in (1.0, 1.5):
+        story = {"mass": 1.0, "stiffness": 100.0, "dashpot": 20.0 * ratio}
+        modes = assemble(model_of({"stories": [story], "damping": "none"})).complex_modes()
+        assert np.isnan(modes.damping[0]) and np.isnan(modes.damped_period[0])
+
+
+def test_complex_modes_omit_power_law_dampers():
+    story = {"mass": 1.0, "stiffness": 100.0}
+    power = {"coefficient": 5.0, "exponent": 0.5, "brace": 1e4}
+    building = assemble(
+        model_of({"stories": [story | {"dashpot": power}, story | {"dashpot": 1.0}]})
+    )
+    without = assemble(model_of({"stories": [story, story | {"dashpot": 1.0}]}))
+    assert building.has_power_law_dampers and not without.has_power_law_dampers
+    assert building.complex_modes().eigenvalues == pytest.approx(
+        without.complex_modes().eigenvalues
+    )

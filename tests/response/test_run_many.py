@@ -243,3 +243,30 @@ def test_errors_equal_errors_of_single_runs(method):
     plain = tdint.run_many(MODELS[:2], RECORDS[:1], method=method)
     assert plain.errors is plain.corrected is None and not set(names[-2:]) <= set(plain.to_dict())
     np.testing.assert_array_equal(plain.stories.peak_drift, found.stories.peak_drift)
+
+
+def test_statistics_over_samples():
+    runs = tdint.run_many(
+        [two_stories()],
+        [noise(samples=60)],
+        scales=[1.0, 2.0],
+        vary={"stories[1].stiffness": [1.5e6, 2e6, 2.5e6], "record.scale": [0.9, 1.0, 1.2]},
+    )
+    table = runs.over_samples([10, 90])
+    rows = [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
+    (row,) = [
+        row
+        for row in rows
+        if (row["quantity"], row["story"], row["scale"]) == ("peak_drift", 2, 2.0)
+    ]
+    is_member = np.isclose(runs.scale / runs.varied["record.scale"], 2.0)
+    peaks = runs.stories.peak_drift[is_member, 1]
+    assert peaks.size == row["samples"] == 3
+    assert row["failed"] == 0 and row["unit"] == "m"
+    assert row["mean"] == pytest.approx(np.mean(peaks))
+    assert row["std"] == pytest.approx(np.std(peaks, ddof=1))
+    assert [row["p10"], row["p90"]] == pytest.approx(np.percentile(peaks, [10, 90]))
+    with pytest.raises(UsageError, match="require runs with `vary`"):
+        tdint.run_many([two_stories()], [noise(samples=20)]).over_samples()
+    with pytest.raises(UsageError, match="percentiles must be from 0 to 100"):
+        runs.over_samples([101])

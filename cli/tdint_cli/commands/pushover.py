@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from tdint.errors import AnalysisError
 from tdint.output import figures, tables
 from tdint_cli import options
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
     from tdint.response.static.target_displacement import TargetDisplacement
     from tdint.units import DriftSize, OutputUnits
 
-PATTERNS = ("first-mode", "uniform", "triangular")
 _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON file lists all
 
 
@@ -32,10 +29,11 @@ _MAX_EVENTS = 12  # changes of stiffness of elements that are printed; the JSON 
 @options.analysis.model
 @options.option(
     "--pattern",
-    type=click.Choice(PATTERNS),
-    default=PATTERNS[0],
+    metavar="NAME|FORCE,...",
+    default="first-mode",
     help="Pattern of the floor forces: masses times the first mode shape (first-mode, default), "
-    "times 1 (uniform), or times the height (triangular).",
+    "times 1 (uniform), or times the height (triangular); or a number for each floor, from the "
+    "lowest to the roof (0.2,0.6,1).",
 )
 @options.option(
     "--drift",

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from building_cases import Law, model, noise, oscillator, story
 from exact_oscillators import transition
 from tdint import run
+from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import find_horizontals
 from tdint.ground_motion.record import Record
 from tdint.response.spectra.drift import drift_spectrum
@@ -214,3 +215,15 @@ def test_run_under_complete_record_is_unchanged():
     assert found.steps == fixed.steps
     assert found.energy == fixed.energy
     assert np.array_equal(found.stories.peak_drift, fixed.stories.peak_drift)
+
+
+def test_strength_relative_to_the_elastic_force():
+    record = noise(samples=401)
+    (found,) = constant_strength(record, PERIODS, [0.25], 0.05, relative_to="elastic")
+    assert found.reduction_factor == pytest.approx(np.full(PERIODS.size, 4.0), rel=1e-12)
+    for i, period in enumerate(PERIODS):
+        (single,) = constant_strength(record, [period], [found.yield_strength_ratio[i]], 0.05)
+        assert found.sd[i] == pytest.approx(single.sd[0], rel=1e-9)
+    assert found.prescribed == "strength reduced by 4"
+    with pytest.raises(UsageError, match="relative_to must be weight or elastic"):
+        constant_strength(record, PERIODS, [0.25], relative_to="mass")

@@ -42,7 +42,7 @@ def test_drifts_agree_with_matrix_exponential(stories, period, damping):
     assert 0.0 <= spectrum.roof_drift_ratio[0] / roof - 1.0 + 1e-10 < missed
 
 
-@pytest.mark.parametrize("damping", [0.0, 0.05])
+@pytest.mark.parametrize("damping", [0.01, 0.05])
 def test_maxima_between_samples_are_found(damping):
     """Additional samples of the same motion do not change the result."""
     record = noise(samples=401)

@@ -191,3 +191,22 @@ def test_invalid_arguments_are_refused(drift, pattern, message):
     with pytest.raises(UsageError) as caught:
         pushover(model([story(1.0, 100.0, height=None)]), parse_drift(drift), pattern=pattern)
     assert str(caught.value).startswith(message)
+
+
+def test_pattern_of_numbers():
+    """Only the ratios of the forces are used: numbers of the uniform pattern give its curve."""
+    case = model([story(m, 700.0, height=3.0) for m in (3.0, 2.0, 1.0)])
+    uniform, numbers = (
+        pushover(case, parse_drift("1%"), pattern=pattern, points=5)
+        for pattern in ("uniform", "30,20,10")
+    )
+    assert numbers.forces == pytest.approx(uniform.forces, rel=1e-12)
+    assert numbers.base_shear == pytest.approx(uniform.base_shear, rel=1e-12)
+    for pattern, message in (
+        ("1,2", "a force for each of the 3 floors, got 2"),
+        ("1,2,0", "positive at the roof"),
+        ("-1,2,3", "zero or positive numbers"),
+        ("linear", "unknown pattern 'linear'"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            pushover(case, parse_drift("1%"), pattern=pattern)

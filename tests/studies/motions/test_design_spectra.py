@@ -140,3 +140,27 @@ def test_headings_of_target_tables(tmp_path, header):
     assert target.periods.tolist() == [0.5, 1.0]
     assert target.psa / STANDARD_GRAVITY == pytest.approx([1.0, 0.6])
     assert target.zero == pytest.approx(0.4 * STANDARD_GRAVITY)
+
+
+def test_design_spectrum_of_eurocode_8_with_behavior_factor():
+    """EN 1998-1, 3.2.2.5: eq. 3.13 to 3.16 with beta 0.2, for type 1 and ground type B."""
+    s, tb, tc, td, q, ag = 1.2, 0.15, 0.5, 2.0, 3.0, 0.25
+    target = read_target("ec8:type=1,soil=B,ag=0.25g,q=3")
+    for period, expected in (
+        (0.05, ag * s * (2.0 / 3.0 + 0.05 / tb * (2.5 / q - 2.0 / 3.0))),
+        (tb, ag * s * 2.5 / q),
+        (tc, ag * s * 2.5 / q),
+        (1.0, ag * s * 2.5 / q * tc / 1.0),
+        (2.2, ag * s * 2.5 / q * tc * td / 2.2**2),
+        (2.3, 0.2 * ag),
+        (8.0, 0.2 * ag),
+    ):
+        value = float(target.at(np.array([period]))[0]) / STANDARD_GRAVITY
+        assert value == pytest.approx(expected, rel=1e-9), period
+    assert target.zero / STANDARD_GRAVITY == pytest.approx(2.0 / 3.0 * ag * s)
+    for text, message in (
+        ("q=0.5", "behavior factor q must be at least 1"),
+        ("q=3,damping=2%", "remove damping or q"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            read_target(f"ec8:type=1,soil=B,ag=0.25g,{text}")

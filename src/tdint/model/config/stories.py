@@ -761,14 +761,12 @@ def _read_stiffness(
         stiffness = entry.number(scale=factor)
     if stiffness_of_law is None:
         return stiffness
-    if entry := entry or period:
-        if abs(stiffness - stiffness_of_law) > _STIFFNESS_TOLERANCE * stiffness_of_law:
-            initial = (
-                f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law_name} law"
-            )
-            entry.fault(
-                f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or omit it"
-            )
+    given = entry or period
+    if given and abs(stiffness - stiffness_of_law) > _STIFFNESS_TOLERANCE * stiffness_of_law:
+        initial = f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law_name} law"
+        given.fault(
+            f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or omit it"
+        )
     return stiffness_of_law
 
 

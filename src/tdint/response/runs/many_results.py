@@ -16,6 +16,7 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs import loop_results
+from tdint.response.runs.gradient import SCALE
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Gradient,
@@ -205,6 +206,67 @@ class Runs(Tabular):
                 has_failure=standing.size < runs.size,
             )
         return checks
+
+    def over_samples(
+        self, percentiles: Sequence[float] = (16.0, 50.0, 84.0)
+    ) -> dict[str, list[Any]]:
+        """Return statistics of the peaks over the samples of `vary`, for each building, record and
+        scale.
+
+        Parameters
+        ----------
+        percentiles : sequence of float
+            Percentiles from 0 to 100; by default the median and the fractiles at one standard
+            deviation. They are interpolated linearly between the sorted values.
+
+        Returns
+        -------
+        dict of str to list
+            Columns of a table with one row per quantity and story: `building`, `record`, `scale`,
+            `quantity`, `story` (from 1), `unit`, `samples` (number of completed runs), `failed`
+            (number of other runs), `mean`, `std` (n - 1 in the denominator, nan for one sample)
+            and `p16`, `p50`, ... All values are in SI units. Runs that are not completed are not
+            part of the statistics.
+
+        Raises
+        ------
+        UsageError
+            No parameter is varied, or a percentile is out of range.
+        """
+        if not self.varied:
+            raise UsageError("statistics over samples require runs with `vary`")
+        if not all(0.0 <= percentile <= 100.0 for percentile in percentiles):
+            raise UsageError(f"percentiles must be from 0 to 100, got {list(percentiles)!r:.60}")
+        names = [f"p{percentile:g}" for percentile in percentiles]
+        heads = ("building", "record", "scale", "quantity", "story", "unit", "samples", "failed")
+        table: dict[str, list[Any]] = {name: [] for name in (*heads, "mean", "std", *names)}
+        # A varied scale is not part of the scale that all samples have in common. Rounding removes
+        # the last digits of the quotient.
+        common = self.scale / self.varied.get(SCALE, 1.0)
+        scale = np.array([float(f"{value:.12g}") for value in common])
+        groups = dict.fromkeys(
+            zip(self.model.tolist(), self.record.tolist(), scale.tolist(), strict=True)
+        )
+        for model, record, factor in groups:
+            is_member = (self.model == model) & (self.record == record) & (scale == factor)
+            completed = is_member & (self.status == "done")
+            head = (self.models[model].name, self.records[record].name, float(factor))
+            counts = (int(completed.sum()), int((is_member & ~completed).sum()))
+            for quantity in STORY_QUANTITIES:
+                values = getattr(self.stories, quantity.name)[completed]
+                for story in range(len(self.models[model].stories)):
+                    sample = values[:, story]
+                    if not sample.size or np.isnan(sample).all():
+                        continue
+                    row = (
+                        *(*head, quantity.name, story + 1, quantity.unit, *counts),
+                        float(sample.mean()),
+                        float(sample.std(ddof=1)) if sample.size > 1 else math.nan,
+                        *np.percentile(sample, list(percentiles)).tolist(),
+                    )
+                    for name, value in zip(table, row, strict=True):
+                        table[name].append(value)
+        return table
 
     def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
         """Return the indices of the runs of each suite, over which `limit_checks` averages the

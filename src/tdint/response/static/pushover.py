@@ -29,6 +29,7 @@ from tdint.model.building import (
 )
 from tdint.model.definition import Model
 from tdint.model.story_laws import LAWS
+from tdint.number_parsing import number_or_nan
 from tdint.response.arguments import AnyModel, drift_of, model_of
 from tdint.response.static.cyclic import SAME_STIFFNESS, follow_path
 from tdint.tabular import Tabular
@@ -99,7 +100,7 @@ class Pushover(Tabular):
     model : Model
         Model of the building.
     pattern : str
-        Name of the pattern of forces.
+        Name of the pattern of forces, or its numbers.
     forces : ndarray, shape (n,)
         Pattern, with the sum 1.
     drift : ndarray, shape (rows, n)
@@ -182,6 +183,31 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
 the pattern: mass times first mode shape, mass, or mass times height above the ground."""
 
 
+def _forces(building: Building, pattern: str) -> Array:
+    """Return the forces on the floors for the name of a pattern or numbers for the floors, without
+    normalization; raise UsageError if the pattern is neither.
+    """
+    if pattern in PATTERNS:
+        return PATTERNS[pattern](building)
+    numbers = np.array([number_or_nan(part) for part in pattern.split(",")])
+    if np.isnan(numbers).any():
+        raise UsageError(
+            f"unknown pattern {pattern!r:.60}; known: {', '.join(PATTERNS)}, or the forces on the "
+            "floors from the lowest to the roof, such as 0.2,0.6,1"
+        )
+    if numbers.size != building.stories:
+        raise UsageError(
+            f"the pattern must have a force for each of the {building.stories} floors, got "
+            f"{numbers.size}"
+        )
+    if not (numbers.min() >= 0.0 and numbers[-1] > 0.0 and numbers.max() < math.inf):
+        raise UsageError(
+            "the forces of the pattern must be zero or positive numbers, and positive at the roof, "
+            f"got {pattern:.60}"
+        )
+    return numbers
+
+
 def pushover(
     model: AnyModel,
     size: DriftSize | str | float,
@@ -198,7 +224,8 @@ def pushover(
     size : DriftSize, str or float
         Roof displacement, as a length, or as a ratio to the height of the building (also a number).
     pattern : str
-        Key of `PATTERNS`; default `first-mode`.
+        Key of `PATTERNS`, default `first-mode`; or the forces on the floors from the lowest to the
+        roof, separated by commas, of which only the ratios are used.
     points : int
         Number of rows after the start, at equal steps of the roof displacement; default 200. If the
         roof displacement decreases, rows are added at equal steps of the summed changes of all
@@ -218,8 +245,6 @@ def pushover(
     AnalysisError
         No equilibrium is found in the first step.
     """
-    if pattern not in PATTERNS:
-        raise UsageError(f"unknown pattern {pattern!r}; known: {', '.join(PATTERNS)}")
     if not 1 <= points <= MAX_PUSHOVER_POINTS:
         raise UsageError(f"points must be from 1 to {MAX_PUSHOVER_POINTS}, got {points}")
     model = model_of(model)
@@ -231,7 +256,7 @@ def pushover(
     # Attached masses and dashpots have no static forces; the loads are those of the stories.
     building = assemble(replace(model, damping=None, attachments=(), links=()))
     target = _target(drift_of(size), building)
-    forces = PATTERNS[pattern](building)
+    forces = _forces(building, pattern)
     forces /= forces.sum()
     chain = _Chain(building, forces)
     # The first row is the initial state.
