@@ -82,8 +82,8 @@ class IdaRequest(RecordsRequest):
     im: str = study_options.option(
         type=_Measure(_measures),
         default="sa",
-        help="Intensity measure: Sa at a period (sa, default), PGA, PGV, the geometric mean of "
-        "Sa around a period (sa-avg), Arias intensity or CAV.",
+        help="Intensity measure: Sa at a period (sa, default), the geometric mean of Sa from 0.2 "
+        "to 3 times a period (sa-avg), pga, pgv, pgd, arias, cav, or a measure of a plug-in.",
     )
     period: float | None = study_options.option(
         needs="--im sa or sa-avg",

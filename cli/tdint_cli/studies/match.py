@@ -41,6 +41,10 @@ _MAX_CHANGE = 1.0
 """Size of the added wavelets divided by the size of the ground motion. If it is larger, the record
 is not similar to the target, and a warning recommends another record."""
 
+_MAX_PGA_RATIO = 1.2
+"""Peak ground acceleration of a match divided by that of the target, above which a warning is
+printed. It exceeds the misfit that a match usually has at its shortest period."""
+
 _MAX_PGD_RATIO = 2.0
 """Peak ground displacement after matching divided by its value before. A larger ratio causes a
 warning, because wavelets of long periods can produce unrealistic displacements."""
@@ -347,8 +351,16 @@ def _change_warnings(matched: Match) -> list[str]:
             "ground motion itself; choose a record with a more similar spectrum"
         )
     # The components of a pair are compared separately.
+    target_pga = matched.target.zero
     for component in matched.parts:
         matched_measures, seed_measures = component.measures
+        if target_pga and matched_measures.pga > _MAX_PGA_RATIO * target_pga:
+            subject = f"{component.seed.source} {component.seed.component}".rstrip()
+            warnings.append(
+                f"{subject}: the peak ground acceleration of the match is "
+                f"{matched_measures.pga / target_pga:.3g} times that of the target, because the "
+                "match begins at a longer period; begin --range at a shorter period"
+            )
         if matched_measures.pgd > _MAX_PGD_RATIO * seed_measures.pgd:
             subject = f"{component.seed.source} {component.seed.component}".rstrip()
             warnings.append(

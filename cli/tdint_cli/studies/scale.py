@@ -11,7 +11,7 @@ import click
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
-from tdint.number_parsing import abbreviate, pluralize
+from tdint.number_parsing import abbreviate, parse_positive, pluralize
 from tdint_cli import options
 from tdint_cli.options.option_types import (
     Count,
@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits
 
 _SI_UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+_EXAMPLES = {"m/s^2": "0.4g", "m/s": "40cm/s", "m": "5cm"}
+"""Value of an intensity measure with a unit, by its SI unit."""
+
 _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
 
@@ -52,16 +55,33 @@ class _MeasureValue(ValueType):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, float]:
         """Return the name of the measure, and the value in SI units."""
-        from tdint.studies.motions.intensity import measure_at, scalable_measures
+        from tdint.response.spectra.elastic import SA_DAMPING
+        from tdint.studies.motions.intensity import (
+            measure_at,
+            scalable_measures,
+            scaling_obstacle,
+        )
         from tdint.units import parse_units
 
         name, _, text = value.partition("=")
+        if reason := scaling_obstacle(name):
+            self.fail(f"{name}: ground motions cannot be scaled to this measure, because {reason}")
         if name not in scalable_measures():
             self.fail(f"{value!r} is not MEASURE=VALUE with {', '.join(scalable_measures())}")
-        unit = measure_at(name, 0.05, 1.0).unit
-        units = parse_units(text)
-        if not units.has_factor or _SI_UNITS[units.quantity] != unit:
-            self.fail(f"{text!r} must be a number with a unit of {unit}, such as {name}=0.4g")
+        unit = measure_at(name, SA_DAMPING, 1.0).unit
+        # A plug-in may have a measure in a unit that ground motions do not have.
+        if unit not in _EXAMPLES:
+            number = parse_positive(name, text.removesuffix(unit))
+            return name, number
+        try:
+            units = parse_units(text)
+        except UsageError as error:
+            self.fail(f"{error}")
+        if not units.has_factor or _SI_UNITS.get(units.quantity) != unit or not units.scale > 0.0:
+            self.fail(
+                f"{text!r} must be a positive number with a unit of {unit}, such as "
+                f"{name}={_EXAMPLES[unit]}"
+            )
         return name, units.scale
 
 
@@ -140,8 +160,9 @@ class ScaleRequest(RecordsRequest):
     to: tuple[str, float] | None = options.option(
         type=_MeasureValue(),
         metavar="MEASURE=VALUE",
-        help="Scale to this value of an intensity measure: sa=0.6g or sa-avg=0.4g at the period "
-        "--at, pga=0.4g, pgv=40cm/s, arias=2m/s, cav=9m/s, or a measure of a plug-in.",
+        help="Scale to this value of an intensity measure: sa=0.6g at the period --at, sa-avg=0.4g "
+        "(geometric mean of Sa from 0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, "
+        "arias=2m/s, cav=9m/s, or a measure of a plug-in.",
     )
     at: float | None = options.option(
         type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of sa and sa-avg."

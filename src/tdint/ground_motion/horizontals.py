@@ -471,6 +471,20 @@ def motion_names(files: Sequence[str]) -> list[str]:
     return names
 
 
+def pair_name(first: str, second: str) -> str:
+    """Return the name of a pair in two files with both components, such as `CLC..HNE+HNN.mseed`; of
+    files that do not differ in a recognized component, the name of the first file."""
+    matches = [_find_component(Path(file).name) for file in (first, second)]
+    if not all(matches):
+        matches = [_DIRECTION.search(Path(file).name) for file in (first, second)]
+    if first == second or not (matches[0] and matches[1]):
+        return first
+    name = Path(first).name
+    start, end = matches[0].span("component")
+    both = f"{matches[0]['component']}+{matches[1]['component']}"
+    return str(Path(first).with_name(f"{name[:start]}{both}{name[end:]}"))
+
+
 def _replace_component(file: str, match: re.Match[str] | None) -> str:
     """Replace the component (group `component` of the match in the last part of the file name) by a
     question mark. Without a match, the name is unchanged.

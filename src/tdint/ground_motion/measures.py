@@ -502,6 +502,8 @@ class Measure:
         depend on the factor. None if the dependence is not a power; the measure is then recomputed.
     column : str
         Name in tables if it differs from `name`.
+    symbol : str
+        Name in figures and reports if it differs from `name`.
     """
 
     name: str
@@ -510,6 +512,7 @@ class Measure:
     value: Callable[[Record], float]
     power: float | None = 1.0
     column: str = ""
+    symbol: str = ""
 
     def of(self, record: Record) -> float:
         """Return the intensity measure of a record, in `unit`; infinite or nan if it exceeds the
@@ -541,11 +544,39 @@ class Measure:
 MEASURES = {
     measure.name: measure
     for measure in (
-        Measure("pga", "m/s^2", "peak ground acceleration", lambda record: record.pga),
-        Measure("pgv", "m/s", "peak ground velocity", lambda record: _peak(record, 0, "pgv")),
-        Measure("pgd", "m", "peak ground displacement", lambda record: _peak(record, 1, "pgd")),
-        Measure("arias", "m/s", "Arias intensity", arias_intensity, 2.0, "arias_intensity"),
-        Measure("cav", "m/s", "cumulative absolute velocity", cumulative_absolute_velocity),
+        Measure(
+            "pga", "m/s^2", "peak ground acceleration", lambda record: record.pga, symbol="PGA"
+        ),
+        Measure(
+            "pgv",
+            "m/s",
+            "peak ground velocity",
+            lambda record: _peak(record, 0, "pgv"),
+            symbol="PGV",
+        ),
+        Measure(
+            "pgd",
+            "m",
+            "peak ground displacement",
+            lambda record: _peak(record, 1, "pgd"),
+            symbol="PGD",
+        ),
+        Measure(
+            "arias",
+            "m/s",
+            "Arias intensity",
+            arias_intensity,
+            2.0,
+            "arias_intensity",
+            "Arias intensity",
+        ),
+        Measure(
+            "cav",
+            "m/s",
+            "cumulative absolute velocity",
+            cumulative_absolute_velocity,
+            symbol="CAV",
+        ),
         Measure(
             "cav5",
             "m/s",

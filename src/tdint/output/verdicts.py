@@ -86,17 +86,21 @@ def _sentence(
     collapsed or failed runs; may be empty.
     """
     clauses = []
+    # If a collapse is the reason, no demand governs.
+    governs = len(checks) > 1 and not (lost and all(check.ratio <= 1.0 for check in checks))
     for i, check in enumerate(checks):
         quantity = QUANTITIES[check.quantity]
         clause = f"mean {quantity.text}" if mean else quantity.text
         clause += f" {_demand(check, units)} ({quantity.location} {check.story})"
-        clause += " governs:" if i == 0 and len(checks) > 1 else ","
+        clause += " governs:" if i == 0 and governs else ","
         ratio = number_text(check.ratio, unlike=1.0)
         clause += f" {ratio} times the limit of {_limit(check, units)}"
         if mean and i == 0:
             clause += f", {_maximum(check, units)}"
         clauses.append(clause)
     level_text = f" of {level}" if level else ""
+    if lost and mean and not governs:
+        lost += "; means of the other motions"
     return f"Limits{level_text} {'met' if met else 'exceeded'}{lost}: {'; '.join(clauses)}."
 
 

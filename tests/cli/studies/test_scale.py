@@ -1,6 +1,7 @@
 """`tdint scale`: factors of single records, pairs and sets, and `tdint run` with these factors."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from csv_rows import rows
 from facts import states
+from tdint.ground_motion.measures import MEASURES
 from tdint.studies.motions.intensity import AVERAGE
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -429,3 +431,35 @@ def test_motions_are_selected(folder, tdint):
     unknown = "the event of 1 motion is unknown: other.mseed"
     tdint.refused(unknown, *call, "--per-event", 1, "--events", "events.csv", code=2)
     tdint.refused("has no effect without --select", *without_selection, code=2)
+
+
+@pytest.mark.parametrize("command", ["scale", "ida", "campaign"])
+def test_the_help_names_every_measure_of_the_registry(tdint, command):
+    """A measure that is added to the registry must be added to the help of each command."""
+    text = tdint(command, "--help-all", code=0).stdout
+    missing = [
+        name
+        for name, measure in MEASURES.items()
+        if not re.search(rf"\b{name}\b", text)
+        and not (measure.without_levels and command != "campaign")
+    ]
+    assert not missing
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("pgd=5cm", ""),
+        ("pgd=0.4g", "with a unit of m, such as pgd=5cm"),
+        ("pga=0g", "positive number"),
+        ("d5-95=10", "does not change with a factor"),
+        ("pgx=1g", "MEASURE=VALUE with pga, pgv, pgd"),
+    ],
+)
+def test_a_value_of_any_measure_of_the_registry_is_a_target(folder, tdint, value, message):
+    result = tdint(
+        "scale motion.mseed --units m/s^2 --component HNE --to", value, code=2 if message else 0
+    )
+    assert message in result.stderr
+    if not message:
+        assert "scaled to pgd = 0.05 m" in result.stderr

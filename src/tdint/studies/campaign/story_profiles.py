@@ -20,7 +20,7 @@ from typing import Self
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.ground_motion.horizontals import motion_names
+from tdint.ground_motion.horizontals import pair_name
 from tdint.model.limits import Limit, LimitCheck, check_demands, check_limits, isolator_limits
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.batch import Subject
@@ -285,17 +285,14 @@ def profiles(store: Store) -> Iterator[Profile]:
     records = store.records()
     story_counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
     rules, has_errors = SuiteRules.of(store), store.checked
-    names = motion_names([name for name, _, _ in records.values()])
-    name_of_record = dict(zip(records, names, strict=True))
     file_of_record = {number: name for number, (name, _, _) in records.items()}
     for number, (name, _) in store.buildings().items():
         values_by_run = _story_values(store, number, has_errors)
         for level in rules.levels_of(store, number):
-            # `runs` are the runs of a motion. A pair in two files has the common part of their
-            # names, a single component the name of its file.
+            # `runs` are the runs of a motion: two of a pair, with both components in the name.
             motions, collapsed_motions = (
                 tuple(
-                    (name_of_record if len(runs) > 1 else file_of_record)[runs[0].motion]
+                    pair_name(file_of_record[runs[0].motion], file_of_record[runs[-1].motion])
                     for runs in runs_of_motions
                 )
                 for runs_of_motions in (level.completed, level.collapsed_runs)

@@ -30,7 +30,8 @@ _RECORD = (
         "im_name",
         "text",
         "study.im_name",
-        "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv, arias, cav",
+        "intensity measure: sa(T) and sa-avg(T) with the period in s, or a measure that depends "
+        "only on the ground motion, such as pga",
     ),
     Column("unit", "text", "study.measure.unit", "unit of the intensity measure"),
 )

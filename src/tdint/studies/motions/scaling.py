@@ -478,7 +478,8 @@ def scale(
         Records, paths or traces. A tuple of two, or a result of `read_horizontals`, is a pair with
         the same factor.
     measure : IntensityMeasure or str
-        `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
+        `pga`, `pgv`, `pgd`, `arias`, `cav`, a measure of a plug-in, `sa(1.0)` or
+        `sa-avg(1.0)` with the period in s.
     value : float
         Value of the measure, m/s^2 or m/s.
     target : TargetSpectrum or str

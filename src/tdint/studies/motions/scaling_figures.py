@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tdint.arrays import Array
+from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
@@ -43,14 +44,7 @@ GRAY = "0.72"
 """Color of the line of a single record in a suite."""
 
 _PAIR_PREFIXES = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
-_MEASURE_NAMES = {
-    "sa": "Sa",
-    "sa-avg": "Sa_avg",
-    "pga": "PGA",
-    "pgv": "PGV",
-    "arias": "Arias intensity",
-    "cav": "CAV",
-}
+_SPECTRAL_NAMES = {"sa": "Sa", "sa-avg": "Sa_avg"}
 
 
 MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
@@ -91,7 +85,8 @@ def measure_words(name: str) -> str:
     period = parameter.removesuffix(")")
     with suppress(ValueError):
         period = f"{_period_text(float(period))} s"
-    text = _PAIR_PREFIXES.get(pair, "") + _MEASURE_NAMES.get(measure, measure)
+    symbol = MEASURES[measure].symbol if measure in MEASURES else ""
+    text = _PAIR_PREFIXES.get(pair, "") + (symbol or _SPECTRAL_NAMES.get(measure, measure))
     return f"{text}({period})" if period else text
 
 
