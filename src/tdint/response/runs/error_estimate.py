@@ -251,7 +251,11 @@ def with_error_estimate(
         Response with the error estimate in `check`, and further notes.
     """
     steps = replace(steps, count=response.steps, continues=False)
-    other = attempt(reference(case), reference_steps(case, steps))
+    shorter = reference_steps(case, steps)
+    if response.substeps:
+        # Half of a step is a step of the additional run, which would have the same error there.
+        shorter = finer(shorter)
+    other = attempt(reference(case), shorter)
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
     # The additional run covers the time up to the end of the run. It ends at the same time, except
