@@ -84,12 +84,12 @@ def test_estimates_with_power_law_dashpots(name, samples):
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "moment4"])
 def test_step_that_does_not_resolve_a_stiffening_story(method):
-    """At two sampling intervals, accelerations are up to 30 % wrong, and a note announces this. At
-    half an interval, the estimates hold without a note."""
+    """At two sampling intervals, accelerations are up to 30 % wrong, and a warning announces this.
+    At half an interval, the estimates hold without a warning."""
     for samples in (2, 0.5):
         response = response_of(STIFFENING, method, samples)
         errors, estimates = errors_of(STIFFENING, response)
-        is_noted = any("does not resolve the motion near the peak" in n for n in response.notes)
+        is_noted = any("does not resolve the motion near the peak" in w for w in response.warnings)
         assert is_noted == (samples == 2)
         assert is_noted or np.all(errors <= 2.0 * estimates + RESOLUTION)
 

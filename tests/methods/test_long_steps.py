@@ -144,14 +144,14 @@ def test_peaks_of_free_vibration_between_steps(method):
         assert found[0] == pytest.approx(amplitude * size, rel=bound)
 
 
-def test_unresolved_modes_cause_note():
+def test_unresolved_modes_cause_a_warning():
     """For omega dt = 30, the missed peak of the velocity is reported and not extrapolated."""
     omega = 300.0
     response = run(
         oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0
     )
     assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
-    assert any("does not resolve the highest modes" in note for note in response.notes)
+    assert any("does not resolve the highest modes" in text for text in response.warnings)
     assert np.any(response.interstep_bound.peak_absolute_acceleration > 0.0) or np.any(
         response.interstep_bound.peak_velocity > 0.0
     )

@@ -594,8 +594,19 @@ class Case:
         return replace(
             response,
             notes=self._notes(response, steps),
+            warnings=(*warnings, *self._resolution_warnings(response)),
             interstep_bound=with_growth(bound, stories, growth),
         )
+
+    def _resolution_warnings(self, response: Response) -> list[str]:
+        """Return the warnings that the time step does not resolve the motion, if they apply."""
+        warnings = _interstep_warnings(response)
+        if self.building.stiffens:
+            # Imported here, because few models have such laws.
+            from tdint.response.runs.stiff_peaks import stiff_peak_warnings
+
+            warnings += stiff_peak_warnings(self.model, self.building, response)
+        return warnings
 
     def _ductility_warnings(self, stories: StoryPeaks) -> list[str]:
         """Return the warning on unusually large ductilities of stories, if this applies."""
@@ -639,12 +650,6 @@ class Case:
                 "time steps that did not converge were halved "
                 f"({pluralize(response.substeps, 'time')} in total)"
             )
-        notes += _interstep_notes(response)
-        if self.building.stiffens:
-            # Imported here, because few models have such laws.
-            from tdint.response.runs.stiff_peaks import stiff_peak_notes
-
-            notes += stiff_peak_notes(self.model, self.building, response)
         if response.elements is not None and np.isfinite(response.elements.ductility).any():
             notes.append(
                 "the ductility of a story with several elements refers to the element that yields "
@@ -722,9 +727,9 @@ def _imbalance_warnings(energy: Energy) -> list[str]:
     return []
 
 
-def _interstep_notes(response: Response) -> list[str]:
-    """Return a note that lists the peak quantities that may be much larger between time steps than
-    at them; empty if there are no such quantities.
+def _interstep_warnings(response: Response) -> list[str]:
+    """Return a warning that lists the peak quantities that may be much larger between time steps
+    than at them; empty if there are no such quantities.
     """
     quantities = {
         "drifts": "peak_drift",

@@ -251,18 +251,20 @@ def with_error_estimate(
         Response with the error estimate in `check`, and further notes.
     """
     steps = replace(steps, count=response.steps, continues=False)
-    other = attempt(reference(case), reference_steps(case, steps))
+    shorter = reference_steps(case, steps)
+    if response.substeps:
+        # Half of a step is a step of the additional run, which would have the same error there.
+        shorter = finer(shorter)
+    other = attempt(reference(case), shorter)
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
     # The additional run covers the time up to the end of the run. It ends at the same time, except
     # for rounding, unless it collapses at least one of its steps earlier.
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
+    start = start_peaks(case, steps)
     errors = story_errors(
-        _with_devices(response),
-        _with_devices(other),
-        factors(case.method),
-        start=start_peaks(case, steps),
+        _with_devices(response), _with_devices(other), factors(case.method), start=start
     )
     if response.devices is not None:
         count = len(response.model.stories)
@@ -276,7 +278,7 @@ def with_error_estimate(
     check = ErrorEstimate.of(
         response.stories,
         errors,
-        elements=element_errors(response, other, factors(case.method), errors),
+        elements=element_errors(response, other, factors(case.method), errors, start),
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
@@ -448,31 +450,54 @@ def story_errors(
         )
         # For residual drifts, the bound is the change of the drift after the requested time
         # (usually the end of the record), because a run with long time steps ends later.
-        bound: Array = getattr(response.interstep_bound, name)
         if name == "residual_drift":
-            return error + bound
-        if other_is_finer:
-            possible = getattr(other.stories, name) + getattr(other.interstep_bound, name)
-            bound = np.minimum(bound, possible - size)
-        if start is not None:
-            error = np.maximum(error, getattr(start, name) - size)
-        return np.maximum(error, bound)
+            return error + response.interstep_bound.residual_drift
+        finer_run = other if other_is_finer else None
+        return np.maximum(error, _missed_excess(response, finer_run, start, name))
 
     return StoryErrors(**{field.name: errors(field.name) for field in fields(StoryErrors)})
 
 
+def _missed_excess(
+    response: Response | EventResponse,
+    finer_run: Response | EventResponse | None,
+    start: StoryPeaks | None,
+    name: str,
+) -> Array:
+    """Return the excess of the true peaks of a quantity that both runs can miss: between time steps
+    (limited by a run with shorter steps) and at the start. It can be negative."""
+    size: Array = getattr(response.stories, name)
+    excess: Array = getattr(response.interstep_bound, name)
+    if finer_run is not None:
+        possible = getattr(finer_run.stories, name) + getattr(finer_run.interstep_bound, name)
+        excess = np.minimum(excess, possible - size)
+    if start is not None:
+        excess = np.maximum(excess, getattr(start, name) - size)
+    return excess
+
+
 def element_errors(
-    response: Response, other: Response, by: EstimateFactors, errors: StoryErrors
+    response: Response,
+    other: Response,
+    by: EstimateFactors,
+    errors: StoryErrors,
+    start: StoryPeaks | None = None,
 ) -> ElementValues | None:
     """Return the estimated errors of the elements, by the rules of `story_errors`.
 
-    The error of a ductility is the error of the peak drift of the story divided by the yield drift.
+    An excess of the peak drift of the story that both runs can miss increases the force of the
+    element in proportion. The error of a ductility is the error of the peak drift of the story
+    divided by the yield drift.
     """
     elements, others = response.elements, other.elements
     if elements is None or others is None:
         return None
+    drift, story = response.stories.peak_drift, elements.story - 1
+    excess = _missed_excess(response, other, start, "peak_drift")
+    relative = np.divide(excess, drift, out=np.zeros_like(drift), where=drift > 0.0)
+    force_error = _extrapolated(elements.peak_force, others.peak_force, elements.peak_force, by)
     return ElementValues(
-        peak_force=_extrapolated(elements.peak_force, others.peak_force, elements.peak_force, by),
+        peak_force=np.maximum(force_error, relative[story] * elements.peak_force),
         dissipated_energy=_extrapolated(
             elements.dissipated_energy,
             others.dissipated_energy,

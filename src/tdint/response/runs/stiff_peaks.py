@@ -1,4 +1,4 @@
-"""Note on time steps that do not resolve a story that has become stiffer than initially."""
+"""Warning of time steps that do not resolve a story that has become stiffer than initially."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tdint.response.runs.outcome import Response
 from tdint.response.runs.prepared import MAX_RESOLVED_OMEGA_DT
 
 
-def stiff_peak_notes(model: Model, building: Building, response: Response) -> list[str]:
-    """Return a note if stories that stiffen smoothly are so stiff at their peak drifts that the
+def stiff_peak_warnings(model: Model, building: Building, response: Response) -> list[str]:
+    """Return a warning if stories that stiffen smoothly are so stiff at their peak drifts that the
     time step does not resolve the motion.
 
     Without stiffening, the initial stiffness decides (`PreparedBuilding`). Contacts, which are
