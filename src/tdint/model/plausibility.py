@@ -266,6 +266,22 @@ DUCTILITY = UsualRange(
     "ductility", 0.0, 50.0, "{:.3g}",
     "tests of stories end below 20; check the yield force and the units of the record",
 )  # fmt: skip
+PEAK_DRIFT = UsualRange(
+    "peak drift ratio",
+    0.0,
+    0.2,
+    "{:.3g}",
+    "tests of stories end at 0.03 to 0.15; check the units of the load, the stiffness and the "
+    "initial displacement",
+)
+RESIDUAL_DRIFT = UsualRange(
+    "peak drift ratio at the end of the run",
+    0.0,
+    0.03,
+    "{:.3g}",
+    "the story drifts away and does not come back; check P-delta, the strength and the baseline of "
+    "the record",
+)
 """The ranges are wide enough for usual buildings and records, and narrow enough to detect a unit
 that is wrong by a factor of 1000."""
 
