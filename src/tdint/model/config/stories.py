@@ -356,10 +356,14 @@ def _read_points(
     pairs = [item.items("a point [drift, force]") for item in items]
     has_allowed_length = parameter.least_points <= len(pairs) <= parameter.points
     if not has_allowed_length or any(pair is not None and len(pair) != 2 for pair in pairs):
-        longer = f"; for more points use {parameter.longer}" if parameter.longer else ""
+        long_forms = [
+            f"; for more points use {other.long_form}"
+            for law in LAWS.values()
+            for other in law.parameters
+            if parameter.points < len(pairs) <= other.points and other.long_form
+        ]
         value.fault(
-            f"must be {point_list}, got {pluralize(len(pairs), 'entry')}"
-            f"{longer if len(pairs) > parameter.points else ''}"
+            f"must be {point_list}, got {pluralize(len(pairs), 'entry')}{''.join(long_forms[:1])}"
         )
         return invalid_points
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
