@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
+    DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
-    POSITIVE_RATIO,
     RATIO,
     Bounds,
     Choice,
@@ -102,7 +102,7 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
 
 
 _SIDE_NAMES = ("positive", "negative")
-_FRACTURE_DRIFT = Either((POSITIVE, POSITIVE_RATIO))
+_FRACTURE_DRIFT = Either((POSITIVE, DRIFT_BOUNDS))
 _FRACTURE = Key(
     "fracture_drift",
     Either((_FRACTURE_DRIFT, Keys(tuple(Key(name, _FRACTURE_DRIFT) for name in _SIDE_NAMES)))),
@@ -627,7 +627,7 @@ def _read_fracture(
     for number in sides.values():
         drift = 0.0
         if number is not None and number.is_percentage:
-            drift = number.number(POSITIVE_RATIO) * (height or math.nan)
+            drift = number.number(DRIFT_BOUNDS) * (height or math.nan)
             if height is None:
                 number.fault("needs the height of the story, or a drift in the unit of length")
         elif number is not None:
