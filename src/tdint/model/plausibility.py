@@ -634,7 +634,16 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
     (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
     damping ratio of the first mode.
     """
-    names = ("damper", "brace", "angle", "strength", "period", "gap", "wide_gap", "element")
+    names = (
+        "damper",
+        "brace",
+        "angle",
+        "strength",
+        "period",
+        "clearance",
+        "clearance ratio",
+        "element",
+    )
     values = {name: np.full(building.stories, math.nan) for name in names}
     weight_above = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     for i, story in enumerate(model.stories):
@@ -664,10 +673,10 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
             if not ANGLE.contains(angle):
                 values["angle"][i] = angle
         for spring in story.springs:
-            gap = spring.law.values.get("gap", math.nan)
-            values["gap" if math.isnan(height) else "wide_gap"][i] = gap / (
-                1.0 if math.isnan(height) else height
-            )
+            # A gap is the only parameter with the name of its law.
+            gap = spring.law.values.get(spring.law.name, math.nan)
+            values["clearance"][i] = gap if math.isnan(height) else math.nan
+            values["clearance ratio"][i] = gap / height
             share = spring.law.values.get("stop_stiffness", spring.stiffness) / story.stiffness
             if story.elements and 0.0 < share < ELEMENT.low:
                 values["element"][i] = share
