@@ -6,6 +6,8 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
+from tdint.errors import write_out_controls
+
 if TYPE_CHECKING:
     from tdint.output.tables.table import Cell, Table
 
@@ -166,7 +168,7 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         # The addition changes -0.0 to 0.0, so that no minus sign is printed.
         return format(value + 0.0, f".{_DIGITS}g")
-    return "".join(letter if letter.isprintable() else "?" for letter in str(value))
+    return write_out_controls(str(value))
 
 
 def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:

@@ -19,7 +19,14 @@ from typing import Any, TypeVar
 
 import click
 
-from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
+from tdint.errors import (
+    ModelError,
+    OutputError,
+    TdintError,
+    UsageError,
+    abridged,
+    write_out_controls,
+)
 from tdint.files import is_folder
 from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import abbreviate
@@ -72,9 +79,6 @@ _EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor
 # A library argument in backticks, with or without its value, such as `skip_lines=1`. The groups are
 # its name and its value.
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines|rows)(?:=([^`]*))?`")
-# Control characters except for the line feed, and Unicode characters that break lines or change the
-# direction of the text: they could hide a part of a message.
-_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def emit(data: bytes) -> None:
@@ -194,7 +198,7 @@ def complain(text: str, settings: Settings | None = None) -> None:
 
     text = abridged(_SETTING.sub(setting_of_command, text))
     # File names and headers may contain terminal control characters.
-    text = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
+    text = write_out_controls(text, keep="\n")
     try:
         clear_progress_bar = _EMPTY_LINE if settings.bar else ""
         sys.stderr.write(f"{clear_progress_bar}{text}\n")

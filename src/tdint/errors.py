@@ -6,6 +6,7 @@ the exit code of the command.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -15,6 +16,21 @@ _MAX_LINE_LENGTH, _HEAD_LENGTH, _TAIL_LENGTH = 1000, 700, 250
 the start and at the end of a longer line. Lines are long if they quote a long input. 1000
 characters are about ten lines on a terminal.
 """
+
+_CONTROL = re.compile(
+    "[\\x00-\\x1f\\x7f-\\x9f\\u061c\\u200e\\u200f\\u2028\\u2029\\u202a-\\u202e"
+    "\\u2066-\\u2069\\ud800-\\udc7f\\udd00-\\udfff]"
+)
+"""Characters that terminals execute, that break lines or change the direction of the text, and
+could hide a part of it, and unpaired surrogates. Surrogates U+DC80 to U+DCFF, which represent bytes
+that Python could not decode, are not included."""
+
+
+def write_out_controls(text: str, *, keep: str = "") -> str:
+    """Return a text from a file for any output, with its control characters written out as escape
+    sequences such as \\x1b, except those in `keep`."""
+    # `repr` adds quotation marks, which are removed.
+    return _CONTROL.sub(lambda match: match[0] if match[0] in keep else repr(match[0])[1:-1], text)
 
 
 class TdintError(Exception):

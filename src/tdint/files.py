@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tdint.errors import OutputError, TdintError
-from tdint.system import is_running, process_start, this_host
+from tdint.system import hold_signals, is_running, process_start, this_host
 
 # ---- Read an input, which is a file or standard input, up to a maximum size. Inputs that may never
 # end are refused.
@@ -294,18 +294,23 @@ def write_files(
     stale: Mapping[Path, str] | None = None,
     on_written: Callable[[Mapping[Path, str]], None] | None = None,
     last: tuple[Path, Callable[[Mapping[Path, str]], bytes]] | None = None,
+    complete: Mapping[Path, Path] | None = None,
 ) -> None:
     """Write files completely or not at all, in the given order. Missing directories are created.
 
-    All files are written under temporary names first and renamed afterwards. After an error or
-    Ctrl-C before that, the directory is unchanged. Symbolic links are followed. Temporary files of
-    killed processes are removed from the directories.
+    All files are written under temporary names first and renamed afterwards. After an error or a
+    signal before that, the directory is unchanged; a signal during the renaming is handled after
+    it. The files that several new files replace are removed before the first of these is renamed:
+    even if the process is killed, new files are never next to earlier ones. Symbolic links are
+    followed. Temporary files of killed processes are removed from the directories.
 
     `contents` is the content of each file, or a function that writes it to a binary stream. `stale`
     contains files of an earlier run that are not part of the new results, with their SHA-256; with
-    `overwrite`, they are removed if their content is unchanged. `on_written` receives the SHA-256
-    of each file before the files are renamed. `last` is an additional file, and the function that
-    returns its content from the SHA-256 of the others.
+    `overwrite`, they are removed if their content is unchanged, or always if the SHA-256 is empty.
+    `complete` contains files that are complete under another name in their directory, and are
+    renamed with the others. `on_written` receives the SHA-256 of each file before the files are
+    renamed. `last` is an additional file, and the function that returns its content from the
+    SHA-256 of the others.
 
     Raises
     ------
@@ -336,8 +341,12 @@ def write_files(
             write(last[0], last[1](digests()))
         if on_written:
             on_written(digests())
-        for file, temporary in temporaries.items():
-            _move(temporary, file, overwrite)
+        ready = {**temporaries, **(complete or {})}
+        with hold_signals():
+            if overwrite:
+                _remove_replaced(ready if len(ready) > 1 else (), stale or {}, ready)
+            for file, temporary in ready.items():
+                _move(temporary, file, overwrite)
     except BaseException:
         for temporary in temporaries.values():
             with suppress(OSError):
@@ -350,17 +359,21 @@ def write_files(
         _unfinished.difference_update(temporaries.values())
     for folder in {temporary.parent for temporary in temporaries.values()}:
         remove_abandoned(folder)
-    # The results are complete. Now remove the files of an earlier run that would not match them.
-    for file, digest in (stale or {}).items() if overwrite else ():
-        if (
-            file not in temporaries
-            and not file.is_symlink()
-            and file.is_file()
-            and not is_protected(file)
-        ):
+
+
+def _remove_replaced(
+    replaced: Iterable[Path], stale: Mapping[Path, str], ready: Mapping[Path, Path]
+) -> None:
+    """Remove the files that will be replaced, and the files of an earlier run that would not match
+    the new files, `ready`, if their content is unchanged (SHA-256)."""
+    for file in replaced:
+        with _as_output_error(file):
+            Path(os.path.realpath(file)).unlink(missing_ok=True)
+    for file, digest in stale.items():
+        is_removable = not file.is_symlink() and file.is_file() and not is_protected(file)
+        if file not in ready and is_removable and digest in ("", digest_of(file)):
             with _as_output_error(file):
-                if digest_of(file) == digest:
-                    file.unlink(missing_ok=True)
+                file.unlink(missing_ok=True)
 
 
 def digest_of(file: Path) -> str:

@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
 from tdint.files import protect_input
-from tdint.number_parsing import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
+from tdint.number_parsing import LARGEST, SMALLEST, Grid, number_or_nan, parse_grid, parse_ratio
 from tdint.units import (
     ACCELERATION,
     FORCE,
@@ -47,7 +47,7 @@ class Number(click.FloatRange):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number that a text represents; click reports invalid values as errors."""
-        number = super().convert(value, param, ctx)
+        number = super().convert(value, param, ctx) or number_or_nan(str(value))
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number; specify a finite number", param, ctx)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
@@ -82,6 +82,10 @@ class Ratio(Number):
             if 1.0 <= ratio < 100.0 and "%" not in value:
                 self.fail(f"{error.message.rstrip('.')}; did you mean {value}%?", param, ctx)
             raise
+
+
+drift_ratio = Ratio(0.0, 1.0, min_open=True)
+"""Option type of a drift ratio. A drift above the story height is a percentage without its sign."""
 
 
 class Nonzero(Number):

@@ -307,8 +307,9 @@ class Outputs:
         draw: Callable[[], Figure] | None = None,
         summarize: Callable[[], dict[str, Any]] | None = None,
         page: Callable[[], bytes] | None = None,
+        more: Mapping[Path, Content] | None = None,
     ) -> None:
-        """Write all outputs.
+        """Write all outputs, and the files `more` together with them.
 
         Parameters
         ----------
@@ -330,7 +331,7 @@ class Outputs:
         contents = summarize() if self.summary and summarize else None
         meanings = table.meanings
         table = table.in_units(self.shown_units)
-        files: dict[Path, Content] = {}
+        files: dict[Path, Content] = dict(more or {})
         if self.table:
             files[self.table] = table.parquet() if is_parquet(self.table) else table.csv()
         if self.picture and draw is not None:

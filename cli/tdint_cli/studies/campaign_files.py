@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, is_there, refuse_protected, write_files
+from tdint.files import check_outputs, is_there, refuse_protected
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.units import OutputUnits
@@ -374,7 +374,8 @@ _WRITTEN_FILES = (
     *(MEASURES, SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS),
     SUMMARY,
 )
-"""Names of all files that a campaign can write; --overwrite removes them with the campaign."""
+"""Names of all files that a campaign can write; a campaign that replaces another one removes
+them."""
 
 
 def execute_campaign(
@@ -477,11 +478,12 @@ def _open_store(
     """Open the store of a campaign (for a shard, of some buildings), or create it, and return it
     with notes for the user.
 
-    With `overwrite`, the store of another campaign, or a store that cannot be used, is removed
-    together with the tables that were written from it. Otherwise another campaign is an
+    With `overwrite`, the store of another campaign, or a store that cannot be used, remains with
+    its tables until the new campaign is complete. Otherwise another campaign is an
     AnotherStudyError.
     """
-    from tdint.studies.store.opening import open_store, remove, remove_store
+    from tdint.studies.store.identity import Identity
+    from tdint.studies.store.opening import open_replacement, open_store
     from tdint.studies.store.result_store import FILE
     from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
 
@@ -490,11 +492,8 @@ def _open_store(
     except (UntrustedStoreError, AnotherStudyError):
         if not overwrite:
             raise
-        refuse_protected(folder / name for name in _WRITTEN_FILES)
-        remove_store(folder / FILE)
-        for name in _WRITTEN_FILES:
-            remove(folder / name)
-        return open_store(folder, plan, buildings)
+        refuse_protected(folder / name for name in (*_WRITTEN_FILES, FILE))
+        return open_replacement(folder / FILE, Identity.of(plan, buildings))
 
 
 def _report_progress(advance: Advance) -> None:
@@ -673,7 +672,15 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
         measures are written only with a plan.
     """
     from tdint.output.summary import files_read
+    from tdint.studies.store.result_store import FILE
 
+    is_replacement = Path(profiles.store.name) != folder / FILE
+    if is_replacement and not is_complete(profiles.store):
+        note(
+            f"{folder}: the earlier campaign remains until all runs of the new one are done; "
+            "continue with --overwrite"
+        )
+        return
     # Update only exports that an earlier call has written to this directory.
     optional = (*PARQUET, SIMCENTER, GEOJSON, DISTRICTS)
     existing_exports = [name for name in optional if profiles.store.is_ours(folder / name)]
@@ -850,6 +857,8 @@ def _write(
     from tdint.output.run_summary import LIMIT_MEANINGS
     from tdint.output.summary import in_units, json_bytes, merged_inputs
     from tdint.studies.campaign.campaign_summary import campaign_summary
+    from tdint.studies.store.opening import write_from_store
+    from tdint.studies.store.result_store import FILE
 
     request, store, units = profiles.request, profiles.store, profiles.units
     tables = studies.campaign.campaign_tables
@@ -875,7 +884,8 @@ def _write(
     contents_of_paths = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(contents_of_paths)
-    write_files(contents_of_paths, overwrite=True, on_written=store.record_written)
+    stale = {folder / name: "" for name in _WRITTEN_FILES}
+    write_from_store(store, contents_of_paths, folder / FILE, stale)
 
 
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:

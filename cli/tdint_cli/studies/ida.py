@@ -24,6 +24,7 @@ from tdint_cli.options.option_types import (
     Name,
     PairWish,
     Ratio,
+    drift_ratio,
     intensity,
     period,
 )
@@ -120,7 +121,7 @@ class IdaRequest(RecordsRequest):
         "level without collapse and the lowest level with collapse; 5% by default.",
     )
     collapse_drift: float | None = options.analysis.option(
-        type=Ratio(0.0, min_open=True),
+        type=drift_ratio,
         metavar="10%",
         help="Drift ratio above which the building counts as collapsed; by default the value of "
         "the model.",
@@ -140,7 +141,7 @@ class IdaRequest(RecordsRequest):
     )
     damage: tuple[float, ...] | None = options.option(
         needs="--after",
-        type=ListOf(Ratio(0.0, min_open=True)),
+        type=ListOf(drift_ratio),
         metavar="2%,...",
         rare=True,
         help="Drift ratios of the damaged building: the main shock is scaled to each of them, "
@@ -244,6 +245,7 @@ def command(request: IdaRequest) -> None:
             pair=pair_measure(request.pairs),
             jobs=request.jobs or processors(),
             folder=folder,
+            overwrite=request.overwrite,
             progress=lambda done, count: show_progress(f"records {done}/{count}", done / count),
             mainshock=mainshock,
             pair_demand=request.pair_demand or LARGER,
@@ -296,15 +298,14 @@ def _read_mainshock(request: IdaRequest) -> Mainshock | None:
 
 
 def _folder(request: IdaRequest) -> Path | None:
-    """Prepare the directory of the study: check its files, and delete the store with --overwrite.
-    The result is None if the results are not written to a directory.
+    """Check the files in the directory of the study. The result is None if the results are not
+    written to a directory.
 
     OutputError is raised if a file exists that no earlier call of the study has written and
     --overwrite is not specified, or the store cannot be used.
     """
     from tdint.studies.ida.ida import STORE
-    from tdint.studies.store.opening import open_written, remove_store
-    from tdint.studies.store.schema import locked
+    from tdint.studies.store.opening import open_written
 
     folder = Path(request.output) if request.output else None
     picture = request.picture
@@ -316,10 +317,7 @@ def _folder(request: IdaRequest) -> Path | None:
     # Files that an earlier call of the study has written may be replaced.
     store_file = folder / STORE if folder and is_there(folder / STORE) else None
     check_outputs(outputs, overwrite=request.overwrite or store_file is not None)
-    if store_file and request.overwrite:
-        with locked(store_file.parent):
-            remove_store(store_file)
-    elif store_file:
+    if store_file and not request.overwrite:
         with open_written(store_file) as store:
             # Other existing files must not be replaced.
             store.refuse_foreign(outputs)
@@ -343,7 +341,7 @@ def _write(
     from tdint.output.summary import inputs_summary, model_input, record_summary, table_summary
     from tdint.response.runs.settings import RunSettings, settings_from
     from tdint.studies.ida.ida import STORE
-    from tdint.studies.store.opening import open_written
+    from tdint.studies.store.opening import open_written, replacement_of, write_from_store
 
     files: dict[Path, Content] = {}
     if request.output:
@@ -381,10 +379,11 @@ def _write(
     if not request.output:
         write_files(files, overwrite=request.overwrite)
         return
-    with open_written(Path(request.output) / STORE) as store:
+    file = Path(request.output) / STORE
+    with open_written(replacement_of(file) if request.overwrite else file) as store:
         if not request.overwrite:
             store.refuse_foreign(files)
-        write_files(files, overwrite=True, on_written=store.record_written)
+        write_from_store(store, files, file, {})
 
 
 def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import ModelError, UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs
 from tdint.units import LENGTH
 from tdint_cli import options
 from tdint_cli.options.option_types import FileName
@@ -132,9 +132,9 @@ def command(request: Request) -> None:
     # Check all output files before the first of them is written.
     if files:
         check_outputs([*files, *request.outputs.files], overwrite=request.outputs.overwrite)
-        write_files(files, overwrite=request.outputs.overwrite)
     request.outputs.deliver(
-        Table.of_results(columns.INVENTORY if classes is None else columns.CLASS_COLUMNS, derived)
+        Table.of_results(columns.INVENTORY if classes is None else columns.CLASS_COLUMNS, derived),
+        more=files,
     )
     # One row of the table can have several errors, but it is one building.
     say(

@@ -11,7 +11,7 @@ import click
 
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs
 from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
@@ -172,7 +172,6 @@ def command(request: MatchRequest) -> None:
     contents, notes = motion_contents(
         [matched.record for matched in matches], request.format, origins
     )
-    write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)
     written = [
         written_motion(file.name, content, "", origin)
         for file, content, origin in zip(files, contents, origins, strict=True)
@@ -182,6 +181,7 @@ def command(request: MatchRequest) -> None:
         table,
         lambda: studies.motions.matching_figures.match_picture(matches[0]),
         lambda: _summary(request, suite.records, written, table),
+        more=dict(zip(files, contents, strict=True)),
     )
     _report(request, matches, targets)
     above_max_misfit = [

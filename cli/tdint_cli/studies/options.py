@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_of
-from tdint_cli.options.option_types import FileName, ListOf, PairsType, PairWish, Ratio
+from tdint_cli.options.option_types import FileName, ListOf, PairsType, PairWish, drift_ratio
 from tdint_cli.options.record import option as record_option
 from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import note, warn
@@ -49,7 +49,7 @@ def damping(needs: str) -> grammar.Declaration:
 threshold = partial(
     grammar.option,
     "--threshold",
-    type=ListOf(Ratio(0.0, min_open=True)),
+    type=ListOf(drift_ratio),
     metavar="DRIFT,...",
     heading=grammar.ANALYSIS,
 )

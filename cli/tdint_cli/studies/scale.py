@@ -10,7 +10,7 @@ import click
 
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs
 from tdint.number_parsing import abbreviate, parse_positive, pluralize
 from tdint_cli import options
 from tdint_cli.options.option_types import (
@@ -311,12 +311,13 @@ def command(request: ScaleRequest) -> None:
             "factors_sha256": sha256(table.csv()).hexdigest(),
         }
 
+    spectra_table = studies.motions.scaling_tables.scaled_table
     outputs.deliver(
-        table, lambda: studies.motions.scaling_figures.suite_picture(scaling, units), summarize
+        table,
+        lambda: studies.motions.scaling_figures.suite_picture(scaling, units),
+        summarize,
+        more={file: spectra_table(scaling).in_units(units).csv() for file in spectra},
     )
-    if spectra:
-        content = studies.motions.scaling_tables.scaled_table(scaling).in_units(units).csv()
-        write_files({spectra[0]: content}, overwrite=outputs.overwrite)
     say(_summary_text(scaling, units))
     warn(*_warnings(scaling))
     if suite.failures:

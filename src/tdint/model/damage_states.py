@@ -98,6 +98,11 @@ class DamageStates:
                 f"{len(self.states)} damage states require the same number of thresholds, got "
                 f"{len(self.medians)}"
             )
+        if DEMANDS[self.demand].unit == "1" and max(self.medians, default=0.0) > 1.0:
+            raise UsageError(
+                f"the thresholds of drift ratios must be at most 1, got {max(self.medians):g}; "
+                "write a percentage as 4% or 0.04"
+            )
         # The lightest state is compared with zero, each other state with the state before.
         previous_medians = (0.0, *self.medians)
         for state, median, previous in zip(

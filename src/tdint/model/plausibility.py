@@ -267,6 +267,22 @@ DUCTILITY = UsualRange(
     "ductility", 0.0, 50.0, "{:.3g}",
     "tests of stories end below 20; check the yield force and the units of the record",
 )  # fmt: skip
+PEAK_DRIFT = UsualRange(
+    "peak drift ratio",
+    0.0,
+    0.2,
+    "{:.3g}",
+    "tests of stories end at 0.03 to 0.15; check the units of the load, the stiffness and the "
+    "initial displacement",
+)
+RESIDUAL_DRIFT = UsualRange(
+    "peak drift ratio at the end of the run",
+    0.0,
+    0.03,
+    "{:.3g}",
+    "the story drifts away and does not come back; check P-delta, the strength and the baseline of "
+    "the record",
+)
 """The ranges are wide enough for usual buildings and records, and narrow enough to detect a unit
 that is wrong by a factor of 1000."""
 
@@ -629,7 +645,16 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
     (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
     damping ratio of the first mode.
     """
-    names = ("damper", "brace", "angle", "strength", "period", "gap", "wide_gap", "element")
+    names = (
+        "damper",
+        "brace",
+        "angle",
+        "strength",
+        "period",
+        "clearance",
+        "clearance ratio",
+        "element",
+    )
     values = {name: np.full(building.stories, math.nan) for name in names}
     weight_above = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     for i, story in enumerate(model.stories):
@@ -659,10 +684,10 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
             if not ANGLE.contains(angle):
                 values["angle"][i] = angle
         for spring in story.springs:
-            gap = spring.law.values.get("gap", math.nan)
-            values["gap" if math.isnan(height) else "wide_gap"][i] = gap / (
-                1.0 if math.isnan(height) else height
-            )
+            # A gap is the only parameter with the name of its law.
+            gap = spring.law.values.get(spring.law.name, math.nan)
+            values["clearance"][i] = gap if math.isnan(height) else math.nan
+            values["clearance ratio"][i] = gap / height
             share = spring.law.values.get("stop_stiffness", spring.stiffness) / story.stiffness
             if story.elements and 0.0 < share < ELEMENT.low:
                 values["element"][i] = share

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from tdint.errors import write_out_controls
 from tdint.number_parsing import table_number
 from tdint.output import figures
 from tdint.output.summary import versions
@@ -351,7 +352,8 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
         f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(flow.body)
     )
-    return (text + "\n</body>\n</html>\n").encode("utf-8", "replace")
+    document = write_out_controls(text + "\n</body>\n</html>\n", keep="\n")
+    return document.encode("utf-8", "replace")
 
 
 _SCALES = tuple(1.0 - 0.04 * step for step in range(9))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.errors import UsageError
+from tdint.errors import UsageError, write_out_controls
 from tdint.files import write_files
 from tdint.output.presentations import presentations
 from tdint.output.tables.runs import varied_columns
@@ -191,7 +191,8 @@ def to_html(result: Any, caption: str) -> str:
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     # Only the first rows are shown, because thousands of rows would fill the notebook.
     more_text = f"<p>{row_count - _ROWS} more rows</p>" if row_count > _ROWS else ""
-    return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more_text}"
+    table = f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more_text}"
+    return write_out_controls(table)
 
 
 def _cell(value: Any) -> str:

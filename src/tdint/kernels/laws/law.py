@@ -42,8 +42,8 @@ class LawParameter:
         points.
     least_points : int
         Minimum number of points of such a list.
-    longer : str
-        Law for a longer list, for messages; empty if there is none.
+    long_form : str
+        Law with this list, for messages about lists that are too long for another law.
     open_ended : bool
         Points that are not specified are infinite (True), or are inserted between the last two
         specified points (False, for four points).
@@ -72,7 +72,7 @@ class LawParameter:
     many: bool = False
     points: int = 0
     least_points: int = 2
-    longer: str = ""
+    long_form: str = ""
     open_ended: bool = False
     choices: tuple[str, ...] = ()
     default: float | str | None = None

@@ -763,7 +763,13 @@ def _falls(stiffness: float, values: Sequence[float]) -> bool:
     return min(min(upper.slopes[:-1]) for upper in _upper_curves(values)) < 0.0
 
 
-_CURVE = LawParameter("backbone", points=MAX_POINTS, least_points=1, open_ended=True)
+_CURVE = LawParameter(
+    "backbone",
+    points=MAX_POINTS,
+    least_points=1,
+    open_ended=True,
+    long_form="multilinear, rule: peak",
+)
 _RETURN = LawParameter(
     "return", points=_MAX_RETURN_POINTS, least_points=1, open_ended=True, default=math.inf
 )

@@ -753,9 +753,7 @@ def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
     )
 
 
-_BACKBONE = LawParameter(
-    "backbone", points=4, low=0.0, low_allowed=False, longer="multilinear, rule: peak"
-)
+_BACKBONE = LawParameter("backbone", points=4, low=0.0, low_allowed=False)
 
 LAW = DriftLaw(
     "multilinear-pinching",

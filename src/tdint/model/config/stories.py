@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
+    DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
-    POSITIVE_RATIO,
     RATIO,
     Bounds,
     Choice,
@@ -102,7 +102,7 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
 
 
 _SIDE_NAMES = ("positive", "negative")
-_FRACTURE_DRIFT = Either((POSITIVE, POSITIVE_RATIO))
+_FRACTURE_DRIFT = Either((POSITIVE, DRIFT_BOUNDS))
 _FRACTURE = Key(
     "fracture_drift",
     Either((_FRACTURE_DRIFT, Keys(tuple(Key(name, _FRACTURE_DRIFT) for name in _SIDE_NAMES)))),
@@ -356,10 +356,14 @@ def _read_points(
     pairs = [item.items("a point [drift, force]") for item in items]
     has_allowed_length = parameter.least_points <= len(pairs) <= parameter.points
     if not has_allowed_length or any(pair is not None and len(pair) != 2 for pair in pairs):
-        longer = f"; for more points use {parameter.longer}" if parameter.longer else ""
+        long_forms = [
+            f"; for more points use {other.long_form}"
+            for law in LAWS.values()
+            for other in law.parameters
+            if parameter.points < len(pairs) <= other.points and other.long_form
+        ]
         value.fault(
-            f"must be {point_list}, got {pluralize(len(pairs), 'entry')}"
-            f"{longer if len(pairs) > parameter.points else ''}"
+            f"must be {point_list}, got {pluralize(len(pairs), 'entry')}{''.join(long_forms[:1])}"
         )
         return invalid_points
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
@@ -638,7 +642,7 @@ def _read_fracture(
     for number in sides.values():
         drift = 0.0
         if number is not None and number.is_percentage:
-            drift = number.number(POSITIVE_RATIO) * (height or math.nan)
+            drift = number.number(DRIFT_BOUNDS) * (height or math.nan)
             if height is None:
                 number.fault("needs the height of the story, or a drift in the unit of length")
         elif number is not None:

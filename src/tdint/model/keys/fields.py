@@ -83,7 +83,6 @@ ANY = Bounds()
 POSITIVE = Bounds(low=0.0, low_allowed=False)
 NOT_NEGATIVE = Bounds(low=0.0)
 RATIO = Bounds(low=0.0, high=1.0, high_allowed=False, ratio=True)
-POSITIVE_RATIO = Bounds(low=0.0, low_allowed=False, ratio=True)
 DRIFT_BOUNDS = Bounds(low=0.0, high=1.0, low_allowed=False, ratio=True)
 """Drift ratio. A drift above the story height is a percentage without the percent sign."""
 

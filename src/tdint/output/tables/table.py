@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.errors import write_out_controls
 from tdint.tabular import import_optional
 from tdint.units import SI, OutputUnits, Quantity, quantities
 
@@ -31,12 +32,6 @@ Cell = bool | int | float | str | None
 
 TEXT = "text"
 """Unit of a column of text."""
-
-_UNFIT = re.compile(
-    r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]"
-)
-"""Control characters that terminals execute, and unpaired surrogates. Surrogates U+DC80 to U+DCFF,
-which represent bytes that Python could not decode, are not included; `harmless` writes them out."""
 
 _WORD = re.compile(r"\w+")
 _FORMULA = frozenset("=+-@\t\r")  # first characters of a formula in a spreadsheet
@@ -368,8 +363,7 @@ def harmless(text: str) -> str:
     that starts with = + - @, a tab or a carriage return and is not a number; an apostrophe before
     the text prevents this.
     """
-    # `repr` writes escape sequences such as \x1b, in quotation marks, which are removed.
-    printable = _UNFIT.sub(lambda match: repr(match[0])[1:-1], text)
+    printable = write_out_controls(text)
     # Bytes of a file name that Python could not decode in this locale are stored as surrogates.
     printable = printable.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
     is_formula = text[:1] in _FORMULA and not _NUMBER_OR_SIGN.fullmatch(printable)

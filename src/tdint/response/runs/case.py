@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import baseline_notes, cut_off
-from tdint.ground_motion.record import Record
+from tdint.ground_motion.record import Record, velocity_warnings
 from tdint.kernels import layout as rows
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
@@ -26,8 +26,11 @@ from tdint.model.building import Building
 from tdint.model.definition import Model
 from tdint.model.plausibility import (
     DUCTILITY,
+    PEAK_DRIFT,
+    RESIDUAL_DRIFT,
     long_step,
     model_notes,
+    negative_damping,
     plausibility_warnings,
     unusual_stories,
 )
@@ -75,9 +78,14 @@ _PRODUCED_BY_METHOD = 1.0
 above the collapse drift is attributed to the method, not to the building.
 """
 
-RUNAWAY = 100.0
-"""Dimensionless. Energy produced by the method divided by the input energy, from which a run has
-diverged. 100 corresponds to ten times the amplitude.
+_RUNAWAY = 100.0
+"""Dimensionless. Energy produced by the method divided by the input energy, from which a run with a
+collapse has diverged. 100 corresponds to ten times the amplitude.
+"""
+
+_WRONG_BALANCE = 1.0
+"""Dimensionless. Energy imbalance divided by the input energy, from which a run without a collapse
+has diverged: its response is not that of the building.
 """
 
 _EXCESS_FRACTION = 0.05
@@ -93,6 +101,11 @@ states that residual drifts are instantaneous values.
 _GROWTH = 0.02
 """Dimensionless. Growth of a peak after a requested end of the run, relative to the peak, above
 which a warning is added. The amplitude of the free vibration is approximate (about 1 %).
+"""
+
+_END_AT_PEAK = 0.95
+"""Dimensionless. Drift at the end of a run divided by its peak, from which a story has not come
+back from its peak.
 """
 
 _REMEDY = "use a smaller step or another method"
@@ -150,6 +163,8 @@ class Case:
         unusual = plausibility_warnings(
             self.model, self.building, pga, has_motion=self.record is not None
         )
+        if self.record:
+            unusual += velocity_warnings(self.record)
         return tuple(text for text in unusual if text not in reported)
 
     @cached_property
@@ -291,13 +306,19 @@ class Case:
             longer = replace(steps, count=result.completed, continues=False)
             result = self._integrate(longer, history)
         error = named_energies(result.space.totals).error
-        # A negative error is energy produced by the method. The negated comparison is also true if
-        # the error is nan.
-        if not -error < RUNAWAY and not self.allow_unstable:
+        if self._has_diverged(error, is_collapse=collapse is not None):
             # The error is 1 minus the ratio of all other energies to the input energy.
             reason = f"the final energy is {1.0 - error:.3g} times the input energy"
             raise self._divergence(steps, result.space, reason)
         return self._response(steps, result, collapse)
+
+    def _has_diverged(self, error: float, *, is_collapse: bool) -> bool:
+        """Return True if the energy imbalance of a run, divided by the input energy, shows that its
+        response is wrong. A negative error is energy produced by the method. After a collapse, only
+        a large production counts, because the drifts are without limit."""
+        # The negated comparisons are also true if the error is nan.
+        has_diverged = not (-error < _RUNAWAY if is_collapse else abs(error) < _WRONG_BALANCE)
+        return has_diverged and not self.allow_unstable
 
     def _require_stability(self, h: float) -> None:
         """Raise FailedRun if the time step h (s) is above the stability limit of the method for a
@@ -407,7 +428,7 @@ class Case:
             *(self.record.notes if self.record else ()),
             *self._stiffening_note(),
         )
-        message = f"{label} with dt {steps.h:.6g} s {event}; {_REMEDY}"
+        message = f"{label} with dt {steps.h:.6g} s {event}; {self._remedy}"
         return FailedRun(message, status, label, steps.h, notes=notes, **attributes)
 
     def recorded_collapse(self, steps: Steps, code: int, totals: Array) -> Collapse | None:
@@ -491,7 +512,7 @@ class Case:
         """
         code, completed, _ = batch.ends[i].astype(int).tolist()
         totals = batch.totals[i]
-        is_complete = code == 0 and -named_energies(totals).error < RUNAWAY
+        is_complete = code == 0 and -named_energies(totals).error < _RUNAWAY
         if is_complete and (collapse := self.recorded_collapse(steps, code, totals)):
             return collapse
         # The repeated run must include the failed step. If the batch continued until rest, this
@@ -517,8 +538,10 @@ class Case:
         """
         code, totals = int(batch.ends[i, CODE]), batch.totals[i]
         if code == 0:
-            # The negated comparison is also true if the error is nan.
-            has_diverged = not -named_energies(totals).error < RUNAWAY and not self.allow_unstable
+            has_diverged = self._has_diverged(
+                named_energies(totals).error,
+                is_collapse=totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE,
+            )
             status = DIVERGED if has_diverged else None
         elif self.recorded_collapse(steps, code, totals) is not None:
             status = None  # a collapse before the failed step
@@ -546,8 +569,8 @@ class Case:
             # wrong unit, which a smaller step would not correct.
             *self.plausibility_warnings,
             *self._long_step_warnings(steps),
-            *self._ductility_warnings(stories),
-            *_imbalance_warnings(energy),
+            *self._demand_warnings(stories),
+            *self._imbalance_warnings(energy),
         )
         growth = 0.0
         if not (steps.continues or self.record is None or self.model.excitation.has_forces):
@@ -598,6 +621,7 @@ class Case:
             interstep_bound=with_growth(bound, stories, growth),
         )
 
+<<<<<<< HEAD
     def _resolution_warnings(self, response: Response) -> list[str]:
         """Return the warnings that the time step does not resolve the motion, if they apply."""
         warnings = _interstep_warnings(response)
@@ -617,6 +641,46 @@ class Case:
         has_height = np.isfinite(self.building.heights[: self.building.floors])
         ductility = np.where(has_height, stories.ductility, math.nan)
         return unusual_stories(DUCTILITY, ductility)
+=======
+    def _demand_warnings(self, stories: StoryPeaks) -> list[str]:
+        """Return the warnings on unusually large ductilities and drifts of stories, and on drifts
+        that end at their peak, if these apply.
+
+        Isolators, which are designed for a large ductility, and other stories without a height,
+        which do not belong to a frame, are ignored.
+        """
+        if self.model.plausibility_off:
+            return []
+        heights = self.building.heights
+        drift_ratio = stories.peak_drift / heights
+        drifts_away = abs(stories.residual_drift) > _END_AT_PEAK * stories.peak_drift
+        return [
+            *unusual_stories(
+                DUCTILITY, np.where(np.isfinite(heights), stories.ductility, math.nan)
+            ),
+            *unusual_stories(PEAK_DRIFT, drift_ratio),
+            *unusual_stories(RESIDUAL_DRIFT, np.where(drifts_away, drift_ratio, math.nan)),
+        ]
+
+    @property
+    def _remedy(self) -> str:
+        """Remedy for a wrong energy balance. Neither the step nor the method is the cause if modes
+        have negative damping ratios."""
+        return "correct the damping" if negative_damping(self.building) else _REMEDY
+
+    def _imbalance_warnings(self, energy: Energy) -> list[str]:
+        """Return the warning on a large energy imbalance at the end of a run, if this applies.
+        Modes with negative damping are the cause of an imbalance, and another warning reports them.
+        """
+        # The negated comparison is also true if the error is nan.
+        if abs(energy.error) <= _LARGE_IMBALANCE or negative_damping(self.building):
+            return []
+        change = "dissipated by" if energy.error > 0.0 else "produced by"
+        return [
+            f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
+            f"energy, {change} the method: {_REMEDY}"
+        ]
+>>>>>>> h-robust
 
     def _notes(self, response: Response, steps: Steps) -> tuple[str, ...]:
         """Return the notes on the conditions and the limits of a run."""
@@ -715,6 +779,7 @@ class Case:
         )
 
 
+<<<<<<< HEAD
 def _imbalance_warnings(energy: Energy) -> list[str]:
     """Return the warning on a large energy imbalance at the end of a run, if this applies."""
     # The negated comparison is also true if the error is nan.
@@ -730,6 +795,11 @@ def _imbalance_warnings(energy: Energy) -> list[str]:
 def _interstep_warnings(response: Response) -> list[str]:
     """Return a warning that lists the peak quantities that may be much larger between time steps
     than at them; empty if there are no such quantities.
+=======
+def _interstep_notes(response: Response) -> list[str]:
+    """Return a note that lists the peak quantities that may be much larger between time steps than
+    at them; empty if there are no such quantities.
+>>>>>>> h-robust
     """
     quantities = {
         "drifts": "peak_drift",
@@ -761,9 +831,9 @@ def validated_case(argument: Case) -> Case:
 
 
 def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
-    """Select the runs of a batch that failed, collapsed or diverged (`RUNAWAY`): their results are
-    not simply the peaks at their end."""
-    has_diverged = ~(-energy_errors(batch.totals) < RUNAWAY)  # True also for nan
+    """Select the runs of a batch that failed, collapsed or diverged (`_WRONG_BALANCE`): their
+    results are not simply the peaks at their end."""
+    has_diverged = ~(abs(energy_errors(batch.totals)) < _WRONG_BALANCE)  # True also for nan
     collapsed = batch.totals[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
     return np.asarray((batch.ends[:, CODE] < 0) | collapsed | has_diverged)
 

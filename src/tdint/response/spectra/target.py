@@ -28,7 +28,7 @@ from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import SECONDS, name_and_units
 from tdint.ground_motion.reading.named_table import SEPARATORS
 from tdint.ground_motion.record import Input, Record
-from tdint.number_parsing import parse_named, parse_positive, parse_ratio
+from tdint.number_parsing import parse_named, parse_positive, parse_ratio, pluralize
 from tdint.response.spectra.elastic import Spectrum
 from tdint.units import ACCELERATION, STANDARD_GRAVITY, canonical, parse_units, parse_with_unit
 
@@ -543,9 +543,8 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
     values = [name for name in values if "psa" in name] or values
     if not values:
         raise ModelError(
-            f"{table.source}:1: no column of accelerations, such as sa_g or sa_m_s2; the columns "
-            "are "
-            f"{', '.join(table.header)[:200]}"
+            f"{table.source}:1: no column of accelerations, such as sa_g or sa_m_s2, among "
+            f"{pluralize(len(table.header), 'column')}"
         )
     if len(values) > 1:
         raise ModelError(
@@ -715,9 +714,13 @@ def read_published(
     columns = [name_and_units(text) for text in table.titles]
     index = next((i for i, (name, _) in enumerate(columns) if name in _PERIOD_NAMES), None)
     if index is None:
+<<<<<<< HEAD
         listed = ", ".join(table.titles)[:200]
+=======
+>>>>>>> h-robust
         raise RecordError(
-            f"{table.source}: no column of periods, such as period_s; the columns are {listed}"
+            f"{table.source}: no column of periods, such as period_s, among "
+            f"{pluralize(len(table.names), 'column')}"
         )
     text, units = table.titles[index], columns[index][1]
     if not units or units not in SECONDS:

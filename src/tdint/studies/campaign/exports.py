@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from tdint.errors import UsageError
+from tdint.errors import UsageError, write_out_controls
 from tdint.number_parsing import pluralize
 from tdint.output.tables.runs import SAMPLE
 from tdint.output.tables.table import PARQUET, TEXT, Column, describe
@@ -337,7 +337,7 @@ def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable
         f"  </{model}>",
         "</nrml>\n",
     ]
-    return "\n".join(document).encode()
+    return write_out_controls("\n".join(document), keep="\n").encode()
 
 
 def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:

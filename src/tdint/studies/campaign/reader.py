@@ -14,8 +14,8 @@ from tdint.model.building_rules import CAPACITY, RULES
 from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import (
     ANY,
+    DRIFT_BOUNDS,
     POSITIVE,
-    POSITIVE_RATIO,
     RATIO,
     Bounds,
     Choice,
@@ -156,7 +156,7 @@ _ANALYSIS = Keys(
             _TOLERANCE,
             "choose the time step of each building by the estimated error of its peak drifts",
         ),
-        Key("collapse_drift", POSITIVE_RATIO, "drift ratio above which a run counts as collapsed"),
+        Key("collapse_drift", DRIFT_BOUNDS, "drift ratio above which a run counts as collapsed"),
         Key("p_delta", Flag(), "include P-delta effects"),
         Key("until_rest", Flag(), "continue after the record until free vibration has decayed"),
         Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),

@@ -256,8 +256,8 @@ def _table_type(table: CsvTable, fit: str | None) -> _TableType:
     ]
     if not types:
         raise ModelError(
-            f"{table.source}:1: no fit is possible with the columns "
-            f"{', '.join(table.header)[:200]}; {NEEDS}"
+            f"{table.source}:1: no fit is possible with the "
+            f"{pluralize(len(table.header), 'column')} of this file; {NEEDS}"
         )
     suitable = [table_type for table_type in types if fit in (None, *table_type.fits)]
     if not suitable:

@@ -46,7 +46,7 @@ from tdint.studies.motions.intensity import (
 )
 from tdint.studies.motions.pairs import LARGER, SEPARATE, check_pair_demand, join_pairs
 from tdint.studies.store.identity import Identity, as_json
-from tdint.studies.store.opening import open_or_create
+from tdint.studies.store.opening import open_or_create, open_replacement
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import locked
 from tdint.system import on_threads
@@ -224,6 +224,7 @@ def ida(
     pair: str = GEOMETRIC_MEAN,
     jobs: int = 1,
     folder: str | Path | None = None,
+    overwrite: bool = False,
     progress: bool | Progress = False,
     mainshock: Mainshock | None = None,
     pair_demand: str = LARGER,
@@ -253,6 +254,9 @@ def ida(
     folder : str or Path, optional
         Directory for the results of completed runs. The next call with the same arguments continues
         from these results.
+    overwrite : bool
+        True to replace another study in the directory. Its store remains until the results of the
+        new study are written (`tdint.studies.store.opening.write_from_store`).
     progress : bool or callable
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
         with the number of completed records and of all records.
@@ -304,7 +308,10 @@ def ida(
     run_records = [item.record for item in work_items]
     identity = _identity(subject, measure, settings, run_records, pair_intensity)
     with (
-        _open_locked(Path(folder) if folder else None, identity) as (store, remarks),
+        _open_locked(Path(folder) if folder else None, identity, overwrite=overwrite) as (
+            store,
+            remarks,
+        ),
         progress_reporter(progress, len(work_items), "record") as report_progress,
     ):
         runs_by_item, resumed = _run_work_items(work_items, store, jobs, report_progress)
@@ -384,13 +391,18 @@ STORE = "ida.sqlite"
 
 
 @contextmanager
-def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
+def _open_locked(
+    folder: Path | None, identity: Identity, *, overwrite: bool
+) -> Iterator[tuple[Store, list[str]]]:
     """Lock the directory of a study and open its store, in memory without a directory. An existing
-    store must match the complete input of the study (`identity`). The texts are messages for the
-    user about the store.
+    store must match the complete input of the study (`identity`), unless another store will replace
+    it (`overwrite`). The texts are messages for the user about the store.
     """
     with locked(folder) if folder else nullcontext():
-        store, remarks = open_or_create(folder / STORE if folder else None, identity)
+        if folder and overwrite:
+            store, remarks = open_replacement(folder / STORE, identity)
+        else:
+            store, remarks = open_or_create(folder / STORE if folder else None, identity)
         with store:
             yield store, remarks
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tdint.errors import OutputError, UsageError
-from tdint.files import is_there, protect_input, refuse_protected
+from tdint.files import Content, is_there, protect_input, refuse_protected, write_files
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.store import schema
 from tdint.studies.store.differences import all_differences, differences
@@ -77,6 +77,44 @@ def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[s
             )
         store.update_metadata(identity)
     return store, remarks or []
+
+
+def replacement_of(file: Path) -> Path:
+    """Return the path of the store of a study that will replace the store `file` when its results
+    are complete."""
+    return file.with_name(f"{file.name}.new")
+
+
+def open_replacement(file: Path, identity: Identity) -> tuple[Store, list[str]]:
+    """Open or create the store that will replace the store `file`, as by `open_or_create`. A store
+    of the same study from an interrupted call is continued; any other one is removed."""
+    new_file = replacement_of(file)
+    try:
+        return open_or_create(new_file, identity)
+    except (schema.AnotherStudyError, schema.UntrustedStoreError):
+        remove_store(new_file)
+        return open_or_create(new_file, identity)
+
+
+def write_from_store(
+    store: Store, contents: Mapping[Path, Content], file: Path, stale: Mapping[Path, str]
+) -> None:
+    """Write the files of a study from its open store. A store that replaces another one
+    (`open_replacement`) is renamed to `file` together with them, and the files `stale` of the
+    earlier study are removed (`write_files`)."""
+    new_file = Path(store.name)
+    if new_file == file:
+        write_files(contents, overwrite=True, on_written=store.record_written)
+        return
+
+    def finish(digests: Mapping[Path, str]) -> None:
+        """Record the files in the store and close it, so that it can be renamed."""
+        store.record_written(digests)
+        store.__exit__(None, None)
+        remove_logs(file)
+
+    write_files(contents, overwrite=True, stale=stale, on_written=finish, complete={file: new_file})
+    store.connection, store.name = connect(str(file)), str(file)
 
 
 def open_existing(folder: Path, *, write: bool = False) -> Store:
@@ -201,8 +239,13 @@ def remove_store(file: Path) -> None:
         The store cannot be removed, or is an input of the command.
     """
     refuse_protected([file])
-    # SQLite creates files with these suffixes next to a database.
-    for suffix in ("", "-wal", "-shm", "-journal"):
+    remove(file)
+    remove_logs(file)
+
+
+def remove_logs(file: Path) -> None:
+    """Remove the files that SQLite creates next to the file of a store."""
+    for suffix in ("-wal", "-shm", "-journal"):
         remove(file.with_name(file.name + suffix))
 
 

@@ -100,8 +100,9 @@ def end_log(connection: sqlite3.Connection) -> None:
     While another program reads the file, or the disk is full, the log is kept next to the file,
     without loss of data. In a transaction, which each connection for reading has, nothing is done.
     """
-    if not connection.in_transaction:
-        with suppress(sqlite3.Error):
+    # A closed connection also raises an error of SQLite.
+    with suppress(sqlite3.Error):
+        if not connection.in_transaction:
             connection.execute(f"PRAGMA busy_timeout={CLOSE_WAIT}")
             connection.execute("PRAGMA journal_mode=DELETE")
 
