@@ -621,7 +621,6 @@ class Case:
             interstep_bound=with_growth(bound, stories, growth),
         )
 
-<<<<<<< HEAD
     def _resolution_warnings(self, response: Response) -> list[str]:
         """Return the warnings that the time step does not resolve the motion, if they apply."""
         warnings = _interstep_warnings(response)
@@ -632,16 +631,6 @@ class Case:
             warnings += stiff_peak_warnings(self.model, self.building, response)
         return warnings
 
-    def _ductility_warnings(self, stories: StoryPeaks) -> list[str]:
-        """Return the warning on unusually large ductilities of stories, if this applies."""
-        if self.model.plausibility_off or not (stories.ductility > DUCTILITY.high).any():
-            return []
-        # Ignore isolators, which are designed for a large ductility, and other stories without a
-        # height, which do not belong to a frame.
-        has_height = np.isfinite(self.building.heights[: self.building.floors])
-        ductility = np.where(has_height, stories.ductility, math.nan)
-        return unusual_stories(DUCTILITY, ductility)
-=======
     def _demand_warnings(self, stories: StoryPeaks) -> list[str]:
         """Return the warnings on unusually large ductilities and drifts of stories, and on drifts
         that end at their peak, if these apply.
@@ -651,7 +640,7 @@ class Case:
         """
         if self.model.plausibility_off:
             return []
-        heights = self.building.heights
+        heights = self.building.heights[: self.building.floors]
         drift_ratio = stories.peak_drift / heights
         drifts_away = abs(stories.residual_drift) > _END_AT_PEAK * stories.peak_drift
         return [
@@ -680,7 +669,6 @@ class Case:
             f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
             f"energy, {change} the method: {_REMEDY}"
         ]
->>>>>>> h-robust
 
     def _notes(self, response: Response, steps: Steps) -> tuple[str, ...]:
         """Return the notes on the conditions and the limits of a run."""
@@ -779,27 +767,9 @@ class Case:
         )
 
 
-<<<<<<< HEAD
-def _imbalance_warnings(energy: Energy) -> list[str]:
-    """Return the warning on a large energy imbalance at the end of a run, if this applies."""
-    # The negated comparison is also true if the error is nan.
-    if not abs(energy.error) <= _LARGE_IMBALANCE:
-        change = "dissipated by" if energy.error > 0.0 else "produced by"
-        return [
-            f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
-            f"energy, {change} the method: {_REMEDY}"
-        ]
-    return []
-
-
 def _interstep_warnings(response: Response) -> list[str]:
     """Return a warning that lists the peak quantities that may be much larger between time steps
     than at them; empty if there are no such quantities.
-=======
-def _interstep_notes(response: Response) -> list[str]:
-    """Return a note that lists the peak quantities that may be much larger between time steps than
-    at them; empty if there are no such quantities.
->>>>>>> h-robust
     """
     quantities = {
         "drifts": "peak_drift",

@@ -714,10 +714,6 @@ def read_published(
     columns = [name_and_units(text) for text in table.titles]
     index = next((i for i, (name, _) in enumerate(columns) if name in _PERIOD_NAMES), None)
     if index is None:
-<<<<<<< HEAD
-        listed = ", ".join(table.titles)[:200]
-=======
->>>>>>> h-robust
         raise RecordError(
             f"{table.source}: no column of periods, such as period_s, among "
             f"{pluralize(len(table.names), 'column')}"
