@@ -368,8 +368,8 @@ class Building:
 
     @property
     def first_period(self) -> float:
-        """Period of the first mode, s."""
-        return 2.0 * math.pi / self.first_mode()[0]
+        """Period of the first mode, s; infinite if a story has no stiffness."""
+        return period(self.first_mode()[0])
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
@@ -389,7 +389,7 @@ class Building:
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2)
         if len(self.modal):
             modal_damping += np.add.reduce((self.modal[:, :-1] @ shape) ** 2)
-        return omega, float(modal_damping / (2.0 * omega))
+        return omega, float(modal_damping / (2.0 * omega)) if omega else math.inf
 
     def modes(self) -> Modes:
         """Return the undamped modes of the initial stiffness, computed at the first call."""
@@ -440,6 +440,11 @@ class Building:
                     values = numbers[rows.FIRST_PARAMETER :]
                     result[i] += law.largest_stiffness(stiffness, values) - stiffness
         return result
+
+
+def period(omega: float) -> float:
+    """Return the period of a circular frequency (rad/s), s; infinite for 0."""
+    return 2.0 * math.pi / omega if omega else math.inf
 
 
 def highest_frequency_bound(

@@ -200,7 +200,9 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     # The initial stiffness follows from the parameters. It may be invalid although each parameter
     # is valid.
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
-    if stiffness <= 0.0 or stiffness == math.inf:
+    # A law that stiffens may start without stiffness, beside a dashpot or in a chain with masses.
+    is_without = stiffness == 0.0 and law.stiffens(parameters)
+    if (stiffness <= 0.0 and not is_without) or stiffness == math.inf:
         stiffness_text = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
         value.fault(
             f"the initial stiffness of the {law.name} law must be a positive number, got "
@@ -218,7 +220,7 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     """
     # The name without parameters is valid only if the law has no parameters.
     if not value.is_mapping:
-        name = value.choice(_candidate_laws(value), "law")
+        name = _law_name(value)
         if name and LAWS[name].parameters:
             required_names = (
                 item.name
@@ -229,7 +231,7 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
             value.fault(f"the {name} law requires parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     law_type = value.peek("type")
-    name = law_type.choice(_candidate_laws(law_type), "law") if law_type else None
+    name = _law_name(law_type) if law_type else None
     # After an error in the name, the keys of all laws are allowed, so that no correct key is
     # reported as unknown.
     possible_laws = [LAWS[name]] if name else LAWS.values()
@@ -240,6 +242,19 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
+
+
+def _law_name(value: Value) -> str | None:
+    """Return the name of a law; None after reporting an error."""
+    candidates = _candidate_laws(value)
+    if value.is_word("friction"):
+        value.fault(
+            "friction that depends on the velocity is not available, because the force of a law "
+            "depends on the drift only; use `bilinear` with the sliding force as yield_force and "
+            "hardening 0 for a constant friction"
+        )
+        return None
+    return value.choice(candidates, "law")
 
 
 def _candidate_laws(name: Value) -> Mapping[str, DriftLaw]:
