@@ -108,8 +108,11 @@ class Building:
         initial_stiffness = self.initial_stiffness
         is_usable = (slope > 0.0) & (slope < initial_stiffness)
         stiffness = np.where(is_usable, slope, initial_stiffness)
-        # Force of the law plus P-delta
-        return (force + self.linear_terms[rows.GEOMETRIC, :-1] * drift) / stiffness, stiffness
+        # Force of the law plus P-delta. A story without stiffness is at rest at zero drift.
+        total_force = force + self.linear_terms[rows.GEOMETRIC, :-1] * drift
+        has_stiffness = stiffness != 0.0
+        divisor = np.where(has_stiffness, stiffness, 1.0)
+        return np.where(has_stiffness, total_force / divisor, drift), divisor
 
     @property
     def story_laws(self) -> Array:

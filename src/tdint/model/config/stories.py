@@ -360,9 +360,9 @@ def _read_points(
         return invalid_points
     # If the file omits the points of the negative direction, `default` is the name of the points of
     # the positive direction, which then apply to both.
-    if group is None or not group.has(parameter.name):
-        if numbers := default_numbers(parameter, earlier):
-            return numbers
+    is_omitted = group is None or not group.has(parameter.name)
+    if is_omitted and (numbers := default_numbers(parameter, earlier)):
+        return numbers
     value = group.need(parameter.name, f"give {point_list}") if group else None
     items = value.items(point_list) if value else None
     if value is None or items is None:
@@ -401,9 +401,9 @@ def _read_points(
 
 def _read_choice(group: Group, parameter: LawParameter, earlier: EarlierParameters) -> float:
     """Return the index of a name in `choices`, or nan after an error."""
-    if isinstance(group, Section) and not group.has(parameter.name):
-        if numbers := default_numbers(parameter, earlier):
-            return numbers[0]
+    is_omitted = isinstance(group, Section) and not group.has(parameter.name)
+    if is_omitted and (numbers := default_numbers(parameter, earlier)):
+        return numbers[0]
     value = (
         group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
         if isinstance(group, Section)
