@@ -882,7 +882,9 @@ def _limited(x, f, slope, points):
         rise, start = (f1 - f0) / (x1 - x0), max(x, x0)
         gap = f0 + rise * (start - x0) - (f + slope * (start - x))
         is_close = gap <= 1e-9 * (abs(f0) + abs(f1)) and rise <= slope * (1.0 + 1e-9)
-        follows = follows or is_close
+        if is_close and not follows:
+            segments += [(start, slope)] if start > x else []
+            follows = True
         if not follows and gap + (rise - slope) * (x1 - start) <= 0.0:
             segments.append((start + gap / (slope - rise), slope))
             follows = True
@@ -1055,7 +1057,10 @@ _LOOPS = {
     ),
     "ring spring": _multilinear(
         *("flag", ((1.0, 1.0), (4.0, 1.3)), 0.05),
-        **{"return": lambda k, F: _backbone(F / k, F, (1.0, 0.3)), "return_slope": lambda k, F: 0.0},
+        **{
+            "return": lambda k, F: _backbone(F / k, F, (1.0, 0.3)),
+            "return_slope": lambda k, F: 0.0,
+        },
         negative=lambda k, F: {
             **{"backbone": _backbone(F / k, F, (1.0, 0.8)), "last_slope": 0.2 * k},
             **{"return": _backbone(F / k, F, (1.0, 0.2)), "return_slope": 0.1 * k},
@@ -1271,12 +1276,16 @@ class BoucWen(Spring):
         h = (drift - self.drift) / parts
         self.turn(math.copysign(1.0, h))
         for _ in range(parts):
+            # The rate depends on the energy in the middle of the part.
+            part_of_energy = (1.0 - self.ratio) * self.strength * h
+            energy = self.energy
+            self.energy += 0.5 * part_of_energy * w
             a = self.rate(h, w)
             b = self.rate(h, w + 0.5 * a)
             c = self.rate(h, w + 0.5 * b)
             before = w
             w += (a + 2.0 * b + 2.0 * c + self.rate(h, w + c)) / 6.0
-            self.energy += (1.0 - self.ratio) * self.strength * 0.5 * (before + w) * h
+            self.energy = energy + 0.5 * part_of_energy * (before + w)
         self.move(drift, w)
         self.w = w
         return [w]

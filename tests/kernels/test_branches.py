@@ -58,7 +58,7 @@ def test_declarations_of_law_agree_with_its_functions(name):
     assert math.isinf(state[rows.SLOPE, 0]) == LAWS[name].curved
     # Force, tangent and branches agree along paths from the elastic range to drifts far beyond
     # yielding.
-    numbers, values = law_parameters[:, 0], list(LAW_CASES[name])
+    numbers, values = law_parameters[:, 0], law_parameters[rows.FIRST_PARAMETER :, 0].tolist()
     assert path_faults(LAWS[name], numbers, LAWS[name].yield_drift(K, values)) == []
     assert path_faults(LAWS[name], numbers) == []
 

@@ -302,8 +302,8 @@ class FreeVibration:
         _check_springs(self.stiffness, self.geometric)
         if not self.stiffness.all():
             # The floors above a story without stiffness move as a rigid body.
-            shape = np.cumsum(self.stiffness == 0.0) > 0.0
-            return 0.0, shape / math.sqrt(float(np.sum(self.mass[shape])))
+            moves = np.cumsum(self.stiffness == 0.0) > 0.0
+            return 0.0, np.where(moves, 1.0 / math.sqrt(float(np.sum(self.mass[moves]))), 0.0)
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
         for _ in range(_MAX_ITERATIONS):
             force = self.mass * shape

@@ -513,10 +513,12 @@ class _Curve(NamedTuple):
 
     @property
     def slopes(self) -> list[float]:
-        """Slopes of all segments, N/m."""
+        """Slopes of all segments, N/m; infinite between points with the same drift."""
         corners = [(0.0, 0.0), *self.points]
         return [
             (force - previous_force) / (drift - previous_drift)
+            if drift != previous_drift
+            else math.inf
             for (previous_drift, previous_force), (drift, force) in pairwise(corners)
         ] + [self.last_slope]
 

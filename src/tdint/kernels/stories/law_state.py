@@ -19,7 +19,6 @@ from tdint.kernels.laws.branch_following import (
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
     HAS_ELEMENTS,
-    MAX_BRANCHES,
     select_function,
 )
 from tdint.kernels.stories.branches import enter, sum_branches, switch, synchronize
@@ -30,9 +29,7 @@ _force = select_function("force")
 
 # Force of an element that follows its branches, in every state. The slope of the branch is the
 # tangent. Laws that a model does not use are not compiled.
-_follow_branches = branch_follower(
-    switch, select_function("advance", outlined(add_work)), MAX_BRANCHES
-)
+_follow_branches = branch_follower(switch, select_function("advance", outlined(add_work)))
 
 _strain_energy = select_function("strain_energy")
 

@@ -11,12 +11,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
+from tdint.model.config.fractures import FRACTURE, read_fracture
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
-    POSITIVE_RATIO,
     RATIO,
     Bounds,
     Choice,
@@ -101,16 +102,6 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
     )
 
 
-_SIDE_NAMES = ("positive", "negative")
-_FRACTURE_DRIFT = Either((POSITIVE, POSITIVE_RATIO))
-_FRACTURE = Key(
-    "fracture_drift",
-    Either((_FRACTURE_DRIFT, Keys(tuple(Key(name, _FRACTURE_DRIFT) for name in _SIDE_NAMES)))),
-    "drift at which the force is lost permanently; with %: a ratio of the story height",
-)
-"""Key of every law and element."""
-
-
 @dataclass(frozen=True)
 class _LawType:
     """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
@@ -119,7 +110,7 @@ class _LawType:
         """Return the JSON schema: a name of a law without parameters, or a mapping for each law."""
         names_without_parameters = [name for name, law in laws().items() if not law.parameters]
         mappings = [
-            Keys((Key("type", Choice((law.name,)), law.formula, True), _FRACTURE, *_law_keys(law)))
+            Keys((Key("type", Choice((law.name,)), law.formula, True), FRACTURE, *_law_keys(law)))
             for law in laws().values()
         ]
         return Either((Choice(tuple(names_without_parameters)), *mappings)).schema()
@@ -158,7 +149,7 @@ class _ElementType:
                     Key("name", TextLine(), "name in tables, unique within the story"),
                     Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
                     *_INCLINATION,
-                    _FRACTURE,
+                    FRACTURE,
                     *_law_keys(law),
                 )
             )
@@ -235,7 +226,7 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     # After an error in the name, the keys of all laws are allowed, so that no correct key is
     # reported as unknown.
     possible_laws = [LAWS[name]] if name else LAWS.values()
-    allowed_keys = ["type", _FRACTURE.name, *further_keys]
+    allowed_keys = ["type", FRACTURE.name, *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
     section = value.section(list(dict.fromkeys(allowed_keys)))
@@ -247,13 +238,10 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
 def _law_name(value: Value) -> str | None:
     """Return the name of a law; None after reporting an error."""
     candidates = _candidate_laws(value)
-    if value.is_word("friction"):
-        value.fault(
-            "friction that depends on the velocity is not available, because the force of a law "
-            "depends on the drift only; use `bilinear` with the sliding force as yield_force and "
-            "hardening 0 for a constant friction"
-        )
-        return None
+    for name, reason in UNAVAILABLE.items():
+        if value.is_word(name):
+            value.fault(reason)
+            return None
     return value.choice(candidates, "law")
 
 
@@ -551,15 +539,6 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    story_p_delta = section.read("p_delta")
-    if p_delta if story_p_delta is None else story_p_delta:
-        height_entry = section.need(
-            "height",
-            "p_delta needs the height of every story; give it, or `p_delta: false` in this story",
-        )
-    else:
-        height_entry = section.get("height")
-    height = height_entry.number(scale=unit.length) if height_entry else None
     law_entry, elements_entry = section.get("law"), section.get("elements")
     elements: tuple[Element, ...] = ()
     if elements_entry:
@@ -568,12 +547,21 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
                 section.value.fault(
                     f"give either `{name}` or `elements`, not both; move the {name} into an element"
                 )
-        elements = _read_elements(elements_entry, unit, height)
+        elements = _read_elements(elements_entry, unit, section.get("height"))
         law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
     else:
         law, stiffness_of_law = read_law(law_entry, unit)
     dashpot, power_dashpot, damper_factor = _read_dashpot(section.get("dashpot"), unit)
+    story_p_delta = section.read("p_delta")
+    if p_delta if story_p_delta is None else story_p_delta:
+        height_entry = section.need(
+            "height",
+            "p_delta needs the height of every story; give it, or `p_delta: false` in this story",
+        )
+    else:
+        height_entry = section.get("height")
     mass = _read_mass(section, unit)
+    height = height_entry.number(scale=unit.length) if height_entry else None
     if elements_entry:
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
         if len(elements) == 1:  # a story with a single element is a story with a law
@@ -609,7 +597,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         if fault := LAWS[law.name].fault(stiffness, law.parameters):
             law_entry.fault(fault)
         elif law_entry.is_mapping:
-            law = _read_fracture(law_entry, law, stiffness, unit, height)
+            law = read_fracture(law_entry, law, stiffness, unit, height_entry)
             story = replace(story, law=law)
     return story, section.read("repeat", 1)
 
@@ -618,43 +606,7 @@ _FORBIDDEN_IN_NAMES = re.compile(r"[\[\],=\"']")
 """Characters with a meaning in the names of parameters and in lists of options."""
 
 
-def _read_fracture(
-    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
-) -> Law:
-    """Return a law with the drifts of its fracture, from the key `fracture_drift` of its mapping:
-    one drift for both sides, or a mapping of the sides.
-    """
-    entry = value.peek(_FRACTURE.name)
-    if entry is None:
-        return law
-    sides: dict[str, Value | None] = dict.fromkeys(_SIDE_NAMES, entry)
-    if entry.is_mapping:
-        section = entry.section(list(_SIDE_NAMES))
-        if section is None:
-            return law
-        sides = {name: section.get(name) for name in _SIDE_NAMES}
-    first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
-    drifts = []
-    for number in sides.values():
-        drift = 0.0
-        if number is not None and number.is_percentage:
-            drift = number.number(POSITIVE_RATIO) * (height or math.nan)
-            if height is None:
-                number.fault("needs the height of the story, or a drift in the unit of length")
-        elif number is not None:
-            drift = number.number(POSITIVE, unit.length)
-        if number is not None and drift < first_yield:
-            number.fault(
-                f"must be at least the yield drift {first_yield / unit.length:.6g}, got "
-                f"{drift / unit.length:.6g}"
-            )
-        drifts.append(drift)
-    if any(map(math.isnan, drifts)):
-        return law
-    return replace(law, fracture=(drifts[0], -drifts[1]))
-
-
-def _read_elements(value: Value, unit: ModelUnits, height: float | None) -> tuple[Element, ...]:
+def _read_elements(value: Value, unit: ModelUnits, height: Value | None) -> tuple[Element, ...]:
     """Return the elements of a story; errors are added to the errors of the file."""
     entries = value.items("a list of elements", "must contain at least one element")
     elements = [_read_element(entry, unit, height) for entry in entries or ()]
@@ -685,7 +637,7 @@ def _read_elements(value: Value, unit: ModelUnits, height: float | None) -> tupl
     return tuple(elements)
 
 
-def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Element:
+def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Element:
     """Return an element. Its name is empty if the file does not specify it; its stiffness is nan
     after an error.
     """
@@ -731,7 +683,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
         if fault := law.fault(stiffness, parameters):
             entry.fault(fault)
         else:
-            result = _read_fracture(entry, result, stiffness, unit, height)
+            result = read_fracture(entry, result, stiffness, unit, height)
     return Element(name, stiffness, result, cosine)
 
 
