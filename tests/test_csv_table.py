@@ -187,7 +187,7 @@ site.csv,,37 -> TH_file;m -> grid\.csv:2: Longitude is missing
 site.csv,-122,37 -> TH_file,factor;,2 -> site\.csv:2: TH_file is missing
 site.csv,-122,37 -> TH_file,factor;m,0 -> site\.csv:2: factor must not be zero, got '0'
 site.csv,-122,37 -> TH_file,factor;m,x -> site\.csv:2: factor .*got 'x'
-site.csv,-122,37 -> TH-file,factor;m,1 -> no column TH_file among 2 columns; rename the column 'th-file'
+site.csv,-122,37 -> TH-file,factor;m,1 -> no column TH_file .*rename the column 'th-file'
 site.csv,-122,37 -> TH_file, factor;m, -> m\.json: cannot be read
 """
 

@@ -25,11 +25,13 @@ _MANY = 10_000
 """More branches than a path between two drifts can have."""
 
 
-def law(name, **examples):
-    """Return the decorator that declares a law with examples of its parameters for the grid."""
+def law(name, loops=None, **examples):
+    """Return the decorator that declares a law with examples of its parameters for the grid, and
+    with `loops`, examples whose forces are compared along paths of drifts only."""
 
     def declare(spring):
         spring.examples = examples
+        spring.loops = examples | (loops or {})
         LAWS[name] = spring
         return spring
 
@@ -178,6 +180,11 @@ class Bilinear(Spring):
     "gap",
     stop=lambda rng, k, F: {"gap": rng.uniform(0.6, 1.5) * F / k, "stop_stiffness": 4.0 * k},
     stiff=lambda rng, k, F: {"gap": 1.5 * F / k, "stop_stiffness": 20.0 * k},
+    loops={
+        "one side": lambda rng, k, F: {
+            **{"gap": 1.2 * F / k, "stop_stiffness": 5.0 * k, "sides": "negative"}
+        }
+    },
 )
 class Gap(Spring):
     """Elastic spring with stops."""
@@ -186,10 +193,12 @@ class Gap(Spring):
 
     def read(self, parameters):
         self.gap, self.stop = parameters["gap"], parameters["stop_stiffness"]
+        sides = parameters.get("sides", "both")
+        self.has = {1.0: sides != "negative", -1.0: sides != "positive"}
 
     def path(self, x, f, reversed_here):
-        stopped = self.k + self.stop
-        return [(-self.gap, stopped), (self.gap, self.k), (math.inf, stopped)]
+        behind, ahead = (self.k + self.stop * self.has[s] for s in (-self.side, self.side))
+        return [(-self.gap, behind), (self.gap, self.k), (math.inf, ahead)]
 
     def largest(self, drift):
         return self.k * drift + self.stop * max(drift - self.gap, 0.0)
@@ -723,6 +732,7 @@ class Multilinear(Spring):
             -1.0: [tuple(point) for point in negative["backbone"]],
         }
         self.last_slope = parameters.get("last_slope", 0.0)
+        self.last_slopes = {1.0: self.last_slope, -1.0: negative.get("last_slope", self.last_slope)}
         self.k = self.points[1.0][0][1] / self.points[1.0][0][0]
         self.far = {s: points[0][0] for s, points in self.points.items()}
 
@@ -731,7 +741,7 @@ class Multilinear(Spring):
         points = [(0.0, 0.0), *self.points[side]]
         return [
             *((f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in pairwise(points)),
-            self.last_slope,
+            self.last_slopes[side],
         ]
 
     def curve(self, side, x):
@@ -740,7 +750,7 @@ class Multilinear(Spring):
         for (d0, f0), (d1, f1) in pairwise([(0.0, 0.0), *points]):
             if x <= d1:
                 return f0 + (x - d0) * (f1 - f0) / (d1 - d0)
-        return points[-1][1] + self.last_slope * (x - points[-1][0])
+        return points[-1][1] + self.last_slopes[side] * (x - points[-1][0])
 
     def follow_backbone(self, x):
         """Return the segments of the backbone curve beyond x, up to zero force."""
@@ -862,6 +872,139 @@ class Peak(PeakOriented, Multilinear):
         return super().path(x, f, reversed_here)
 
 
+def _limited(x, f, slope, points):
+    """Return the segments of the smaller of the line of a slope from (x, f) and the curve through
+    points, from x on."""
+    segments, follows = [], False
+    for (x0, f0), (x1, f1) in pairwise(points):
+        if x1 <= x or x1 <= x0:
+            continue
+        rise, start = (f1 - f0) / (x1 - x0), max(x, x0)
+        gap = f0 + rise * (start - x0) - (f + slope * (start - x))
+        is_close = gap <= 1e-9 * (abs(f0) + abs(f1)) and rise <= slope * (1.0 + 1e-9)
+        if is_close and not follows:
+            segments += [(start, slope)] if start > x else []
+            follows = True
+        if not follows and gap + (rise - slope) * (x1 - start) <= 0.0:
+            segments.append((start + gap / (slope - rise), slope))
+            follows = True
+        if follows:
+            segments.append((x1, rise))
+    return segments or [(points[-1][0], slope)]
+
+
+_FAR = 1e3  # drift beyond all paths, m
+
+
+class PeakWithKeys(Multilinear):
+    """Peak rule with unloading, reloading, pinching, damage and sides. `zero` contains the drift
+    from which each side is loaded, positive in the direction of this side."""
+
+    def read(self, parameters):
+        super().read(parameters)
+        self.unloading, self.reloading = (
+            parameters.get(key, 0.0) for key in ("unloading", "reloading")
+        )
+        pinching = parameters.get("pinching", {"drift": 1.0, "force": 1.0})
+        self.x, self.y = pinching["drift"], pinching["force"]
+        damage = parameters.get("damage", {})
+        self.by_drift, self.by_work = damage.get("drift", 0.0), damage.get("work", 0.0)
+        self.first = dict(self.far)
+        self.far, self.zero = {1.0: 0.0, -1.0: 0.0}, {1.0: 0.0, -1.0: 0.0}
+        self.has_reversed = self.has_moved = False
+        sides = parameters.get("sides", "both")
+        self.has = {1.0: sides != "negative", -1.0: sides != "positive"}
+
+    def stiffness(self, side):
+        """Return the unloading stiffness. The examples do not need its persistent bound."""
+        far, steepest = max(self.far[side], self.first[side]), max(self.slopes(side))
+        soft = steepest * (self.first[side] / far) ** self.unloading
+        return min(max(soft, self.curve(side, far) / far), steepest)
+
+    def area(self):
+        corners = ([(0.0, 0.0), *points] for points in self.points.values())
+        return sum(
+            0.5 * (f0 + f1) * (d1 - d0) for side in corners for (d0, f0), (d1, f1) in pairwise(side)
+        )
+
+    def path(self, x, f, reversed_here):
+        s, o = self.side, -self.side
+        if reversed_here and self.has_moved:
+            if not self.has_reversed or -f >= self.curve(o, -x) * (1.0 - 1e-9):
+                self.far[o] = max(self.far[o], -x)
+            self.has_reversed = True
+            if f <= 0.0 and self.has[o]:
+                soft = self.stiffness(o)
+                if self.has[s]:
+                    self.zero[s] = x - f / soft
+                    if self.far[o] > self.first[o]:
+                        work = self.work - 0.5 * f * f / soft
+                        self.far[s] *= (
+                            1.0
+                            + self.by_drift * (self.far[o] / self.first[o] - 1.0)
+                            + self.by_work * work / self.area()
+                        )
+                else:
+                    self.zero[o] = -(x - f / soft)
+            self.far[s] = max(self.far[s], self.first[s])
+        self.has_moved = True
+        if not self.has[s]:
+            end = -self.zero[o]
+            return [*([(end, self.stiffness(o))] if x < end else []), (math.inf, 0.0)]
+        if not self.has_reversed:
+            return self.follow_backbone(x)
+        if x < self.zero[s] and f <= 1e-9 * self.points[s][0][1]:
+            return [(self.zero[s], self.stiffness(o) if self.has[o] else 0.0)]
+        first, own, z = self.first[s], self.stiffness(s), self.zero[s]
+        far = max(self.far[s], first)
+        target = far - self.reloading * (far - first)
+        force = self.curve(s, target)
+        pinched = self.y * force
+        corner = z + self.x * (target - (force - pinched) / own - z)
+        points = [(z, 0.0), (corner, pinched), (target, force)]
+        if corner <= z:
+            height = pinched
+            if target > corner:
+                height += (z - corner) * (force - pinched) / (target - corner)
+            points = [(z, height), (target, force)]
+        points += [(d, g) for d, g in self.points[s] if d > target]
+        return _limited(x, f, own, [*points, (_FAR, self.curve(s, _FAR))])
+
+
+class Flag(Multilinear):
+    """Elastic force between an upper and a lower curve."""
+
+    def read(self, parameters):
+        super().read(parameters)
+        negative = parameters.get("negative", {})
+        sides = parameters.get("sides", "both")
+        last = parameters.get("last_slope", 0.0)
+        self.low_last, self.low = {}, {}
+        for s, source in ((1.0, {}), (-1.0, negative)):
+            slope = parameters.get("return_slope", last)
+            self.low_last[s] = source.get("return_slope", slope)
+            self.low[s] = source.get("return", parameters["return"])
+            if sides == ("negative" if s > 0.0 else "positive"):
+                self.points[s] = self.low[s] = [(1.0, 0.0)]
+                self.last_slopes[s] = self.low_last[s] = 0.0
+        steepest = max(
+            (f1 - f0) / (d1 - d0)
+            for points in self.points.values()
+            for (d0, f0), (d1, f1) in pairwise([(0.0, 0.0), *points])
+        )
+        self.k = parameters.get("stiffness", steepest)
+
+    def path(self, x, f, reversed_here):
+        s = self.side
+        low, last = self.low[-s], self.low_last[-s]
+        drift, force = low[-1]
+        behind = [(-d, -g) for d, g in [*low, (_FAR, force + last * (_FAR - drift))]]
+        drift, force = self.points[s][-1]
+        end = (_FAR, force + self.last_slopes[s] * (_FAR - drift))
+        points = [*reversed(behind), (0.0, 0.0), *self.points[s], end]
+        return _limited(x, f, self.k, points)
+
+
 class Elastic(Multilinear):
     """The backbone curve itself."""
 
@@ -879,12 +1022,57 @@ class Elastic(Multilinear):
 
 _RULES = {
     **{"kinematic": Kinematic, "isotropic": Isotropic, "origin": Origin},
-    **{"peak": Peak, "elastic": Elastic},
+    **{"peak": Peak, "elastic": Elastic, "flag": Flag},
+}
+
+_PEAK_KEYS = {"unloading", "reloading", "pinching", "damage", "sides"}
+
+_LOOPS = {
+    "hysteretic": _multilinear(
+        *("peak", _STEEP, 0.02),
+        **{"pinching": lambda k, F: {"drift": 0.7, "force": 0.3}, "unloading": lambda k, F: 0.4},
+        **{"damage": lambda k, F: {"drift": 0.01, "work": 0.01}},
+    ),
+    "takeda": _multilinear(
+        *("peak", ((1.0, 1.0),), 0.05),
+        **{"unloading": lambda k, F: 0.5, "reloading": lambda k, F: 0.3},
+    ),
+    "slip": _multilinear(
+        "peak", ((1.0, 1.0),), 0.02, pinching=lambda k, F: {"drift": 1.0, "force": 0.2}
+    ),
+    "x brace": _multilinear(
+        "peak", ((1.0, 1.0),), 0.02, pinching=lambda k, F: {"drift": 1.0, "force": 0.0}
+    ),
+    "rod": _multilinear(
+        *("peak", ((1.0, 1.0),), 0.02),
+        **{"pinching": lambda k, F: {"drift": 1.0, "force": 0.0}, "sides": lambda k, F: "positive"},
+    ),
+    "unequal slopes": _multilinear(
+        *("elastic", ((1.0, 1.0),), 0.5),
+        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.0, 1.0)), "last_slope": 0.1 * k},
+    ),
+    "flag": _multilinear(
+        *("flag", ((1.0, 1.0), (4.0, 1.3)), 0.05),
+        **{"return": lambda k, F: _backbone(F / k, F, (0.4, 0.4), (3.0, 0.5))},
+    ),
+    "ring spring": _multilinear(
+        *("flag", ((1.0, 1.0), (4.0, 1.3)), 0.05),
+        **{
+            "return": lambda k, F: _backbone(F / k, F, (1.0, 0.3)),
+            "return_slope": lambda k, F: 0.0,
+        },
+        negative=lambda k, F: {
+            **{"backbone": _backbone(F / k, F, (1.0, 0.8)), "last_slope": 0.2 * k},
+            **{"return": _backbone(F / k, F, (1.0, 0.2)), "return_slope": 0.1 * k},
+        },
+        stiffness=lambda k, F: 2.5 * k,
+    ),
 }
 
 
 @law(
     "multilinear",
+    loops=_LOOPS,
     kinematic=_multilinear("kinematic", _STEEP, 0.01),
     isotropic=_multilinear("isotropic", _STEEP),
     origin=_multilinear("origin", _STEEP, -0.01),
@@ -899,6 +1087,8 @@ _RULES = {
 )
 def multilinear(story, parameters):
     """Return the spring with the rule of a multilinear law."""
+    if parameters["rule"] == "peak" and _PEAK_KEYS & set(parameters):
+        return PeakWithKeys(story, parameters)
     return _RULES[parameters["rule"]](story, parameters)
 
 
@@ -1021,6 +1211,23 @@ class Polynomial(Spring):
     sharp=lambda rng, k, F: {"yield_force": F, "hardening": 0.0, "exponent": 5.0, "beta": 0.8},
     medium=lambda rng, k, F: {"yield_force": F, "hardening": 0.02, "exponent": 2.0, "beta": 0.6},
     open=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "exponent": 1.5, "beta": 0.35},
+    loops={
+        "degrading": lambda rng, k, F: {
+            **{"yield_force": F, "hardening": 0.05, "exponent": 1.5, "beta": 0.7},
+            "degradation": {
+                **{"amplitude": 0.002 * k / F**2, "strength": 0.01 * k / F**2},
+                **{"stiffness": 0.02 * k / F**2},
+            },
+            "asymmetry": 0.1,
+        },
+        "pinched": lambda rng, k, F: {
+            **{"yield_force": F, "hardening": 0.05, "exponent": 2.0, "beta": 0.6},
+            "pinching": {
+                **{"slip": 0.9, "rate": 0.2 * k / F**2, "start": 0.1, "size": 0.3},
+                **{"growth": 0.01 * k / F**2, "severity": 0.5},
+            },
+        },
+    },
 )
 class BoucWen(Spring):
     """Bouc-Wen spring: an elastic part and the strength times the internal variable w."""
@@ -1031,13 +1238,29 @@ class BoucWen(Spring):
     def read(self, parameters):
         self.strength, self.ratio = parameters["yield_force"], parameters["hardening"]
         self.exponent, self.beta, self.w = parameters["exponent"], parameters["beta"], 0.0
+        self.degradation = parameters.get("degradation", {})
+        self.pinching, self.phi = parameters.get("pinching"), parameters.get("asymmetry", 0.0)
+        self.energy = 0.0
 
     def value(self, drift, variable=0.0):
         return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength * variable
 
     def rate(self, drift_rate, w):
         sign = self.beta if w * self.side > 0.0 else -self.beta
-        factor = 1.0 - abs(w) ** self.exponent * (sign + 1.0 - self.beta)
+        if w * self.side > 0.0:
+            sign += 2.0 * self.side * self.phi
+        grown = {
+            name: 1.0 + self.degradation.get(name, 0.0) * self.energy
+            for name in ("strength", "stiffness")
+        }
+        amplitude = 1.0 - self.degradation.get("amplitude", 0.0) * self.energy
+        power = grown["strength"] * abs(w) ** self.exponent
+        factor = (amplitude - power * (sign + 1.0 - self.beta)) / grown["stiffness"]
+        if p := self.pinching:
+            slip = p["slip"] * (1.0 - math.exp(-p["rate"] * self.energy))
+            width = (p["size"] + p["growth"] * self.energy) * (p["severity"] + slip)
+            start = p["start"] * grown["strength"] ** (-1.0 / self.exponent)
+            factor *= 1.0 - slip * math.exp(-(((w * self.side - start) / width) ** 2))
         return factor * self.k * drift_rate / self.strength
 
     def tangent(self, drift, variable=0.0):
@@ -1053,10 +1276,69 @@ class BoucWen(Spring):
         h = (drift - self.drift) / parts
         self.turn(math.copysign(1.0, h))
         for _ in range(parts):
+            # The rate depends on the energy in the middle of the part.
+            part_of_energy = (1.0 - self.ratio) * self.strength * h
+            energy = self.energy
+            self.energy += 0.5 * part_of_energy * w
             a = self.rate(h, w)
             b = self.rate(h, w + 0.5 * a)
             c = self.rate(h, w + 0.5 * b)
+            before = w
             w += (a + 2.0 * b + 2.0 * c + self.rate(h, w + c)) / 6.0
+            self.energy = energy + 0.5 * part_of_energy * (before + w)
         self.move(drift, w)
         self.w = w
         return [w]
+
+
+@law(
+    "steel",
+    loops={
+        "isotropic": lambda rng, k, F: {
+            **{"yield_force": F, "hardening": 0.03},
+            "transition": {"R0": 15.0, "cR1": 0.9, "cR2": 0.15},
+            "isotropic": {"a1": 0.05, "a2": 1.0, "a3": 0.04, "a4": 1.0},
+        }
+    },
+)
+class Steel(Spring):
+    """Menegotto-Pinto curves from the last reversal to the corner of two lines."""
+
+    is_reversible = False
+
+    def read(self, parameters):
+        self.strength, self.b = parameters["yield_force"], parameters["hardening"]
+        self.transition = parameters["transition"]
+        iso = parameters["isotropic"]
+        self.iso = {1.0: (iso["a3"], iso["a4"]), -1.0: (iso["a1"], iso["a2"])}
+        self.yields = self.strength / self.k
+        self.extremes = {1.0: self.yields, -1.0: -self.yields}
+        self.start, self.corner, self.power = None, (0.0, 0.0), self.transition["R0"]
+
+    def path(self, x, f, reversed_here):
+        q, d, f = self.side, self.drift, self.force
+        if self.start is None:
+            self.start, self.corner = (d, f), (q * self.yields, q * self.strength)
+            return [(math.inf, math.nan)]
+        self.extremes = {
+            1.0: max(self.extremes[1.0], d),
+            -1.0: min(self.extremes[-1.0], d),
+        }
+        rise, half = self.iso[q]
+        width = (self.extremes[1.0] - self.extremes[-1.0]) / (2.0 * half * self.yields)
+        strength = self.strength * (1.0 + rise * width**0.8)
+        stiff = self.k * (1.0 - self.b)
+        corner = (q * strength * (1.0 - self.b) - f + self.k * d) / stiff
+        self.start, self.corner = (d, f), (corner, f + self.k * (corner - d))
+        xi = abs(self.extremes[q] - corner) / self.yields
+        t = self.transition
+        self.power = t["R0"] * (1.0 - t["cR1"] * xi / (t["cR2"] + xi))
+        return [(math.inf, math.nan)]
+
+    def value(self, drift, variable=0.0):
+        if self.start is None:
+            return self.k * drift
+        (d, f), (corner, top) = self.start, self.corner
+        e = (drift - d) / (corner - d)
+        curve = (1.0 - self.b) * e / (1.0 + abs(e) ** self.power) ** (1.0 / self.power)
+        return f + (top - f) * (self.b * e + curve)

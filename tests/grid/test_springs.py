@@ -12,13 +12,13 @@ from tdint.response.static.cyclic import follow_path
 
 STIFFNESS, STRENGTH = 4e7, 2e5  # N/m, N
 POINTS = 100  # drifts between two reversals, for laws that tdint integrates along the path
-EXAMPLES = [(name, label) for name, spring in LAWS.items() for label in spring.examples]
+EXAMPLES = [(name, label) for name, spring in LAWS.items() for label in spring.loops]
 
 
 def example(name, label):
     """Return the story of an example."""
     spring = LAWS[name]
-    parameters = spring.examples[label](np.random.default_rng(1), STIFFNESS, STRENGTH)
+    parameters = spring.loops[label](np.random.default_rng(1), STIFFNESS, STRENGTH)
     story = {"mass": 1e5, "law": {"type": name, **parameters}}
     return story if spring.defines_stiffness else {**story, "stiffness": STIFFNESS}
 
@@ -49,5 +49,5 @@ def test_each_parameter_occurs_in_an_example(name):
             if isinstance(item, dict):
                 yield from paths(item, f"{path}{key}.")
 
-    used = {path for label in LAWS[name].examples for path in paths(example(name, label)["law"])}
+    used = {path for label in LAWS[name].loops for path in paths(example(name, label)["law"])}
     assert {parameter.path for parameter in TDINT_LAWS[name].parameters} <= used

@@ -26,18 +26,20 @@ from tdint.model.story_laws import LAWS
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)
 INTACT = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
+DEGRADING = (0.002, 0.01, 0.01, 0.5, 0.2, 0.1, 0.3, 0.01, 0.5, 0.1)
 LAW_CASES = {
     "linear": (),
     "polynomial": (K, 200.0, 5e4),
     "bilinear": (FY, HARDENING, 0.8 * FY),
     "peak-oriented": (FY, HARDENING, 0.4),
     "tanh": (FY,),
-    "bouc-wen": (FY, HARDENING, 1.7, 0.6),
-    "gap": (0.05, 4.0 * K),
+    "bouc-wen": (FY, HARDENING, 1.7, 0.6, *DEGRADING),
+    "gap": (0.05, 4.0 * K, 0.0),
     "trilinear-pinching": (FY, 2.5 * FY, 0.2, 0.4, 0.3),
     "imk": (*IMK_SIDE, *IMK_SIDE, *4 * [1.5], 1.0, 0.4, 0.6),
     "multilinear-pinching": (*2 * MULTILINEAR_SIDE, *2 * (0.5, 0.25, 0.05), *INTACT),
     "ramberg-osgood": (FY, 0.6, 5.0),
+    "steel": (FY, HARDENING, 15.0, 0.9, 0.15, 0.05, 1.0, 0.04, 1.0),
     # Rule kinematic; tests/kernels/test_multilinear.py contains all rules.
     "multilinear": (0.0, 0.02 * K, *2 * (FY / K, FY, 0.05, 1.4 * FY, *76 * (math.inf,))),
 }
@@ -56,7 +58,7 @@ def test_declarations_of_law_agree_with_its_functions(name):
     assert math.isinf(state[rows.SLOPE, 0]) == LAWS[name].curved
     # Force, tangent and branches agree along paths from the elastic range to drifts far beyond
     # yielding.
-    numbers, values = law_parameters[:, 0], list(LAW_CASES[name])
+    numbers, values = law_parameters[:, 0], law_parameters[rows.FIRST_PARAMETER :, 0].tolist()
     assert path_faults(LAWS[name], numbers, LAWS[name].yield_drift(K, values)) == []
     assert path_faults(LAWS[name], numbers) == []
 

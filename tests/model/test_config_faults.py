@@ -54,7 +54,7 @@ stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5}}]
 stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5, linear_below: 0, power: 2}}]
     1:90: stories[1].dashpot.linear_below: must be a positive number, got '0'
     1:93: stories[1].dashpot.power: unknown key; known: coefficient, exponent, linear_below, brace,
-        factor, angle
+        relief, factor, angle
 stories: [{repeat: 0, mass: 1, stiffness: 1}, {repeat: 2.0, mass: 1, stiffness: 1}]
     1:20: stories[1].repeat: must be a whole number from 1 to 100000, got '0'
     1:56: stories[2].repeat: must be a whole number from 1 to 100000, got '2.0'
@@ -231,7 +231,7 @@ bilinear
 {type: bilinear, coefficients: [1]}, stiffness: 1
     stories[1].law.yield_force: is missing; give a positive number
     stories[1].law.hardening: is missing; give a number above -1 and below 1
-    stories[1].law.coefficients: unknown key; known: type, yield_force, hardening, negative
+    stories[1].law.coefficients: unknown key; known: type, fracture_drift, yield_force, hardening, negative
 {type: polynomial, coefficients: [-3, x]}
     stories[1].law: the initial stiffness of the polynomial law must be a positive number, got -3
     stories[1].law.coefficients[2]: must be a number, got 'x'

@@ -135,7 +135,8 @@ def test_multilinear_defaults() -> None:
     for first in (2, 82):
         assert read[first : first + 6] == pytest.approx(side, rel=1e-14)
         assert set(read[first + 6 : first + 80]) == {math.inf}
-    assert len(read) == 162
+    # Slope of the other side, keys of rule peak, sides, slopes of the curve `return`
+    assert read[162:172] == (0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_multilinear_with_other_side() -> None:

@@ -134,16 +134,18 @@ def command(request: Request) -> None:
 
 def _formula(law: Law) -> str:
     """Return the formula of a law, with the parameters of the story that are names, such as the
-    rule of `multilinear`. These parameters precede all lists of numbers."""
-    from tdint.model.story_laws import LAWS
+    rule of `multilinear`, unless they are the default."""
+    from tdint.model.story_laws import LAWS, named_parameters
 
-    declared = LAWS[law.name]
+    formula = LAWS[law.name].formula
     names = [
-        f"{parameter.path} {parameter.choices[int(value)]}"
-        for parameter, value in zip(declared.parameters, law.parameters, strict=False)
-        if parameter.choices
+        f"{name} {parameter.choices[int(value)]}"
+        for (name, _, _, parameter), value in zip(
+            named_parameters(law), law.parameters, strict=True
+        )
+        if parameter.choices and parameter.choices[int(value)] != parameter.default
     ]
-    return f"{declared.formula} ({', '.join(names)})" if names else declared.formula
+    return f"{formula} ({', '.join(names)})" if names else formula
 
 
 def _report(

@@ -137,12 +137,13 @@ class Building:
         initial_stiffness = self.initial_stiffness
         is_usable = (slope > 0.0) & (slope < initial_stiffness)
         stiffness = np.where(is_usable, slope, initial_stiffness)
-        # Force of the law plus P-delta
-        total = force + self.linear_terms[rows.GEOMETRIC, :-1] * drift
-        # A link without a spring has no force at any deformation.
-        has_spring = stiffness != 0.0
-        distance = np.divide(total, stiffness, out=np.zeros_like(total), where=has_spring)
-        return distance, stiffness
+        # Force of the law plus P-delta. A story without stiffness is at rest at zero drift. A link
+        # without a spring has no force at any deformation.
+        total_force = force + self.linear_terms[rows.GEOMETRIC, :-1] * drift
+        has_stiffness = stiffness != 0.0
+        divisor = np.where(has_stiffness, stiffness, 1.0)
+        without_stiffness = np.where(total_force != 0.0, drift, 0.0)
+        return np.where(has_stiffness, total_force / divisor, without_stiffness), divisor
 
     @property
     def story_laws(self) -> Array:
@@ -414,8 +415,8 @@ class Building:
 
     @property
     def first_period(self) -> float:
-        """Period of the first mode, s."""
-        return 2.0 * math.pi / self.first_mode()[0]
+        """Period of the first mode, s; infinite if a story has no stiffness."""
+        return period(self.first_mode()[0])
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
@@ -439,7 +440,7 @@ class Building:
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :masses] * shape**2)
         if len(self.modal):
             modal_damping += np.add.reduce((self.modal[:, :masses] @ shape) ** 2)
-        return omega, float(modal_damping / (2.0 * omega))
+        return omega, float(modal_damping / (2.0 * omega)) if omega else math.inf
 
     def modes(self) -> Modes:
         """Return the undamped modes of the initial stiffness, computed at the first call."""
@@ -495,6 +496,11 @@ class Building:
                     values = numbers[rows.FIRST_PARAMETER :]
                     result[i] += law.largest_stiffness(stiffness, values) - stiffness
         return result
+
+
+def period(omega: float) -> float:
+    """Return the period of a circular frequency (rad/s), s; infinite for 0."""
+    return 2.0 * math.pi / omega if omega else math.inf
 
 
 def highest_frequency_bound(

@@ -322,6 +322,10 @@ class FreeVibration:
         if self.deformations is not None:
             return float(self.modes.omega[0]), self.modes.shapes[:, 0]
         _check_springs(self.stiffness, self.geometric)
+        if not self.stiffness.all():
+            # The floors above a story without stiffness move as a rigid body.
+            moves = np.cumsum(self.stiffness == 0.0) > 0.0
+            return 0.0, np.where(moves, 1.0 / math.sqrt(float(np.sum(self.mass[moves]))), 0.0)
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
         for _ in range(_MAX_ITERATIONS):
             force = self.mass * shape
@@ -384,7 +388,10 @@ def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     `stiffness` contains the spring stiffnesses with P-delta, N/m. `geometric` is the p-delta part
     of the stiffnesses, N/m (negative), which the message then states.
     """
-    is_unstable = stiffness <= 0.0
+    # A story without stiffness is free, but not unstable, unless P-delta acts on it.
+    is_unstable = stiffness < 0.0
+    if geometric is not None:
+        is_unstable |= (stiffness <= 0.0) & (geometric < 0.0)
     if not is_unstable.any():
         return
     # The message names only the first unstable story.

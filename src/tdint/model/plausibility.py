@@ -17,6 +17,7 @@ from tdint.kernels import layout as rows
 from tdint.model.building import (
     Building,
     assemble,
+    period,
     stiffness_after_yield,
     unstable_after_yield,
     yield_strength,
@@ -746,15 +747,15 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     list of str
         The warning; empty if the time step is short enough, or unknown.
     """
-    period = 2.0 * math.pi / building.approximate_first_mode[0]
+    first_period = period(building.approximate_first_mode[0])
     step = dt or interval
-    if step is None or STEP.contains(period / step):
+    if step is None or STEP.contains(first_period / step):
         return []
-    if interval is not None and step <= interval and period / step >= _MIN_SAMPLES:
+    if interval is not None and step <= interval and first_period / step >= _MIN_SAMPLES:
         return []
     return [
-        f"the time step {step:.4g} s is long: {STEP.text(period / step)} steps in the fundamental "
-        f"period; use at least {STEP.text(STEP.low)} ({STEP.reason})"
+        f"the time step {step:.4g} s is long: {STEP.text(first_period / step)} steps in the "
+        f"fundamental period; use at least {STEP.text(STEP.low)} ({STEP.reason})"
     ]
 
 

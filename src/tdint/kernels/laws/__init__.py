@@ -66,6 +66,14 @@ NAMES = (
 """Names of the laws of tdint in the order of their numbers."""
 
 
+UNAVAILABLE = {
+    "friction": "friction that depends on the velocity is not available, because the force of a "
+    "law depends on the drift only; use bilinear with the sliding force as yield_force and "
+    "hardening 0 for a constant friction"
+}
+"""Reasons by the names of laws that other programs have and tdint lacks."""
+
+
 class Laws(MutableSequence["DriftLaw"]):
     """Sequence of laws. The module of a law of tdint is imported when the law is first used, so
     that a run loads only the laws of its building.

@@ -116,7 +116,7 @@ def _functions() -> LawFunctions:
         return law_parameters[_LAST_SLOPE if side > 0.0 else _NEGATIVE_LAST_SLOPE, i]
 
     curve = backbone_curve(point_drift, point_force, last_slope, MAX_POINTS)
-    segment_slope, segment_end, segment_of, backbone_force = curve
+    segment_slope, segment_end, backbone_force = curve.slope, curve.end, curve.force
 
     @inline
     def set_loading(law_state, i, block, side, slope, end):
@@ -513,10 +513,12 @@ class _Curve(NamedTuple):
 
     @property
     def slopes(self) -> list[float]:
-        """Slopes of all segments, N/m."""
+        """Slopes of all segments, N/m; infinite between points with the same drift."""
         corners = [(0.0, 0.0), *self.points]
         return [
             (force - previous_force) / (drift - previous_drift)
+            if drift != previous_drift
+            else math.inf
             for (previous_drift, previous_force), (drift, force) in pairwise(corners)
         ] + [self.last_slope]
 
@@ -611,12 +613,12 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     slopes = [upper.slopes for upper, _ in sides.values()]
     specified = values[_ELASTIC_STIFFNESS - rows.FIRST_PARAMETER]
     allowed = {stiffness, max(map(max, slopes))} if rule == _PEAK else {stiffness}
-    if specified and rule != _FLAG:
-        if not any(math.isclose(specified, slope, rel_tol=_SAME_SLOPE) for slope in allowed):
-            return (
-                f"stiffness must agree with the initial stiffness {stiffness:.10g} N/m of the "
-                f"backbone curve, got {specified:.10g} N/m; correct it or omit it"
-            )
+    agrees = any(math.isclose(specified, slope, rel_tol=_SAME_SLOPE) for slope in allowed)
+    if specified and rule != _FLAG and not agrees:
+        return (
+            f"stiffness must agree with the initial stiffness {stiffness:.10g} N/m of the "
+            f"backbone curve, got {specified:.10g} N/m; correct it or omit it"
+        )
     if rule == _KINEMATIC:
         return _kinematic_fault(slopes)
     if rule == _ISOTROPIC and max(max(side[1:]) for side in slopes) >= stiffness:

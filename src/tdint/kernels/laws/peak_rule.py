@@ -1,7 +1,7 @@
 """Peak rule: a backbone curve, and reloading towards the point of maximum drift of a side.
 
 The rule contains the laws of Clough (1966), modified Takeda (Takeda, Sozen and Nielsen 1970; Otani
-1974; Litton 1975), the trilinear law with pinching (Lu and others 2020), `Hysteretic` of OpenSees,
+1974; Litton 1975), the trilinear law with pinching (Lu and others 2020), `Hysteretic` of OpenSees
 and rods with slack. In the following, s is the side of loading (1 or -1), o the other side, and
 drifts and forces are positive in the direction of s:
 
@@ -15,8 +15,8 @@ drifts and forces are positive in the direction of s:
    side. If the unloaded side has yielded (m_o > dy_o), each reversal first increases m of the other
    side by the fraction `damage.drift` (m_o / dy_o - 1) + `damage.work` (W - f^2 / (2 ku_o)) / A. W
    is the work done on the story, A the area below both backbone curves up to their last points.
-3. Reloading is directed to the target t = m - `reloading` (m - dy), with the force M of the backbone
-   curve. The first part ends at the pinching point, the second part at the target:
+3. Reloading is directed to the target t = m - `reloading` (m - dy), with the force M of the
+   backbone curve. The first part ends at the pinching point, the second part at the target:
 
        (z, 0),   (c, Y M) with c = z + X (t - (1 - Y) M / ku - z),   (t, M)
 

@@ -11,10 +11,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
+from tdint.model.config.fractures import FRACTURE, read_fracture
 from tdint.model.config.sections import ModelUnits
 from tdint.model.keys.fields import (
-    DRIFT_BOUNDS,
     NOT_NEGATIVE,
     POSITIVE,
     RATIO,
@@ -101,16 +102,6 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
     )
 
 
-_SIDE_NAMES = ("positive", "negative")
-_FRACTURE_DRIFT = Either((POSITIVE, DRIFT_BOUNDS))
-_FRACTURE = Key(
-    "fracture_drift",
-    Either((_FRACTURE_DRIFT, Keys(tuple(Key(name, _FRACTURE_DRIFT) for name in _SIDE_NAMES)))),
-    "drift at which the force is lost permanently; with %: a ratio of the story height",
-)
-"""Key of every law and element."""
-
-
 @dataclass(frozen=True)
 class _LawType:
     """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
@@ -119,7 +110,7 @@ class _LawType:
         """Return the JSON schema: a name of a law without parameters, or a mapping for each law."""
         names_without_parameters = [name for name, law in laws().items() if not law.parameters]
         mappings = [
-            Keys((Key("type", Choice((law.name,)), law.formula, True), _FRACTURE, *_law_keys(law)))
+            Keys((Key("type", Choice((law.name,)), law.formula, True), FRACTURE, *_law_keys(law)))
             for law in laws().values()
         ]
         return Either((Choice(tuple(names_without_parameters)), *mappings)).schema()
@@ -158,7 +149,7 @@ class _ElementType:
                     Key("name", TextLine(), "name in tables, unique within the story"),
                     Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
                     *_INCLINATION,
-                    _FRACTURE,
+                    FRACTURE,
                     *_law_keys(law),
                 )
             )
@@ -200,7 +191,9 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     # The initial stiffness follows from the parameters. It may be invalid although each parameter
     # is valid.
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
-    if stiffness <= 0.0 or stiffness == math.inf:
+    # A law that stiffens may start without stiffness, beside a dashpot or in a chain with masses.
+    is_without = stiffness == 0.0 and law.stiffens(parameters)
+    if (stiffness <= 0.0 and not is_without) or stiffness == math.inf:
         stiffness_text = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
         value.fault(
             f"the initial stiffness of the {law.name} law must be a positive number, got "
@@ -218,7 +211,7 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
     """
     # The name without parameters is valid only if the law has no parameters.
     if not value.is_mapping:
-        name = value.choice(_candidate_laws(value), "law")
+        name = _law_name(value)
         if name and LAWS[name].parameters:
             required_names = (
                 item.name
@@ -229,17 +222,27 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
             value.fault(f"the {name} law requires parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     law_type = value.peek("type")
-    name = law_type.choice(_candidate_laws(law_type), "law") if law_type else None
+    name = _law_name(law_type) if law_type else None
     # After an error in the name, the keys of all laws are allowed, so that no correct key is
     # reported as unknown.
     possible_laws = [LAWS[name]] if name else LAWS.values()
-    allowed_keys = ["type", _FRACTURE.name, *further_keys]
+    allowed_keys = ["type", FRACTURE.name, *further_keys]
     for law in possible_laws:
         allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
     section = value.section(list(dict.fromkeys(allowed_keys)))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
+
+
+def _law_name(value: Value) -> str | None:
+    """Return the name of a law; None after reporting an error."""
+    candidates = _candidate_laws(value)
+    for name, reason in UNAVAILABLE.items():
+        if value.is_word(name):
+            value.fault(reason)
+            return None
+    return value.choice(candidates, "law")
 
 
 def _candidate_laws(name: Value) -> Mapping[str, DriftLaw]:
@@ -345,9 +348,9 @@ def _read_points(
         return invalid_points
     # If the file omits the points of the negative direction, `default` is the name of the points of
     # the positive direction, which then apply to both.
-    if group is None or not group.has(parameter.name):
-        if numbers := default_numbers(parameter, earlier):
-            return numbers
+    is_omitted = group is None or not group.has(parameter.name)
+    if is_omitted and (numbers := default_numbers(parameter, earlier)):
+        return numbers
     value = group.need(parameter.name, f"give {point_list}") if group else None
     items = value.items(point_list) if value else None
     if value is None or items is None:
@@ -390,9 +393,9 @@ def _read_points(
 
 def _read_choice(group: Group, parameter: LawParameter, earlier: EarlierParameters) -> float:
     """Return the index of a name in `choices`, or nan after an error."""
-    if isinstance(group, Section) and not group.has(parameter.name):
-        if numbers := default_numbers(parameter, earlier):
-            return numbers[0]
+    is_omitted = isinstance(group, Section) and not group.has(parameter.name)
+    if is_omitted and (numbers := default_numbers(parameter, earlier)):
+        return numbers[0]
     value = (
         group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
         if isinstance(group, Section)
@@ -553,7 +556,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     dashpot, power_dashpot, damper_factor = read_dashpot(section.get("dashpot"), unit)
     mass = read_mass(section, unit)
     stiffness, law, elements = read_spring(
-        section, unit, section.get("elements"), mass=mass, height=height
+        section, unit, section.get("elements"), mass=mass, height=height_entry
     )
     # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
     # does not apply to an isolator unless the value is `rayleigh`.
@@ -586,7 +589,7 @@ def read_spring(
     elements_entry: Value | None = None,
     *,
     mass: float = math.nan,
-    height: float | None = None,
+    height: Value | None = None,
 ) -> tuple[float, Law, tuple[Element, ...]]:
     """Return initial stiffness (N/m), law and elements of a spring; nan after an error."""
     law_entry = section.get("law")
@@ -614,7 +617,7 @@ def read_spring(
         if fault := LAWS[law.name].fault(stiffness, law.parameters):
             law_entry.fault(fault)
         elif law_entry.is_mapping:
-            law = _read_fracture(law_entry, law, stiffness, unit, height)
+            law = read_fracture(law_entry, law, stiffness, unit, height)
     return stiffness, law, elements
 
 
@@ -622,43 +625,7 @@ _FORBIDDEN_IN_NAMES = re.compile(r"[\[\],=\"']")
 """Characters with a meaning in the names of parameters and in lists of options."""
 
 
-def _read_fracture(
-    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
-) -> Law:
-    """Return a law with the drifts of its fracture, from the key `fracture_drift` of its mapping:
-    one drift for both sides, or a mapping of the sides.
-    """
-    entry = value.peek(_FRACTURE.name)
-    if entry is None:
-        return law
-    sides: dict[str, Value | None] = dict.fromkeys(_SIDE_NAMES, entry)
-    if entry.is_mapping:
-        section = entry.section(list(_SIDE_NAMES))
-        if section is None:
-            return law
-        sides = {name: section.get(name) for name in _SIDE_NAMES}
-    first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
-    drifts = []
-    for number in sides.values():
-        drift = 0.0
-        if number is not None and number.is_percentage:
-            drift = number.number(DRIFT_BOUNDS) * (height or math.nan)
-            if height is None:
-                number.fault("needs the height of the story, or a drift in the unit of length")
-        elif number is not None:
-            drift = number.number(POSITIVE, unit.length)
-        if number is not None and drift < first_yield:
-            number.fault(
-                f"must be at least the yield drift {first_yield / unit.length:.6g}, got "
-                f"{drift / unit.length:.6g}"
-            )
-        drifts.append(drift)
-    if any(map(math.isnan, drifts)):
-        return law
-    return replace(law, fracture=(drifts[0], -drifts[1]))
-
-
-def _read_elements(value: Value, unit: ModelUnits, height: float | None) -> tuple[Element, ...]:
+def _read_elements(value: Value, unit: ModelUnits, height: Value | None) -> tuple[Element, ...]:
     """Return the elements of a story; errors are added to the errors of the file."""
     entries = value.items("a list of elements", "must contain at least one element")
     elements = [_read_element(entry, unit, height) for entry in entries or ()]
@@ -689,7 +656,7 @@ def _read_elements(value: Value, unit: ModelUnits, height: float | None) -> tupl
     return tuple(elements)
 
 
-def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Element:
+def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Element:
     """Return an element. Its name is empty if the file does not specify it; its stiffness is nan
     after an error.
     """
@@ -735,7 +702,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Eleme
         if fault := law.fault(stiffness, parameters):
             entry.fault(fault)
         else:
-            result = _read_fracture(entry, result, stiffness, unit, height)
+            result = read_fracture(entry, result, stiffness, unit, height)
     return Element(name, stiffness, result, cosine)
 
 

@@ -1,0 +1,72 @@
+"""Read the key `fracture_drift` of a hysteretic law or an element."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from tdint.model.config.sections import ModelUnits
+from tdint.model.keys.fields import DRIFT_BOUNDS, POSITIVE, Either, Key, Keys, Value
+from tdint.model.story_laws import LAWS, Law
+
+_SIDES = ("positive", "negative")
+_DRIFT = Either((POSITIVE, DRIFT_BOUNDS))
+FRACTURE = Key(
+    "fracture_drift",
+    Either((_DRIFT, Keys(tuple(Key(name, _DRIFT) for name in _SIDES)))),
+    "drift at which the force is lost permanently; with %: a ratio of the story height",
+)
+"""Key of every law and element."""
+
+
+def read_fracture(
+    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: Value | None
+) -> Law:
+    """Return a law with the drifts of its fracture: one drift for both sides, or a mapping of the
+    sides.
+
+    Parameters
+    ----------
+    value : Value
+        Mapping of the law or of the element.
+    stiffness : float
+        Initial stiffness, N/m.
+    height : Value | None
+        Key `height` of the story.
+    """
+    entry = value.peek(FRACTURE.name)
+    if entry is None:
+        return law
+    if not entry.is_mapping:
+        drift = _read_drift(entry, law, stiffness, unit, height)
+        fracture = (drift, -drift)
+    elif section := entry.section(list(_SIDES)):
+        positive, negative = (
+            _read_drift(side, law, stiffness, unit, height) if (side := section.get(name)) else 0.0
+            for name in _SIDES
+        )
+        fracture = (positive, -negative)
+    else:
+        return law
+    return law if any(map(math.isnan, fracture)) else replace(law, fracture=fracture)
+
+
+def _read_drift(
+    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: Value | None
+) -> float:
+    """Return a drift, m; nan after an error."""
+    if not entry.is_percentage:
+        drift = entry.number(POSITIVE, unit.length)
+    elif height is None:
+        entry.fault("needs the height of the story, or give a drift in the unit of length")
+        return math.nan
+    else:
+        # A story height is not divided by the cosine of an inclined element.
+        drift = entry.number(DRIFT_BOUNDS) * height.number(scale=unit.length)
+    first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
+    if drift < first_yield:
+        entry.fault(
+            f"must be at least the yield drift {first_yield / unit.length:.6g}, got "
+            f"{drift / unit.length:.6g}"
+        )
+    return drift
