@@ -296,7 +296,7 @@ def _with_described_files(values: dict[str, Any]) -> dict[str, Any]:
     return values | {"described": tuple(described)}
 
 
-def _pairs_type() -> click.ParamType | None:
+def _pairs_type() -> click.ParamType[Any] | None:
     """Return the type of the option --pairs of the running command; None without this option."""
     parameters = click.get_current_context().command.params
     return next((item.type for item in parameters if item.name == "pairs"), None)

@@ -133,7 +133,8 @@ class Law:
         declared_parameters = LAWS[self.name].parameters if self.name in LAWS else ()
         if any(item.many for item in declared_parameters):
             return
-        values, by_name = list(self.parameters), {}
+        values = list(self.parameters)
+        by_name: dict[str, Any] = {}
         first = 0
         for item in declared_parameters:
             end = first + (2 * item.points or 1)

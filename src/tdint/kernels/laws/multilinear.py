@@ -125,9 +125,8 @@ def _functions() -> LawFunctions:
         lower = -end if side < 0.0 else -math.inf
         set_branch(law_state, i, block, slope, lower, upper, side)
 
-    peak = peak_rule(
-        curve, PeakKeys(*(parameter(_FIRST_PEAK_KEY + j) for j in range(6)), has_side), MAX_POINTS
-    )
+    peak_keys = [parameter(_FIRST_PEAK_KEY + j) for j in range(len(PeakKeys._fields) - 1)]
+    peak = peak_rule(curve, PeakKeys._make([*peak_keys, has_side]), MAX_POINTS)
     set_backbone = peak.set_backbone
 
     # ---- Rule `kinematic`

@@ -387,8 +387,8 @@ def _read_points(
             "the origin; omit a point [0, 0]"
         )
         return invalid_points
-    numbers = [number for point in points for number in point]
-    return (*numbers, *[math.inf] * (2 * parameter.points - len(numbers)))
+    coordinates = [number for point in points for number in point]
+    return (*coordinates, *[math.inf] * (2 * parameter.points - len(coordinates)))
 
 
 def _read_choice(group: Group, parameter: LawParameter, earlier: EarlierParameters) -> float:

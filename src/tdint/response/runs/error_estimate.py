@@ -27,6 +27,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -324,7 +325,7 @@ def _with_devices(response: Response) -> Response | _AllPeaks:
     if devices is None:
         return response
 
-    def joined(values: StoryPeaks, others: StoryPeaks) -> dict[str, Array]:
+    def joined(values: Any, others: Any) -> dict[str, Array]:
         """Return all arrays of both objects, joined."""
         pairs = {field.name: (values, others) for field in fields(values)}
         return {
@@ -459,8 +460,8 @@ def story_errors(
 
 
 def _missed_excess(
-    response: Response | EventResponse,
-    finer_run: Response | EventResponse | None,
+    response: Response | EventResponse | _AllPeaks,
+    finer_run: Response | EventResponse | _AllPeaks | None,
     start: StoryPeaks | None,
     name: str,
 ) -> Array:

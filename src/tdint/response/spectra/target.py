@@ -716,7 +716,7 @@ def read_published(
     if index is None:
         raise RecordError(
             f"{table.source}: no column of periods, such as period_s, among "
-            f"{pluralize(len(table.names), 'column')}"
+            f"{pluralize(len(table.titles), 'column')}"
         )
     text, units = table.titles[index], columns[index][1]
     if not units or units not in SECONDS:
