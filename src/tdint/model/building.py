@@ -119,6 +119,8 @@ class Building:
     @cached_property
     def deformations(self) -> Array:
         """Matrix of the deformations of all springs, shape (n, masses)."""
+        if not self.branched:
+            return np.eye(self.stories) - np.diag(self.linear_terms[rows.LINK, 1:-1], -1)
         return incidence(self.linear_terms, self.masses)
 
     @property
@@ -453,9 +455,9 @@ class Building:
         terms = self.linear_terms[:, :-1]
         is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
         dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
-        damping = self.damping_matrix() + _tridiagonal(dampers, terms[rows.LINK])
+        damping = self.damping_matrix() + self._spring_matrix(dampers)
         braced = np.flatnonzero((terms[rows.BRACE] != 0.0) & (terms[rows.BRACED_EXPONENT] == 1.0))
-        drifts = np.eye(self.stories) - np.diag(terms[rows.LINK, 1:], -1)
+        drifts = self.deformations
         return solve_complex_modes(
             self.modes(),
             self.stiffness_matrix(),
@@ -477,12 +479,14 @@ class Building:
             stiffness = stiffness + self.linear_terms[rows.BRACE, :-1]
         if not (self.braced or self.elements):
             return self.modes()
-        return replace(self.vibration, stiffness=self._of_springs(stiffness), geometric=None).modes
-
-    def _of_springs(self, stiffness: Array) -> Array:
-        """Return the stiffnesses of the springs of `vibration`, without those of links that have no
-        spring."""
-        return _without_links(self.linear_terms, stiffness)
+        locked = replace(self.vibration, stiffness=stiffness, geometric=None)
+        if self.branched:
+            locked = replace(
+                locked,
+                stiffness=_without_links(self.linear_terms, stiffness),
+                deformations=_without_links(self.linear_terms, self.deformations, stiffness),
+            )
+        return locked.modes
 
     def _additional_stiffness(self) -> Array:
         """Return the sum over the elements of each story of their largest stiffness minus their
