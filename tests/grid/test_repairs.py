@@ -110,7 +110,7 @@ def test_step_that_does_not_resolve_a_stiffened_story():
     for dt, is_noted in ((1.05 * limit, True), (0.95 * limit, False)):
         response = run(building, method="moment4", dt=dt, duration=20 * dt, check=False)
         assert response.stories.peak_drift[0] == pytest.approx(drift, rel=1e-9)
-        assert any("is 16 times as stiff" in note for note in response.notes) == is_noted
+        assert any("is 16 times as stiff" in note for note in response.warnings) == is_noted
 
 
 BOUC_WEN = {"type": "bouc-wen", "yield_force": 4e5, "hardening": 0.05, "exponent": 1.0, "beta": 0.5}
