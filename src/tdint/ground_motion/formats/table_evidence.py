@@ -224,7 +224,7 @@ _MIN_DIGITS_EXCESS = 3
 that is no sample; one of a thousand samples ends with three zeros."""
 
 _JUMP_SAMPLES = 12  # samples that are compared with the first number
-_WHOLE = re.compile(r"\+?\d{1,12}\.?")
+_WHOLE = re.compile(r"\+?\d{1,12}(?:\.0*)?")
 _WITHOUT_POINT = re.compile(r"[-+]?\d+")
 _FIXED = re.compile(r"[-+]?\d*\.\d*")  # number with a decimal point and without exponent
 
