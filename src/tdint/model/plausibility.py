@@ -213,7 +213,7 @@ ISOLATOR_PERIOD = UsualRange(
     "isolators have 1.5 to 5 s; check the units of the stiffness and of hardening",
 )
 GAP = UsualRange(
-    "gap",
+    "clearance of a gap",
     1e-4,
     2.0,
     _METERS,
