@@ -341,7 +341,7 @@ def test_force_is_nan_after_too_many_changes_of_branch():
     law_parameters = law_table("linear")
     state = law_state_table(law_parameters)
     branch_following.set_branch(state, 0, 0, K, -math.inf, FY / K, 0.0)
-    most = branch_following._MAX_BRANCHES
+    most = branch_following.MAX_BRANCHES
     for ends in (most, most + 1):
         tangent = walk(law_parameters, state, 0, 0, rows.SECOND_TRIAL, (ends + 0.5) * FY / K)
         expected = FY * (1.0 + 0.5 * (ends - 0.5)) if ends == most else math.nan
