@@ -252,3 +252,69 @@ def test_weights_are_not_the_cause_if_the_corrected_masses_are_unusual(text: str
     warnings = warnings_of(text)
     assert warnings[0].startswith("unusual fundamental period of 3 stories")
     assert "probable cause" not in "".join(warnings)
+
+
+_STORY = "{repeat: 3, mass: 100, height: 3.5, stiffness: 1.0e5}"
+_DAMPED = "{repeat: 3, mass: 100, height: 3.5, stiffness: 1.0e5, dashpot: "
+_BEARING = "{mass: 100, isolator: true, stiffness: "
+_ELEMENTS = (
+    "{repeat: 3, mass: 100, height: 3.5, elements: [{name: a, type: bilinear, stiffness: 1e5, "
+    "yield_force: 500, hardening: 3%}, "
+)
+_STOP = (
+    "{mass: 100, isolator: true, elements: [{name: b, type: bilinear, stiffness: 2e4, yield_force: "
+    "200, hardening: 10%}, {name: w, type: gap, gap: "
+)
+DEVICES = [
+    # warning, device with a wrong unit, same device as meant
+    (
+        "brace",
+        f"{_DAMPED}{{coefficient: 800, brace: 25}}}}",
+        f"{_DAMPED}{{coefficient: 800, brace: 25000}}}}",
+    ),
+    (
+        "angle",
+        f"{_DAMPED}{{coefficient: 800, angle: 0.6}}}}",
+        f"{_DAMPED}{{coefficient: 800, angle: 34}}}}",
+    ),
+    ("damper", f"{_DAMPED}0.8}}", f"{_DAMPED}800}}"),
+    (
+        "yield force of the isolator",
+        f"{_BEARING}2e4, law: {{type: bilinear, yield_force: 6000, hardening: 10%}}}}, {_STORY}",
+        f"{_BEARING}2e4, law: {{type: bilinear, yield_force: 200, hardening: 10%}}}}, {_STORY}",
+    ),
+    (
+        "period of the rigid building on the isolator",
+        f"{_BEARING}2e7, law: {{type: bilinear, yield_force: 200, hardening: 10%}}}}, {_STORY}",
+        f"{_BEARING}2e4, law: {{type: bilinear, yield_force: 200, hardening: 10%}}}}, {_STORY}",
+    ),
+    (
+        "clearance",
+        f"{_STOP}100, stop_stiffness: 1e5}}]}}, {_STORY}",
+        f"{_STOP}0.3, stop_stiffness: 1e5}}]}}, {_STORY}",
+    ),
+    (
+        "gap to the story height",
+        f"{_ELEMENTS}{{name: g, type: gap, gap: 20, stop_stiffness: 1e5}}]}}",
+        f"{_ELEMENTS}{{name: g, type: gap, gap: 0.02, stop_stiffness: 1e5}}]}}",
+    ),
+    (
+        "part of an element",
+        f"{_ELEMENTS}{{name: b, type: linear, stiffness: 25}}]}}",
+        f"{_ELEMENTS}{{name: b, type: linear, stiffness: 25000}}]}}",
+    ),
+]
+
+
+@pytest.mark.parametrize(("warning", "wrong", "meant"), DEVICES)
+def test_devices_are_compared_with_their_purpose(warning, wrong, meant):
+    head = "units: {length: m, force: kN, mass: t}\ndamping: {modal: 4%}\nstories: "
+    assert any(warning in text for text in warnings_of(f"{head}[{wrong}]"))
+    assert warnings_of(f"{head}[{meant}]") == ()
+
+
+@pytest.mark.parametrize("key", ["drift_ratio", "residual_drift_ratio"])
+@pytest.mark.parametrize(("limit", "count"), [("0.5", 1), ("0.5%", 0), ("3%", 0)])
+def test_limits_of_drift_ratios_are_questioned(key, limit, count):
+    text = f"stories: [{{mass: 2e5, height: 3, stiffness: 4e7}}]\nlimits: {{{key}: {limit}}}"
+    assert len(warnings_of(text)) == count
