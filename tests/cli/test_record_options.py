@@ -37,20 +37,33 @@ PROCESSING = (
 )
 
 
-def test_every_command_with_these_options_is_tried():
+def _commands_with(*names):
     context = click.Context(cli)
-    with_rows = [
+    return {
         name
         for name in COMMANDS
-        if {"rows", "trim"} <= {option.name for option in cli.get_command(context, name).params}
-    ]
-    assert sorted(with_rows) == sorted(LINES)
+        if {*names} <= {option.name for option in cli.get_command(context, name).params}
+    }
+
+
+WITH_OPTIONS = {"run", "info", "spectrum", "chart"}
+"""Commands with these options. The others take the same keys from a description of records."""
+
+
+def test_every_command_with_these_options_is_tried():
+    assert _commands_with("rows", "trim") == WITH_OPTIONS
+    assert _commands_with("units", "component", "inventory") == {*LINES}
+
+
+def keys_of(options):
+    """Return options of the command line as keys of a record in YAML."""
+    words = re.findall(r"--([a-z-]+)(?: (?!--)(\S+))?", options)
+    return [f"{name.replace('-', '_')}: {value or 'true'}" for name, value in words]
 
 
 def write_files(folder, file, options):
     """Write the options as keys of the record of a model and of the records of a campaign."""
-    words = re.findall(r"--([a-z-]+)(?: (?!--)(\S+))?", options)
-    keys = ", ".join(f"{name.replace('-', '_')}: {value or 'true'}" for name, value in words)
+    keys = ", ".join(keys_of(options))
     shaken = (folder / "shaken.yaml").read_text()
     (folder / "model.yaml").write_text(
         shaken.replace("file: motion.mseed, component: HNE", f"file: {file}, {keys}")
@@ -81,8 +94,13 @@ def numbers(folder, tdint, short_matching):
         if command in FILES:
             write_files(folder, "motion.txt" if text else "motion.mseed", options)
             result = tdint(*FILES[command].split(), code=None)
-        else:
+        elif command in WITH_OPTIONS:
             result = tdint(*line.split(), *options.split(), code=None)
+        else:
+            (file,) = re.findall(r"motion\.\w+", line)
+            lines = "\n".join([f"files: [{file}]", *keys_of(options)])
+            (folder / "described.yaml").write_text(lines)
+            result = tdint(*line.replace(file, "described.yaml").split(), code=None)
         assert result.exit_code in (0, 4), result.stderr
         table = result.stdout
         for file in sorted(Path("out").glob("*.csv")):
