@@ -563,6 +563,8 @@ class FloorSuite(SuiteLevel):
         Damping ratio of the oscillators on the floor.
     psa : ndarray, shape (motions, k)
         Pseudo-acceleration of each completed motion, m/s^2; demand of a pair at each period.
+    base : int
+        Number of isolators below the first story.
     """
 
     building: str
@@ -570,6 +572,7 @@ class FloorSuite(SuiteLevel):
     damping: float
     periods: Array
     psa: Array
+    base: int = 0
 
     @property
     def mean(self) -> Array:
@@ -580,6 +583,14 @@ class FloorSuite(SuiteLevel):
     def envelope(self) -> Array:
         """Maximum over the motions."""
         return np.asarray(np.max(self.psa, axis=0))
+
+
+def isolated_base(isolators: Collection[int]) -> int:
+    """Return the number of isolators below the first other story; isolators are numbered from 1."""
+    base = 0
+    while base + 1 in isolators:
+        base += 1
+    return base
 
 
 def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
@@ -605,7 +616,17 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
     for building, record, scale, sample, dt in run_rows:
         buildings[building].append((Run(record, scale, sample), dt))
+    # Floors are counted from the isolators at the base that only some buildings have, so that the
+    # same floor of all buildings is requested by one number.
+    bases = {building: isolated_base(store.limits(building).isolators) for building in buildings}
+    lowest = min(bases.values(), default=0)
+    requested = choice
     for building, runs in buildings.items():
+        shift = bases[building] - lowest
+        floors = tuple(
+            str(int(name) + shift) if name.isdecimal() else name for name in requested.floors
+        )
+        choice = replace(requested, floors=floors)
         subject = plan.buildings[building].subject()
         # Raise the error of an invalid floor before the runs.
         floor_numbers(choice.floors, plan.buildings[building].stories)
@@ -670,4 +691,5 @@ def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[Floo
                     damping=spectrum.damping,
                     periods=spectrum.periods,
                     psa=psa,
+                    base=isolated_base(store.limits(number).isolators),
                 )

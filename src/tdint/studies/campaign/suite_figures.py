@@ -30,7 +30,13 @@ from tdint.output.figures.style import (
     scaled_unit,
     titled,
 )
-from tdint.studies.campaign.story_profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
+from tdint.studies.campaign.story_profiles import (
+    DRIFT_RATIO,
+    FloorSuite,
+    Profile,
+    isolated_base,
+    level_text,
+)
 from tdint.studies.campaign.variants import Comparison
 from tdint.studies.motions.pairs import MEAN
 from tdint.studies.motions.scaling_figures import GRAY
@@ -80,10 +86,10 @@ def profile_picture(
         by_length = _by_length(row)
         # Means of several buildings are compared under the motions that all buildings survive.
         comparison = Comparison.of(row)
-        lowest = min(_isolated_base(profile) for profile in row)
+        lowest = min(isolated_base(profile.isolators) for profile in row)
         drawn = comparison.common if len(row) > 1 and comparison.common else row
         for profile in drawn:
-            base = _isolated_base(profile) - lowest
+            base = isolated_base(profile.isolators) - lowest
             peaks = profile.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
             accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
@@ -210,14 +216,6 @@ def _draw_motions(
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
 
 
-def _isolated_base(profile: Profile) -> int:
-    """Return the number of isolators below the first story."""
-    base = 0
-    while base + 1 in profile.isolators:
-        base += 1
-    return base
-
-
 def _lost_motions_text(comparison: Comparison) -> str:
     """Return the text on motions with collapse or without a result, which means do not contain;
     empty without such motions."""
@@ -278,7 +276,7 @@ def _finish_row(
     shears.autoscale_view()
     shears.set_xlabel(f"story shear ({unit})")
     drifts.set_ylabel(f"{level}\nstory" if level else "story")
-    bases = [_isolated_base(profile) for profile in profiles]
+    bases = [isolated_base(profile.isolators) for profile in profiles]
     low = min(bases) - max(bases)
     max_stories = max(
         profile.height.size - base for profile, base in zip(profiles, bases, strict=True)
@@ -312,9 +310,15 @@ def floor_suite_picture(
     """
     units = units.in_figures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
+    lowest = min(suite.base for suite in suites)
     for suite in suites:
         # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
-        key = (suite.floor, repr(suite.scale), repr(suite.level), suite.damping)
+        key = (
+            suite.floor - suite.base + lowest,
+            repr(suite.scale),
+            repr(suite.level),
+            suite.damping,
+        )
         panels.setdefault(key, []).append(suite)
     shown = list(panels.values())[:_MAX_PANELS]
     columns = min(len(shown), 2)
@@ -334,7 +338,8 @@ def floor_suite_picture(
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
         axes.set_title(
-            ", ".join(filter(None, [f"floor {first.floor}", level, damping])), fontsize=9.0
+            ", ".join(filter(None, [f"floor {first.floor - first.base + lowest}", level, damping])),
+            fontsize=9.0,
         )
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
