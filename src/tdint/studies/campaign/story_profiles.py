@@ -624,7 +624,8 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     for building, runs in buildings.items():
         shift = bases[building] - lowest
         floors = tuple(
-            str(int(name) + shift) if name.isdecimal() else name for name in requested.floors
+            str(int(name) + shift) if name.isdecimal() and len(name) < 9 else name
+            for name in requested.floors
         )
         choice = replace(requested, floors=floors)
         subject = plan.buildings[building].subject()
