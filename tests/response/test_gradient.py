@@ -80,7 +80,7 @@ def test_gradient_agrees_with_larger_differences(method):
             room = {"peak_absolute_acceleration": 0.1, "peak_drift": 1e-4}.get(peak, 1e-2)
             assert np.median(error) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
         expected = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
-        found = response.gradient.history["drift"][number]
+        found = response.gradient.history["drift"][number][: len(expected)]
         room = 1e-3 if method == "impulse4" else 0.05
         np.testing.assert_allclose(found, expected, atol=room * np.max(np.abs(expected)))
     runs = tdint.run_many(

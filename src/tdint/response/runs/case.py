@@ -46,7 +46,6 @@ from tdint.response.runs.loop_results import (
     possible_growth,
     residual_oscillation,
     story_peaks,
-    with_growth,
 )
 from tdint.response.runs.outcome import (
     DIVERGED,
@@ -618,7 +617,7 @@ class Case:
             response,
             notes=self._notes(response, steps),
             warnings=(*warnings, *self._resolution_warnings(response)),
-            interstep_bound=with_growth(bound, stories, growth),
+            growth=growth,
         )
 
     def _resolution_warnings(self, response: Response) -> list[str]:

@@ -35,7 +35,7 @@ from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
 from tdint.response.runs.case import Case
-from tdint.response.runs.loop_results import all_peaks, columns
+from tdint.response.runs.loop_results import all_peaks, columns, with_growth
 from tdint.response.runs.outcome import (
     ElementValues,
     ErrorEstimate,
@@ -169,8 +169,9 @@ def run_with_error_estimate(
     """Integrate a case over `steps` and estimate the errors of its peaks."""
     # Compile the kernels of both methods here, in parallel if both are missing in the cache.
     case.prepared.compile([case.method, reference(case).method])
+    response = case.integrate(steps, history)
     return with_error_estimate(
-        case, steps, case.integrate(steps, history), history_errors=history_errors
+        case, steps, response, history_errors=history_errors, growth=response.growth
     )
 
 
@@ -239,9 +240,15 @@ def shorter_steps(steps: Steps) -> Steps:
 
 
 def with_error_estimate(
-    case: Case, steps: Steps, response: Response, *, history_errors: bool = False
+    case: Case,
+    steps: Steps,
+    response: Response,
+    *,
+    history_errors: bool = False,
+    growth: float = 0.0,
 ) -> Response:
-    """Return a response to `steps` with error estimates from one additional run.
+    """Return a response to `steps` with error estimates from one additional run. The errors of the
+    peaks are at least `growth` times the peaks (`Response.growth`).
 
     If the additional run fails or ends earlier by a collapse, the errors are nan and a note states
     the reason. If the run ended by a collapse, both runs are compared up to this end.
@@ -276,6 +283,7 @@ def with_error_estimate(
         errors = StoryErrors(**parts[0])
         devices = replace(response.devices, errors=StoryErrors(**parts[1]))
         response = replace(response, devices=devices)
+    errors = with_growth(errors, response.stories, growth) if growth else errors
     check = ErrorEstimate.of(
         response.stories,
         errors,

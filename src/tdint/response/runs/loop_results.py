@@ -141,15 +141,15 @@ def possible_growth(
     return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
 
 
-def with_growth(bound: StoryErrors, stories: StoryPeaks, growth: float) -> StoryErrors:
-    """Return bounds of errors for peaks that may grow after the end of a run, relative to the peak;
-    residual drifts are unchanged."""
+def with_growth(errors: StoryErrors, stories: StoryPeaks, growth: float) -> StoryErrors:
+    """Return errors of peaks that may grow after the end of a run, relative to the peak; residual
+    drifts are unchanged."""
     values = {
         name: np.maximum(value, growth * getattr(stories, name))
-        for name, value in vars(bound).items()
+        for name, value in vars(errors).items()
         if name != "residual_drift"
     }
-    return StoryErrors(**values, residual_drift=bound.residual_drift)
+    return StoryErrors(**values, residual_drift=errors.residual_drift)
 
 
 def _drift_rates(building: Building, floors: Array) -> Array:

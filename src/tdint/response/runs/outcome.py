@@ -722,6 +722,9 @@ class Response(Tabular):
         Possible excess of the peaks between time steps that do not resolve the motion, in their
         units; 0 if the time step resolves it. For residual drifts: their change between the
         requested time and the end of the last step.
+    growth : float
+        Growth of the peaks after a requested end of the run, relative to the peaks (approximate); 0
+        if they do not grow, or if the run has continued.
     residual_oscillation : ndarray, shape (n,)
         Approximate amplitudes of the drifts about their positions of rest at the end, m, without
         forces on floors.
@@ -773,6 +776,7 @@ class Response(Tabular):
     gradient: Gradient | None = None
     devices: DevicePeaks | None = None
     elements: ElementPeaks | None = None
+    growth: float = 0.0
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
         """Compare the demands with limits.

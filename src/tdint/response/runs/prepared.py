@@ -707,7 +707,8 @@ class PreparedBuilding:
             integrate_run(acceleration, RunSpec(0, len(acceleration), scale, steps), result, i)
             reached = int(space.totals[rows.STEPS_REACHED])
             result.ends[i, STEPS_COMPLETED] = reached
-            on_history(i, space.history[: reached // every + 1])
+            # The history ends with the record, also if the run has continued.
+            on_history(i, space.history[: min(reached, steps.count) // every + 1])
         return result
 
     def _continue_while_growing(
