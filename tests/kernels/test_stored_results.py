@@ -81,8 +81,9 @@ def checksum(array):
 
 
 def building_run(name, method, **options):
-    """Return the function that integrates a building of `BUILDINGS`; its argument is the motion."""
-    options = {"check": False, "history": True, **options}
+    """Return the function that integrates a building of `BUILDINGS`; its argument is the motion.
+    The runs end with the motion, also if a peak may become larger afterwards."""
+    options = {"check": False, "history": True, "duration": MOTION.duration, **options}
     return lambda motion=MOTION: run(load_model(BUILDINGS[name]), motion, method=method, **options)
 
 
