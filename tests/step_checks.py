@@ -98,7 +98,14 @@ def superposed(method, model, ratio, record):
 def at_samples(building, record, method, parts):
     """Return a run with `parts` steps per sampling interval, and its displacements at the
     samples."""
-    response = run(building, record, method=method, dt=record.dt / parts, history=True)
+    response = run(
+        building,
+        record,
+        method=method,
+        dt=record.dt / parts,
+        duration=record.duration,
+        history=True,
+    )
     return response, response.history.displacement[::parts]
 
 

@@ -335,17 +335,47 @@ def test_corners_are_sorted_and_those_at_the_ends_are_ignored():
     scratch[ROW.CORNERS, 0], scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] = 0.0, 3.0
     scratch[ROW.PEAKS + rows.PEAK_DRIFT, 1] = 0.0
     results = Integrals(scratch, ROW.CORNERS)
-    times = [0.7, 0.2, near, 1.0 - near, 1.0 + near, 0.9, 0.5, 0.0, 1.0, 0.1, 0.3, 0.6, 0.05]
+    times = [0.7, 0.2, near, 1.0 - near, 1.0 + near, 0.9, 0.5, 0.0, 1.0, 0.1, 0.3, 0.6, 0.05, 0.8]
     for t in times:
         corners._store_branch_end(results, 1, t, 0.5 * t, -2.0 * t)
     stored = scratch[ROW.CORNERS + 1 : ROW.CORNERS + 1 + MAX_CORNERS, 0]
-    assert scratch[ROW.CORNERS, 0] == MAX_CORNERS == 6
-    assert stored.tolist() == [0.1, 0.2, 0.3, 0.5, 0.7, 0.9]
+    assert scratch[ROW.CORNERS, 0] == MAX_CORNERS == 8
+    assert stored.tolist() == [0.05, 0.1, 0.2, 0.3, 0.5, 0.6, 0.7, 0.9]
     assert scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] == 3.0
     assert scratch[ROW.PEAKS + rows.PEAK_DRIFT, 1] == 0.5 * (1.0 + near)
     corners._store_branch_end(results, 1, 0.4, -0.6, -3.5)
     assert scratch[ROW.PEAKS + rows.PEAK_SHEAR, 1] == 3.5
     assert scratch[ROW.PEAKS + rows.PEAK_DRIFT, 1] == 0.6
+
+
+def test_extrema_between_corners_are_located_on_parabolas():
+    """Extrema that exceed the recorded peak and all three nodes become corners."""
+    random, n, found = np.random.default_rng(15), 2, 0
+    scratch = SingleSteps("moment4").space.scratch
+    for _ in range(100):
+        peak = random.choice([0.0, 2.0])
+        times, values = np.array([0.0, 0.2, 0.4, 0.7, 1.0]), random.normal(size=5)
+        scratch[:] = 0.0
+        scratch[ROW.PEAKS + rows.PEAK_ACCELERATION, 1] = peak
+        scratch[ROW.NODE_FORCE : ROW.NODE_FORCE + 5, n] = times
+        scratch[ROW.NODE_ACCELERATION : ROW.NODE_ACCELERATION + 5, 1] = values
+        scratch[ROW.CORNERS : ROW.CORNERS + 2, 0] = 1.0, 0.4
+        expected = [0.4]
+        for first, last in ((0.0, 0.4), (0.4, 1.0)):
+            at_nodes = values[times.tolist().index(first) :][:3]
+            parabola = np.polynomial.Polynomial.fit(
+                [first, 0.5 * (first + last), last], at_nodes, 2, domain=[]
+            ).convert()
+            (extremum,) = parabola.deriv().roots()
+            largest = max(peak, *np.abs(at_nodes))
+            if first < extremum < last and abs(parabola(extremum)) > largest:
+                expected.append(extremum)
+        assert corners._add_extrema_to_corners(scratch, 5, n) == (len(expected) > 1)
+        assert scratch[ROW.CORNERS, 0] == len(expected)
+        stored = scratch[ROW.CORNERS + 1 : ROW.CORNERS + 1 + len(expected), 0]
+        assert stored == pytest.approx(sorted(expected), rel=1e-9)
+        found += len(expected) - 1
+    assert found > 20
 
 
 @pytest.mark.parametrize("link", [1.0, 0.0])

@@ -39,7 +39,7 @@ from tdint.kernels.stories.path import (
 LAWS = {law.name: law for law in COMPILED}
 DY = FY / K
 PATHS = 60
-TOLERANCE = {"tanh": 1e-9, "bouc-wen": 1e-6} | {
+TOLERANCE = {"tanh": 1e-9, "bouc-wen": 1e-6, "steel": 1e-6} | {
     law.name: 1e-6 for law in COMPILED if law.curved and law.functions().points is None
 }
 """Of the work, over Fy times the way, where the law is integrated by points (those that do not say

@@ -374,15 +374,19 @@ def test_extremum_of_acceleration_is_found(fast):
         resolved = abs(b) + abs(d) <= 3.0 * (abs(first) + abs(last)) and not (
             fast and abs(a1 - 2.0 * a0 + a_earlier) > abs(a0) + abs(a1)
         )
-        found = table(row, 0.0)
-        peaks._raise_acceleration_peak(
-            span(fast=fast, ground=(ground_0, ground_1)),
-            ends,
-            mass,
-            found,
-            row,
-            0,
-            (f0, f1, f2, f3),
+        found, located = table(row, 0.0), table(row, 0.0)
+        at, at_located = (
+            peaks._raise_acceleration_peak(
+                span(fast=fast, ground=(ground_0, ground_1)),
+                ends,
+                mass,
+                values,
+                row,
+                0,
+                (f0, f1, f2, f3),
+                is_located,
+            )
+            for values, is_located in ((found, False), (located, True))
         )
         kind = 2 if ratio >= 2.0 else int(not resolved)
         of_kind[kind] += 1
@@ -390,10 +394,19 @@ def test_extremum_of_acceleration_is_found(fast):
         if kind < 2:
             values[kind] = expected
         assert found[row :: rows.PEAK_ROWS, 0] == pytest.approx(values, rel=1e-8)
+        # A located extremum is not a peak, because the equation of motion gives its value.
+        assert at == 0.0
+        if kind == 0:
+            assert np.all(located[row :: rows.PEAK_ROWS, 0] == 0.0)
+            assert abs(curve(at_located)) == pytest.approx(expected, rel=1e-8)
+        else:
+            assert at_located == 0.0 and np.array_equal(located, found)
     assert min(of_kind) > 20
     # A peak above the Bezier points remains, although the extremum is compared with it again.
     found = table(row, 1e9)
-    peaks._raise_acceleration_peak(span(), ends, mass, found, row, 0, (f0, f1, f2, f3))
+    for is_located in (False, True):
+        arguments = found, row, 0, (f0, f1, f2, f3), is_located
+        assert peaks._raise_acceleration_peak(span(), ends, mass, *arguments) == 0.0
     assert found[row, 0] == 1e9
 
 
@@ -436,26 +449,6 @@ def test_three_newton_iterations():
         found = interpolant._nearest_extremum(start, coefficients)
         assert found == pytest.approx(p(s), rel=1e-9, abs=1e-9)
     assert 10 < kept < 90
-
-
-def test_peaks_at_nodes_are_those_of_parabolas():
-    random = np.random.default_rng(15)
-    for count in (1, 3, 5, 7):
-        for _ in range(30):
-            values = random.normal(size=count) + random.choice([-2.0, 0.0, 2.0])
-            scratch = np.zeros((count + 3, 2))
-            scratch[2 : 2 + count, 1] = values
-            expected = [abs(value) for value in values[count > 1 :]]
-            for k in range(0, count - 2, 2):
-                parabola = Polynomial.fit(
-                    [0.0, 0.5, 1.0], values[k : k + 3], 2, domain=[]
-                ).convert()
-                expected += list(np.abs(interior_extrema(parabola)))
-            peaks.raise_peak_at_nodes(scratch, 2, 1, count, 0, 0)
-            assert scratch[0, 0] == pytest.approx(max(expected), rel=1e-9)
-            scratch[0, 0] = 100.0
-            peaks.raise_peak_at_nodes(scratch, 2, 1, count, 0, 0)
-            assert scratch[0, 0] == 100.0
 
 
 def test_motions_of_floors_and_stories_and_sums_above():

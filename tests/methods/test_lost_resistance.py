@@ -96,9 +96,9 @@ def test_lines_of_all_elements_are_added(stiff):
     ]
     case = load_model(
         {
-            "stories": [{"mass": MASS, "height": 4, "elements": elements}],
+            "stories": [{"mass": MASS, "height": 40, "elements": elements}],
             "damping": "none",
-            "collapse_drift": 10,
+            "collapse_drift": 1,
             "initial": {"displacement": [0], "velocity": [1.2]},
         }
     )

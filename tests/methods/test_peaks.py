@@ -157,7 +157,9 @@ def test_reference_peaks_agree_with_dop853():
         y, u, v = solved.y[:, -1], solved.y[:2], solved.y[2:]
         values = (np.diff(u, prepend=0.0, axis=0), u, v, absolute(u, v), forces(u))
         peaks = np.maximum(peaks, [np.max(np.abs(quantity), axis=1) for quantity in values])
-    stories = run(building, record, method="impulse4", dt=record.dt / FINE).stories
+    stories = run(
+        building, record, method="impulse4", dt=record.dt / FINE, duration=record.duration
+    ).stories
     for quantity, peak in zip(QUANTITIES, peaks, strict=True):
         assert getattr(stories, f"peak_{quantity}") == pytest.approx(peak, rel=2e-5)
 
@@ -406,17 +408,18 @@ def test_total_shear_without_damping_is_the_strength(method, samples):
 @pytest.mark.parametrize("dashpot", [0.0, 1.0, 1e4])
 def test_total_shear_is_at_most_the_forces_of_laws_and_dampers(method, dashpot):
     """Each story has its law and its linear dashpot, and each floor the forces of two stories. The
-    limits are continuous in the damping."""
+    limits are continuous in the damping. The accelerations at a branch change satisfy equilibrium
+    within the tolerance of the iteration."""
     frame, record = sliding_floors(dashpot, dashpot, dashpot)
     found = run(frame, record, method=method, dt=record.dt, check=False).stories
     assert np.all(found.ductility[:2] > 3.0)
     rate = found.peak_velocity + np.append(0.0, found.peak_velocity[:-1])
     limit = found.peak_shear + dashpot * rate
-    assert np.all(found.peak_total_shear <= limit * (1.0 + 1e-9))
+    assert np.all(found.peak_total_shear <= limit * (1.0 + 1e-7))
     of_floors = (limit + np.append(limit[1:], 0.0)) / 1e5
-    assert np.all(found.peak_absolute_acceleration <= of_floors * (1.0 + 1e-9))
+    assert np.all(found.peak_absolute_acceleration <= of_floors * (1.0 + 1e-7))
     if dashpot == 0.0:
-        assert np.all(found.peak_total_shear <= 3e4 * (1.0 + 1e-9))
+        assert np.all(found.peak_total_shear <= 3e4 * (1.0 + 1e-7))
 
 
 def test_acceleration_under_a_force_on_the_floor_is_not_limited_by_the_story():

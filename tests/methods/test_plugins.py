@@ -24,6 +24,7 @@ from selection import every
 from separate_streams import runner
 from tdint.assessment.chart.problem import Problem, _cache_file
 from tdint.assessment.failures.failures import failures
+from tdint.assessment.order import order as order_module
 from tdint.assessment.order.order import check_law, check_method, order
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import build
@@ -132,7 +133,7 @@ def test_run_after_check_with_faults_validates_the_step(verlet, monkeypatch, fai
 
     tdint.load_plugin(str(verlet))
     integrator = methods.parse("verlet")
-    monkeypatch.setattr(order, fails, fail)
+    monkeypatch.setattr(order_module, fails, fail)
     assert check_method(integrator).faults == ("row 3 of scratch is used",)
     assert integrator.family.step not in compiled_steps.VALIDATED_STEPS
 

@@ -131,6 +131,7 @@ def error(name, method, parts):
         MOTION,
         method=method,
         dt=MOTION.dt / parts,
+        duration=MOTION.duration,
         history=True,
         check=False,
     ).history

@@ -118,8 +118,9 @@ def test_spectra_agree_with_those_of_padded_record(seed):
     by_method, by_method_long = (
         spectrum(motion, PERIODS[1:], 0.05, method="newmark-average") for motion in (record, long)
     )
-    assert by_method.sd == pytest.approx(by_method_long.sd, rel=2e-4)
-    assert by_method.sa == pytest.approx(by_method_long.sa, rel=2e-4)
+    # The free vibration in closed form does not have the period error of the method.
+    assert by_method.sd == pytest.approx(by_method_long.sd, rel=2e-3)
+    assert by_method.sa == pytest.approx(by_method_long.sa, rel=2e-3)
     drift, drift_long = (drift_spectrum(motion, PERIODS, 0.05) for motion in (record, long))
     assert drift.peak_drift_ratio == pytest.approx(drift_long.peak_drift_ratio, rel=1e-9)
     assert drift.roof_drift_ratio == pytest.approx(drift_long.roof_drift_ratio, rel=1e-9)

@@ -57,7 +57,11 @@ def test_bilinear_loop_agrees_with_closed_form(hardening, ductility):
 @pytest.mark.parametrize("name", LAWS)
 def test_work_is_strain_energy_plus_dissipated_energy(name):
     """The equation holds at every point of the path, and the dissipated energy does not decrease.
-    The trapezoidal integral has an error of order 2 in the spacing of the points."""
+    The trapezoidal integral has an error of order 2 in the spacing of the points.
+
+    The law steel unloads on a curve that is softer than the stiffness k of its stored energy f^2 /
+    (2 k), so that only the dissipated energy of its cycles does not decrease.
+    """
     errors = []
     for points in (500, 1000):
         test = imposed(example(name, K, FY), "7mm", "4cm", points=points)
@@ -69,7 +73,8 @@ def test_work_is_strain_energy_plus_dissipated_energy(name):
             np.max(np.abs(path.strain_energy + path.hysteretic_energy - work))
             / np.max(np.abs(work))
         )
-        assert np.min(np.diff(path.hysteretic_energy)) > -1e-12 * np.max(path.strain_energy)
+        dissipated = path.hysteretic_energy[:: 4 * points if name == "steel" else 1]
+        assert np.min(np.diff(dissipated)) > -1e-12 * np.max(path.strain_energy)
     assert errors[0] < 1e-5
     assert errors[1] < 0.5 * errors[0] or errors[1] < 1e-12
     # The energy of a cycle is the energy that is dissipated between its first and last point;
