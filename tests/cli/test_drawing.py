@@ -68,7 +68,7 @@ def test_a_table_without_rows_has_its_column_names():
 def test_nan_is_empty_and_control_characters_are_replaced():
     text = draw(("name", "x", "ok"), [("\x1b[2Jevil", math.nan, True), ("good", 1.0, False)], 80)
     assert "\x1b" not in text
-    assert "?[2Jevil" in text
+    assert "\\x1b[2Jevil" in text
     assert text.splitlines()[-1].split() == ["good", "1", "false"]
 
 
@@ -79,7 +79,7 @@ def test_a_terminal_gets_an_aligned_table_and_a_pipe_gets_csv(folder, tdint):
     assert not any(
         b"," in line
         for line in shown.splitlines()
-        if b"Warning" not in line and b"usual" not in line
+        if not any(word in line for word in (b"Warning", b"usual", b"note:"))
     )
     first = float(piped.splitlines()[1].split(",")[1])
     assert f"{first:.5g}" in shown.decode().split()

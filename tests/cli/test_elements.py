@@ -13,7 +13,7 @@ from building_cases import noise
 from selection import every
 from tdint import load_model, run, run_many
 from tdint.errors import ModelError
-from tdint.model.building import stiffness_after_yield
+from tdint.model.building import law_column, stiffness_after_yield
 from tdint.model.law_checks import tangent_at
 from tdint.model.story_laws import LAWS
 
@@ -223,5 +223,16 @@ def test_a_law_of_a_plugin_counts_in_the_warning_of_p_delta():
     """The stiffness after yield of a law that declares only its yield drift is measured."""
     declared = LAWS["bilinear"]
     measured = replace(declared, stiffness_after_yield=None)
-    column = np.array([0.0, 1000.0, 60.0, 0.1, 60.0])
+    (story,) = load_model(
+        {
+            "stories": [
+                {
+                    "mass": 1,
+                    "stiffness": 1000,
+                    "law": {"type": "bilinear", "yield_force": 60, "hardening": 0.1},
+                }
+            ]
+        }
+    ).stories
+    column = np.array(law_column(story.law, story.stiffness))
     assert tangent_at(measured, column, 1.1 * 60.0 / 1000.0) == pytest.approx(100.0)

@@ -210,5 +210,5 @@ def test_a_wrong_unit_is_reported_before_a_smaller_step_is_recommended(
     samples = [f"{900 * math.sin(0.3 * k):.4f}" for k in range(400)]
     Path("mm.txt").write_text("# dt = 0.05 s, units = m/s^2\n" + "\n".join(samples) + "\n")
     messages = tdint("run", "stiff.yaml", "mm.txt").stderr
-    unit, smaller = messages.index("check the units of the record"), messages.index("use a smaller")
+    unit, smaller = messages.index("check the units and the scale"), messages.index("use a smaller")
     assert unit < messages.index("newmark-average: ") and unit < smaller

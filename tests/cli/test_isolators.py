@@ -97,6 +97,7 @@ def test_isolator_drift_is_a_displacement_and_no_collapse(folder, tdint):
             text.format(name=name, isolator=isolator) + UPPER + RAYLEIGH
         )
     run = ("motion.mseed", "--component", "HNN", "--units", "m/s^2", "--scale", "2")
+    run += ("--duration", "2.99")
     with_isolator, without = (
         tdint("run", "yes.yaml", *run, "--plot=yes.png"),
         tdint("run", "no.yaml", *run),

@@ -75,7 +75,7 @@ def test_the_summary(folder, tdint):
         "duration_s", "iterations", "halved_steps", "branch_changes", "wall_time_s",
         "time_loop_s", "time_loop_clock", "building", "energy", "peaks", "check",
         "at_end", "collapse_drift", "collapse", "record", "settings", "notes", "inputs",
-        "versions", "meanings", "files", "arguments", "time_loops",
+        "versions", "meanings", "files", "arguments", "command", "time_loops",
     ]  # fmt: skip
     assert summary["schema"] == {"name": "tdint run", "version": 1}
     assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # default settings

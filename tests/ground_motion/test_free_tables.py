@@ -441,10 +441,18 @@ def test_line_numbers_before_the_times(file, names):
 
 
 def test_numbers_of_a_header_are_named_with_the_option_to_skip_them(file):
-    content = "EL CENTRO\n1.0 0.01\n" + lines(G[:996], 12, "%9.6f")
+    content = "EL CENTRO\n2.5 0.01\n" + lines(G[:996], 12, "%9.6f")
     assert states(message(file, content), "line 2 ... skip_lines=2")
     (record,) = read(file, content, "g", step=0.01, skip_lines=2, rows=True)
     np.testing.assert_allclose(record.acceleration, 9.80665 * G[:996], rtol=1e-12)
+
+
+@pytest.mark.parametrize("flag", ["1", "1.0", "0.01 1.0"])
+def test_a_flag_in_front_of_rows_is_not_the_sampling_interval(file, flag):
+    flag_and_step = flag if " " in flag else f"{flag} 0.01"
+    content = f"EL CENTRO\n{flag_and_step}\n" + lines(G[:996], 12, "%9.6f")
+    (record,) = read(file, content, "g")
+    assert record.dt == pytest.approx(0.01) and record.acceleration.size == 996
 
 
 @pytest.mark.parametrize(

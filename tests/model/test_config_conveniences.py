@@ -131,8 +131,8 @@ def test_errors_of_mapping_have_no_line() -> None:
         [
             "model: dampng: unknown key; did you mean 'damping'?",
             "model: p_delta: ... true or false, got 'true' in quotes; remove the quotes",
-            "model: stories[1].mass: ... got 'a'",
             "model: stories[1].height: ... got '3' in quotes; remove the quotes",
+            "model: stories[1].mass: ... got 'a'",
             "model: stories[1].stiffness: ... got 'nan'; ... finite",
             "model: dampng: ... 5%, {rayleigh: ...} or {modal: ...}, got nothing",
         ],

@@ -19,8 +19,8 @@ WORDS = {
         "name, units, stories, building, attachments, links, damping, p_delta, excitation, "
         "initial, analysis, collapse_drift, plausibility, damage, limits, output_units, report"
     ),
-    "<story keys>": "mass, weight, height, stiffness, law, elements, dashpot, isolator, rayleigh, "
-    "p_delta, repeat",
+    "<story keys>": "mass, weight, height, stiffness, period, law, elements, dashpot, isolator, "
+    "rayleigh, p_delta, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
     "<ratio>": "a number of at least 0 and below 1",
     "<laws>": ", ".join(LAWS),
@@ -104,8 +104,9 @@ units: {mass: t}¶stories: [{mass: 1e308, stiffness: 1e999}, {mass: 1e-999, stif
 p_delta: true¶stories: [{mass: 1, stiffness: 1, height: 3}, {mass: 1, stiffness: 1}]
     2:47: stories[2].height: is missing; p_delta needs the height of every story; give it, or `p_delta: false` in this story
 stories: [{mass: 1, stiffness: 1}]¶damping: {rayleigh: {ratio: 0.05, modes: [1, 1]}}
-    2:21: damping.rayleigh: a one-story model has one mode, and the form with ratio and modes requires two;
-        write damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}
+    2:21: damping.rayleigh: a one-story model has one mode; write damping: 5%,
+        {rayleigh: {ratio: 5%, modes: [1]}} (proportional to the stiffness), {rayleigh: {mass: a0, stiffness: a1}}
+        or {modal: ratio}
 stories: [{repeat: x, mass: 1, stiffness: 1}]¶initial: {velocity: [1, 2]}¶damping: {modal: [0.05, 0.1]}
     1:20: stories[1].repeat: must be a whole number from 1 to 100000, got 'x'
 stories: [{repeat: x, mass: 1, stiffness: 1}]¶excitation: {forces: [{floor: 9, amplitude: 1, omega: 1}]}
@@ -139,7 +140,8 @@ damping: {modal: 0.05, rayleigh: {mass: 0, stiffness: 0}}
 damping: {rayleigh: {}}
     2:21: damping.rayleigh: <rayleigh>, got a mapping without any of the keys ratio, modes, mass, stiffness
 damping: {rayleigh: {ratio: 0.05}}
-    2:21: damping.rayleigh.modes: is missing; give a list of two modes
+    2:21: damping.rayleigh.modes: is missing; give a list of two modes, or of one mode for damping
+        proportional to the stiffness
 damping: {rayleigh: {ratio: -0.1, modes: [2, 2]}}
     2:29: damping.rayleigh.ratio: must be <ratio>, got '-0.1'
     2:42: damping.rayleigh.modes: must be two different modes, got 2 twice
@@ -150,9 +152,11 @@ damping: {rayleigh: {ratio: [0.1, 0.2, 0.3], modes: [0, 4]}}
 damping: {rayleigh: {ratio: [0.1], modes: 3}}
     2:29: damping.rayleigh.ratio: a list must contain at least two damping ratios; write a single ratio
         without brackets
-    2:43: damping.rayleigh.modes: must be a list of two modes, got '3'
+    2:43: damping.rayleigh.modes: must be a list of two modes, or of one mode for damping
+        proportional to the stiffness, got '3'
 damping: {rayleigh: {ratio: 0.1, modes: [1, 2, 3]}}
-    2:41: damping.rayleigh.modes: must be a list of two modes, got 3
+    2:41: damping.rayleigh.modes: must be a list of two modes, or of one mode for damping
+        proportional to the stiffness, got 3
 damping: {rayleigh: {ratio: 0.1, mass: 3}}
     2:21: damping.rayleigh: give either ratio and modes or mass and stiffness, not both
 damping: {rayleigh: {mass: -1}}
@@ -171,8 +175,8 @@ excitation: {record: {}}
     2:22: excitation.record.file: is missing; give the record's file
 excitation: {record: {file: '', units: gels, scale: 0, component: [], inventory: ~}}
     2:29: excitation.record.file: must be text, got ''
-    2:40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2, ft/s^2, with a
-        factor before it for counts
+    2:40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, mg, %g, in/s^2,
+        ft/s^2, with a factor before it for counts
     2:53: excitation.record.scale: must not be zero; omit the record to run without ground motion
     2:67: excitation.record.component: must be text, got a list
     2:82: excitation.record.inventory: must be text, got nothing
@@ -359,7 +363,7 @@ def test_values_that_aliases_repeat_are_limited(aliases: int, is_refused: bool) 
     if is_refused:
         assert "the aliases up to *p repeat more than 200000 values" in found[0]
     else:
-        assert len(load_model(io.StringIO(text)).forces) == 1 + aliases
+        assert len(load_model(io.StringIO(text)).excitation.tables) == 1 + aliases
 
 
 def refusal(source: str | Path) -> str:

@@ -309,6 +309,7 @@ def first_numbers(
         ]
         if not is_other and width == 1 and len(whole) + len(steps) < len(texts):
             break
+        steps.sort(key=_is_plausible, reverse=True)  # a flag may be printed as 1.0
         samples = values[len(texts) :]
         remaining = (lines - used, samples.size)
         count = next(

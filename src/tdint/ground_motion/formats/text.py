@@ -103,6 +103,7 @@ _FIRST_LINES = 50  # lines that are compared with the form of the first lines
 _INTEGER = re.compile(r"\+?\d+")
 _WITHOUT_POINT = re.compile(r"[-+]?0*[1-9]\d*(?:[EeDd][-+]?\d+)?")
 """Pattern of a number without a decimal point, except zero."""
+_ENDS_WITH_ZERO = re.compile(r"\.0\b")
 
 _SEPARATORS = re.compile(r"[\s,;]+")
 
@@ -540,7 +541,9 @@ def _check_decimal_points(block: NumberBlock, numbers: Numbers, skipped: int) ->
         return
     rows = [_SEPARATORS.split(line.strip(" \t,;"))[skipped:] for line in block.lines]
     decimals = {len(word.partition(".")[2]) for row in rows for word in row if "." in word}
-    if len(decimals) != 1:
+    # With one decimal only, the words may also be written without zeros at their ends.
+    has_zeros = any(map(_ENDS_WITH_ZERO.search, block.lines))
+    if len(decimals) != 1 or (decimals == {1} and not has_zeros):
         return
     for row, number in zip(rows, block.line_numbers, strict=True):
         for word in row:
