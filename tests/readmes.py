@@ -275,7 +275,7 @@ def columns():
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,
         "damage.csv of tdint campaign": damage_states.damage_columns(
-            DamageStates("drift_ratio", STATES, (1.0, 2.0, 3.0, 4.0), 0.0, (1.0,) * 5)
+            DamageStates("drift_ratio", STATES, (0.01, 0.02, 0.03, 0.04), 0.0, (1.0,) * 5)
         ),
         "damage-types.csv of tdint campaign": damage_states.TYPES,
         "losses.csv of tdint campaign": damage_states.LOSSES,

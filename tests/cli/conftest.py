@@ -78,14 +78,19 @@ def write_record(file: str | Path, *channels: str, **shape: Any) -> None:
 
 @functools.cache
 def decaying_sine(
-    *channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False
+    *channels: str,
+    peak: float = 3.0,
+    samples: int = 300,
+    integer: bool = False,
+    frequency: float = 9.0,
 ) -> bytes:
-    """Return a record as MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
+    """Return a record as MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s. Records of
+    different frequencies (rad/s) are different motions, not copies."""
     with quiet_import():
         from obspy import Stream, Trace
 
     t = np.arange(samples) * 0.01
-    wave = np.sin(9.0 * t) * np.exp(-t)
+    wave = np.sin(frequency * t) * np.exp(-t)
     wave = peak * (wave - wave.mean())
     data = (1000.0 * wave).astype(np.int32) if integer else wave
     header: dict[str, Any] = {"network": "TD", "station": "TEST", "delta": 0.01}

@@ -93,12 +93,16 @@ ROWS = ("--rows", "--step", "0.01", "--units", "g")
     ],
 )
 def test_rows_in_commands(noise, tdint, command):
-    tables = [
-        tdint(command[0], file, *command[1:], *options, "--overwrite", code=0)
-        if command[0] == "match"
-        else tdint(command[0], file, *command[1:], *options, code=0)
-        for file, options in (("noise.txt", ROWS), ("one.txt", ROWS[1:]))
-    ]
+    """By the option, or by the key of a description in commands without the option."""
+    tables = []
+    for file, options in (("noise.txt", ROWS), ("one.txt", ROWS[1:])):
+        if command[0] in ("info", "spectrum"):
+            tables.append(tdint(command[0], file, *command[1:], *options, code=0))
+            continue
+        lines = [f"files: [{file}]", "step: 0.01", "units: g"] + ["rows: true"] * (options == ROWS)
+        (noise / "described.yaml").write_text("\n".join(lines))
+        overwrite = ["--overwrite"] * (command[0] == "match")
+        tables.append(tdint(command[0], "described.yaml", *command[1:], *overwrite, code=0))
     with_names = [table.stdout.replace("noise.txt", "one.txt") for table in tables]
     if command[0] == "info":
         with_names = [",".join(row.split(",")[:20]) for row in with_names]
@@ -147,9 +151,8 @@ def test_invalid_options_are_refused(tables, tdint, arguments, code, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda line, i: line[:5] if i == 50 else line, "line 51 ... 2 numbers, got '0.49,'"),
-        (lambda line, i: line[:5] if i == 1 else line, "line 2 ... 2 numbers, got '0.00,'"),
-        (lambda line, i: f"{i - 1 if i else ''},{line}", "line 1: ',time,acc' ... first column"),
+        (lambda line, i: line[:5] if i == 50 else line, "line 51 ... 2 numbers, got '0.49'"),
+        (lambda line, i: line[:5] if i == 1 else line, "line 2 ... 2 numbers, got '0.00'"),
     ],
 )
 def test_incomplete_rows_are_reported_with_their_line(folder, tdint, change, message):

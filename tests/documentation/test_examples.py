@@ -61,7 +61,12 @@ def test_the_multilinear_model():
     law = model.stories[0].law
     assert law.name == "multilinear"
     assert law.values["last_slope"] == 2e5
-    assert len(law.values) == 1 + 2 * 2 * 4
+    for side in ("", "negative."):
+        points = [
+            (law.values[f"{side}backbone[{i}].drift"], law.values[f"{side}backbone[{i}].force"])
+            for i in range(1, 5)
+        ]
+        assert points == [(0.01, 4e4), (0.02, 7.2e4), (0.04, 1.12e5), (0.12, 1.6e5)]
 
 
 @pytest.mark.slow

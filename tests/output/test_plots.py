@@ -31,6 +31,7 @@ from tdint.response.runs.run import run
 from tdint.response.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.response.spectra.elastic import spectrum
 from tdint.response.spectra.inelastic import constant_strength
+from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import FloorSuite, Profile
 from tdint.studies.campaign.suite_figures import floor_suite_picture, profile_picture
 from tdint.studies.sensitivity.sensitivity import PEAKS, ParameterEffect
@@ -102,7 +103,9 @@ def profile_of_suite(building, stood, fell, height=3.0):
     peaks = {quantity.name: np.full((stood, 2), 0.03) for quantity in STORY_QUANTITIES}
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(stood))
-    level = (1.0, np.nan, [[]] * stood, 0, fell, 0, ("level", ""), "")
+    completed = [[Run(i, 1.0)] for i in range(stood)]
+    collapsed = [[Run(stood + i, 1.0)] for i in range(fell)]
+    level = (1.0, np.nan, completed, collapsed, 0, 0, ("level", ""), "")
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
@@ -195,7 +198,7 @@ def test_the_shorter_bar_of_a_tornado_is_in_front():
 def test_all_buildings_of_floors_are_in_the_legend():
     """The legend contains all buildings, also if they have different numbers of floors and some are
     not in the first panel."""
-    level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""), "")
+    level = (1.0, np.nan, [[Run(0, 1.0)], [Run(1, 1.0)]], [], 0, 0, ("level", ""), "")
     floor_suite = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture(
         [floor_suite, replace(floor_suite, building="tall", floor=5)]

@@ -539,7 +539,7 @@ class Command(HelpAsData):
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
                 continue
-            alternatives = needs.split(" or ")
+            alternatives = re.split(", | or ", needs)
             needed_option, _, value = alternatives[0].partition(" ")
             if value:
                 actual_value = ctx.params[parameters[needed_option].name or ""]

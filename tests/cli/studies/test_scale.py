@@ -66,10 +66,8 @@ def test_spectral_accelerations_reach_their_values(folder, tdint):
     """Sa_avg is the geometric mean over 50 periods from 0.2 to 3 times --at."""
     call = ("motion.mseed", "--component", "HNE", *UNITS)
     factors = [
-        float(
-            rows(tdint("scale", *call, option, "2m/s^2", "--at", "0.5", code=0).stdout)[0]["factor"]
-        )
-        for option in ("--to", "sa=--sa-avg")
+        float(rows(tdint("scale", *call, "--to", value, "--at", "0.5", code=0).stdout)[0]["factor"])
+        for value in ("sa=2m/s^2", "sa-avg=2m/s^2")
     ]
     assert factors[0] * spectral_acceleration(tdint, call, ["0.5"]) == pytest.approx(2.0, rel=1e-6)
     periods = [f"{0.5 * multiple:.12g}" for multiple in AVERAGE.values()]
@@ -243,24 +241,23 @@ def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
     ("arguments", "message"),
     [
         ((), "no target is specified; specify one of --target"),
-        (("--sa", "0.5g"), "--sa requires a period; add --at"),
-        (("--sa", "0.5", "--at", 1), "'0.5' ... unit of"),
-        (("--sa", "5cm/s", "--at", 1), "number with a unit of"),
-        (("--pgv", "0.4g"), "such as 40cm/s"),
-        (("--pga", "0.4g", "--pgv", "40cm/s"), "--pga and --pgv cannot be used together"),
-        (("--pga", "0.4g", *TARGET), "--target and --pga cannot be used together"),
-        (("--pga", "0.4g", "--at", 1), "--at requires --sa"),
-        (("--p695", "--pga", "0.4g"), "--p695 cannot be used with --pga"),
+        (("--to", "sa=0.5g"), "--to sa requires a period; add --at"),
+        (("--to", "sa=0.5", "--at", 1), "'0.5' ... use one of"),
+        (("--to", "sa=5cm/s", "--at", 1), "number with a unit of m/s^2, such as sa=0.4g"),
+        (("--to", "pgv=0.4g"), "number with a unit of m/s, such as pgv=40cm/s"),
+        (("--to", "pga=0.4g", *TARGET), "--target and --to cannot be used together"),
+        (("--to", "pga=0.4g", "--at", 1), "--at requires --to sa"),
+        (("--p695", "--to", "pga=0.4g"), "--p695 cannot be used with --to pga"),
         (("--p695", "--pairs", "rotd50"), "--pairs rotd50 cannot be used with --p695"),
         ((*TARGET, "--range", "2"), "'2' must be a range FIRST:LAST"),
         ((*TARGET, "--range", "0.2:9"), "0.02 to 5 s, got 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "add --at, --building or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares spectra from 0.2 T to 2 T"),
         ((*TARGET, "--rule", "ec8", "--at", 0.5), "ec8 requires ... period 0"),
-        ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at requires --sa"),
+        ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at requires --to sa"),
         ((*TARGET, "--building", "x.yaml", "--range", "0.2:2"),
          "--building and --range cannot be used together"),
-        (("--pga", "0.4g", "--building", "x.yaml"), "--building has no effect without --target"),
+        (("--to", "pga=0.4g", "--building", "x.yaml"), "--building has no effect without --target"),
         (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"),
          "the target applies to 5 % damping"),
         ((*TARGET, "--rule", "asce7", "--at", 0.5),
@@ -338,6 +335,7 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
             "HNN",
             peak=1.0 + seed,
             samples=300 + 40 * seed,
+            frequency=9.0 + 5.0 * seed,
         )
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
     tdint("scale", "pool", *UNITS, *target, "--select", 3, "-o", "factors.csv", code=0)
@@ -390,6 +388,7 @@ def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
             "HNN",
             peak=1.0 + seed,
             samples=300 + 40 * seed,
+            frequency=9.0 + 5.0 * seed,
         )
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
     call = ("scale", "study", *UNITS, *target, "--pairs", "rotd50", "--select", 2)
@@ -406,13 +405,17 @@ def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
         )
 
 
-def test_motions_are_selected(folder, tdint):
+def test_motions_are_selected(folder, tdint, make_record):
     """The best selection from three motions is printed with the omitted motions. The table has the
     format of `scale`. At most one motion of an earthquake is selected."""
-    (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
+    known = "record,event\nmotion.mseed,here\nthird.mseed,there\n"
+    (folder / "events.csv").write_text(f"{known}other.mseed,there\n")
+    make_record(folder / "motion.mseed", "HNE")
+    make_record(folder / "other.mseed", "HNE", frequency=12.0)
+    make_record(folder / "third.mseed", "HNE", frequency=20.0)
     call = (
-        "scale", "motion.mseed", "other.mseed", *UNITS, *TARGET, "--range", "0.3:2",
-        "--select", 2,
+        "scale", "motion.mseed", "other.mseed", "third.mseed", *UNITS, *TARGET,
+        "--range", "0.3:2", "--select", 2,
     )  # fmt: skip
     result = tdint(
         *call, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0
@@ -427,7 +430,7 @@ def test_motions_are_selected(folder, tdint):
     tdint(*call[:-1], 3, "--target-std", "scatter.csv", "--factor-range", "0.001:1000", code=0)
     tdint.refused("4 motions ... 3 of 3", *call[:-1], 4, code=2)
     without_selection = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
-    (folder / "events.csv").write_text("record,event\nmotion.mseed,here\n")
+    (folder / "events.csv").write_text(known)
     unknown = "the event of 1 motion is unknown: other.mseed"
     tdint.refused(unknown, *call, "--per-event", 1, "--events", "events.csv", code=2)
     tdint.refused("has no effect without --select", *without_selection, code=2)

@@ -101,7 +101,7 @@ def test_stripes_of_type_require_three_motions_per_level(
     motions: tuple[int, ...], fit: str
 ) -> None:
     """Each type has four buildings, and all runs under one ground motion count once."""
-    states = DamageStates("drift", ("light",), (0.01,), 0.4, ())
+    states = DamageStates("drift_ratio", ("light",), (0.01,), 0.4, ())
     pairs = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
     level, motion = np.repeat(np.array(pairs), 4, axis=0).T
     demand = 0.005 * 1.3**level * np.exp(0.3 * RANDOM.standard_normal(level.size))
@@ -346,7 +346,7 @@ def test_collapses_are_kept_if_all_thresholds_are_below_the_range(by_type: bool,
     request = FragilityRequest("cloud", (0.5 * low,), (low, math.inf))
     found = fit_table(table(tmp_path, im), request).functions[0]
     if by_type:
-        states = DamageStates("drift", ("light",), request.thresholds, 0.0, ())
+        states = DamageStates("drift_ratio", ("light",), request.thresholds, 0.0, ())
         demand = np.where(fell, states.medians[-1], DRIFT).ravel()
         motion = np.arange(DRIFT.size)
         runs = TypeRuns(states, im.ravel(), demand, fell.ravel(), motion, 0, "pga", "m/s^2")

@@ -20,6 +20,7 @@ from tdint.ground_motion.formats.lines import COUNT, NUMBER
 from tdint.ground_motion.formats.series import motion_units
 from tdint.ground_motion.formats.table_columns import (
     COMMENT,
+    ORIGIN,
     SECONDS,
     declarations,
     is_key,
@@ -253,8 +254,10 @@ def _plain_text(line: str) -> str:
     """Return a header line without quotation marks and separators that a spreadsheet program adds.
 
     `"@ DT =",.02` becomes `@ DT = .02`, and `Sampling rate (Hz),100,,` becomes `Sampling rate (Hz)
-    = 100`.
+    = 100`. The origin of a motion that tdint wrote is unchanged.
     """
+    if line.lstrip("# ").startswith(f"{ORIGIN} = "):
+        return line
     text = line.replace('"', "").rstrip(" \t\r,;")
     text = re.sub(r"([=:])\s*[,;\t]\s*", r"\1 ", text)
     name, mark, value = text.partition(next((mark for mark in "\t;," if mark in text), ","))

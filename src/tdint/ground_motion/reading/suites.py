@@ -63,9 +63,9 @@ class Sources:
     are_named: bool
 
     def count_notes(self, used: int) -> tuple[str, ...]:
-        """Return a note on the number of files from which ground motions are used; no note if the
-        user has named each file and all are used."""
-        if self.are_named and used == self.found:
+        """Return a note on the number of files from which ground motions are used; no note
+        about a single file, or if the user has named each file and all are used."""
+        if self.found == 1 or (self.are_named and used == self.found):
             return ()
         return (f"{used} of {pluralize(self.found, 'file')} used",)
 
