@@ -192,6 +192,7 @@ def test_order_4_is_observed_between_two_methods(name, method):
             MOTION,
             method=method,
             dt=MOTION.dt / parts,
+            duration=MOTION.duration,
             history=True,
             check=False,
         ).history
