@@ -408,8 +408,8 @@ def test_total_shear_without_damping_is_the_strength(method, samples):
 @pytest.mark.parametrize("dashpot", [0.0, 1.0, 1e4])
 def test_total_shear_is_at_most_the_forces_of_laws_and_dampers(method, dashpot):
     """Each story has its law and its linear dashpot, and each floor the forces of two stories. The
-    limits are continuous in the damping. The accelerations at a branch change satisfy equilibrium
-    within the tolerance of the iteration."""
+    limits are continuous in the damping. impulse4 exceeds them by 3e-8 with
+    this step, and by 4e-11 with half of it."""
     frame, record = sliding_floors(dashpot, dashpot, dashpot)
     found = run(frame, record, method=method, dt=record.dt, check=False).stories
     assert np.all(found.ductility[:2] > 3.0)
