@@ -93,7 +93,8 @@ class _Names:
         """Return the name of an entry, or its default; report a name that is already used."""
         value = section.get("name")
         name = (value.text() if value else None) or f"{kind}_{number}"
-        if name in (_GROUND, ROOF) or name.isdecimal():
+        # Attachments are ends of links, whose names are those of floors otherwise.
+        if kind == "attachment" and (name in (_GROUND, ROOF) or name.isdecimal()):
             (value or section.value).fault(f"{name!r} is the name of a floor; use another name")
         elif column_name(name) in map(column_name, self.used):
             (value or section.value).fault(f"{name!r} is already used; names must be unique")
