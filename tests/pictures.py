@@ -22,7 +22,7 @@ from tdint.methods.catalogue import catalogue
 
 FOLDER = readmes.ROOT / "configs"
 DIGESTS = FOLDER / "pictures.json"
-_FIGURES = readmes.ROOT / "src" / "tdint" / "output" / "figures"
+_PACKAGE = readmes.ROOT / "src" / "tdint"
 _IDA = "tdint ida configs/collapse-prone-frame.yaml records --units m/s^2 -q"
 _REGION = " && ".join(
     next(
@@ -48,33 +48,40 @@ class Picture:
 
 
 PICTURES = {
-    "kaikoura-frame.png": Picture("tdint run configs/kaikoura-frame.yaml --plot={file}", "runs"),
+    "kaikoura-frame.png": Picture(
+        "tdint run configs/kaikoura-frame.yaml --plot={file}", "output/figures/runs"
+    ),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 "
         "--plot={file}",
-        "comparison",
+        "output/figures/static_curves",
     ),
     "design-spectrum.png": Picture(
         "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 "
         "--plot={file}",
-        "collapse",
+        "studies/motions/scaling_figures",
     ),
-    "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "collapse"),
+    "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "studies/ida/ida_figures"),
     "collapse-prone-frame-fragility.png": Picture(
         f"{_IDA} | tdint fragility - --threshold 10% --modeling-dispersion 0.35 --plot={{file}}",
-        "collapse",
+        "studies/fragility/fragility_figures",
     ),
     "region-fragility.png": Picture(
-        f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "collapse"
+        f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}",
+        "studies/fragility/fragility_figures",
     ),
-    "failures.png": Picture("tdint failures --plot={file}", "assessment", shows_methods=True),
+    "failures.png": Picture(
+        "tdint failures --plot={file}", "assessment/failures/failure_figures", shows_methods=True
+    ),
     "ten-story-bilinear-chart.png": Picture(
         "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}",
-        "assessment",
+        "assessment/chart/chart_figures",
         timed=True,
     ),
     "chain-150-chart.png": Picture(
-        "tdint chart configs/chain-150.yaml --repeat 5 --plot={file}", "assessment", timed=True
+        "tdint chart configs/chain-150.yaml --repeat 5 --plot={file}",
+        "assessment/chart/chart_figures",
+        timed=True,
     ),
 }
 
@@ -84,10 +91,11 @@ def _sources(module: str) -> set[Path]:
     found: set[Path] = set()
     names = {module}
     while names:
-        file = _FIGURES / f"{names.pop()}.py"
+        file = _PACKAGE / f"{names.pop()}.py"
         if file not in found:
             found.add(file)
-            names |= set(re.findall(r"from tdint\.output\.figures\.(\w+) import", file.read_text()))
+            modules = re.findall(r"from tdint\.([\w.]*(?:figures[\w.]*)) import", file.read_text())
+            names |= {module.replace(".", "/") for module in modules}
     return found
 
 

@@ -132,6 +132,8 @@ def _key(law: DriftLaw, parameter: LawParameter):
     default = (
         ""
         if parameter.default is None or parameter.points
+        else f"that of `{parameter.default}` where left out"
+        if isinstance(parameter.default, str)
         else f"{parameter.default:g} where left out"
     )
     about = ", ".join(filter(None, (_dimension(parameter), _range(parameter), default)))

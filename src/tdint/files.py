@@ -200,6 +200,14 @@ def is_there(name: str | Path) -> bool:
     return os.path.exists(name)  # noqa: PTH110  Path.exists raises an error for names too long
 
 
+_WILDCARDS = re.compile(r"[*?[]")
+
+
+def is_set(argument: str) -> bool:
+    """Return True if an argument may be several files: a directory or a pattern."""
+    return is_folder(argument) or bool(_WILDCARDS.search(argument) and not is_there(argument))
+
+
 def is_file(name: str | Path) -> bool:
     """Return True if a path is a file; False also for invalid names."""
     return os.path.isfile(name)  # noqa: PTH113  Path.is_file raises an error for names too long

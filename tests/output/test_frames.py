@@ -145,7 +145,7 @@ def test_records_from_arrays_traces_and_streams(traces):
     [
         ({"data": WAVE, "units": "g"}, UsageError, "dt and units are required"),
         ({"data": WAVE, "dt": 0.01}, UsageError, "dt and units are required"),
-        ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
+        ({"data": WAVE, "dt": 0.01, "units": "gg"}, UsageError, "units 'gg'"),
         ({"data": WAVE * np.nan, "dt": 1.0, "units": "g"}, RecordError,
          "array: .* got nan for sample 0"),
         ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError,

@@ -185,7 +185,9 @@ def declared_columns():
 def test_every_column_has_a_meaning_and_a_unit():
     for name, group in declared_columns().items():
         names = [column.name for column in group if isinstance(column, Column)]
-        assert len(set(names)) == len(names) > 0, name
+        # `devices` lists the columns of two tables, of attachments and of links.
+        assert name[0] == "devices" or len(set(names)) == len(names), name
+        assert names, name
     columns = {
         column
         for group in declared_columns().values()

@@ -110,7 +110,7 @@ def command(request: Request) -> None:
             "under the same records, use a campaign with `buildings: {models: "
             f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
-    from tdint.ground_motion.reading.suites import is_set
+    from tdint.files import is_set
 
     # A comma after a colon separates the parameters of a method. Any other comma separates methods.
     method = request.method

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import glob
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
-from tdint.files import STDIN, is_file, is_folder, is_there, protect_input
+from tdint.files import STDIN, is_file, is_folder, is_set, protect_input
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.duplicates import first_copies
 from tdint.ground_motion.horizontals import (
@@ -134,11 +133,6 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     return Sources(tuple(files), tuple(notes), tuple(failures), found, are_named)
 
 
-def is_set(argument: str) -> bool:
-    """Return True if an argument may be several files: a directory or a pattern."""
-    return is_folder(argument) or bool(_WILDCARDS.search(argument) and not is_there(argument))
-
-
 def _matching_files(argument: str) -> Sequence[str]:
     """Return the files that match an argument with wildcards, in order of name; the argument itself
     if it has no wildcards or is the name of a file. RecordError is raised if no file matches."""
@@ -147,9 +141,6 @@ def _matching_files(argument: str) -> Sequence[str]:
     if not (matches := sorted(glob.glob(argument))):  # noqa: PTH207  keeps the user's spelling
         raise RecordError(f"{argument}: no file matches this pattern")
     return matches
-
-
-_WILDCARDS = re.compile(r"[*?[]")
 
 
 def _records_in_directory(directory: str, choice: RecordChoice) -> tuple[list[str], dict[str, str]]:

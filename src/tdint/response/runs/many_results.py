@@ -406,7 +406,8 @@ def store_history(result: Runs, number: int, history: History | None) -> None:
         array[number] = math.nan
         if history:
             rows = getattr(history, HISTORY_FIELDS[name])[:: result.every]
-            array[number, : len(rows), : rows.shape[1]] = rows
+            kept = rows[: array.shape[1]]  # without the motion after the record
+        array[number, : len(kept), : rows.shape[1]] = kept
 
 
 class RunSpec(NamedTuple):
