@@ -8,6 +8,7 @@ parameters, figure of stability, publications), and for each file to which a REA
 
 from __future__ import annotations
 
+import ast
 import inspect
 import math
 import posixpath
@@ -115,6 +116,16 @@ def shown(name: str) -> str:
     """Return the page of a file, which shows its text."""
     file = ROOT / name
     return f"# {file.name}\n\n`{name}`\n\n````{_LANGUAGES.get(file.suffix, 'text')}\n{file.read_text('utf-8')}````\n"  # noqa: E501
+
+
+def modules_of(name: str) -> str:
+    """Return the page of a folder of sources without a README: its modules and their first
+    sentences."""
+    listed = [f"# {name}\n"]
+    for file in sorted((ROOT / name).glob("*.py")):
+        first = (ast.get_docstring(ast.parse(file.read_text("utf-8"))) or "").split("\n\n")[0]
+        listed.append(f"- `{file.name}`: {' '.join(first.split())}")
+    return "\n".join(listed) + "\n"
 
 
 def with_links_to_methods(text: str) -> str:
@@ -320,6 +331,12 @@ def pages() -> dict[str, str]:
     found |= {f"cli/{name}.md": command_page(name) for name in COMMANDS}
     found |= {f"{METHODS}/{name}.md": method_page(name) for name in catalogue()}
     found |= {f"{name}.md": shown(name) for name in files}
+    folders = [name for name in sorted(led) if (ROOT / name).is_dir()]
+    found |= {
+        page: modules_of(name)
+        for name in folders
+        if name.startswith("src/tdint/") and (page := page_of_file(name)) not in texts
+    }
     repository = addresses()["repository"]
     return {
         page: narrow_blocks(text) + edit_links(source_files(page, layout), repository)

@@ -427,7 +427,7 @@ def test_every_option_that_writes_a_file_is_tested() -> None:
                 assert (name, option.opts[0]) in tried | {("init", "file")}, name
     reading = {arguments[0] for arguments in lines}
     assert writing_commands() - reading == {
-        "overshoot", "failures", "examples", "validate", "compile",
+        "overshoot", "failures", "examples", "order", "validate", "compile",
     }  # fmt: skip
 
 

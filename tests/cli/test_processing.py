@@ -67,7 +67,12 @@ def test_results_equal_the_results_of_the_processed_record(
     expected_notes = "; ".join(processed.notes)
     assert expected_notes in row.get("notes", expected_notes)
     about = json.loads((folder / "out.json").read_text())
-    assert about["settings"]["processing"] == {**STEPS, "trim": [0.5, 2.5], "pad": [1.0, 2.0]}
+    assert about["settings"]["processing"] == {
+        **STEPS,
+        "time_scale": None,
+        "trim": [0.5, 2.5],
+        "pad": [1.0, 2.0],
+    }
     (record,) = about["records"]
     assert (record["processing"], record["notes"]) == (list(processed.processing), [])
     assert (record["samples"], record["dt_s"]) == (processed.acceleration.size, 0.005)

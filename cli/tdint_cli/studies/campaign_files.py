@@ -196,6 +196,7 @@ class Profiles:
         from tdint.output.page import PageText, page_units
         from tdint.output.summary import files_read
         from tdint.studies.campaign.suite_report import suite_page
+        from tdint.studies.campaign.variant_report import comparison_parts
 
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of
@@ -210,7 +211,11 @@ class Profiles:
         units = {model.page_units for model in models}
         heads = {model.page_head for model in models}
         shown_units = request.output_units or (units.pop() if len(units) == 1 else self.units)
+        sentences, answer = comparison_parts(
+            plan, self.store, self.profiles, request.baseline, page_units(shown_units)
+        )
         page_text = PageText(
+            answer=answer,
             warnings=[
                 *(str(error) for error in plan.failures),
                 *(text for collapsed, text in lost_motions if not collapsed),
@@ -218,6 +223,7 @@ class Profiles:
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
             inputs=files_read(),
             verdict=[
+                *((None, text) for text in sentences),
                 *(
                     (False, text)
                     for collapsed, text in lost_motions
@@ -234,7 +240,6 @@ class Profiles:
             self.profiles,
             page_text,
             limit=self.limits.drift_line,
-            baseline=request.baseline,
             ratios=ratios,
             floors=floors,
             units=shown_units,

@@ -17,7 +17,7 @@ from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.options.option_types import FileName
 from tdint_cli.options.output import Outputs
-from tdint_cli.options.record import NAMES, RecordsRequest
+from tdint_cli.options.record import RecordsRequest
 from tdint_cli.terminal import Failures, note_of_runs, say
 
 
@@ -62,7 +62,20 @@ class Request(RecordsRequest):
     dt: float | None = options.analysis.dt
 
 
-_MODEL = Mode("with a model", NAMES | {"records", "ranges", "method", "dt", "plot", "output_units"})
+_MODEL = Mode(
+    "with a model",
+    {
+        "units",
+        "component",
+        "inventory",
+        "records",
+        "ranges",
+        "method",
+        "dt",
+        "plot",
+        "output_units",
+    },
+)
 _CAMPAIGN = Mode("with a campaign directory, which defines the records and the parameters")
 MODES = (_MODEL, _CAMPAIGN)
 

@@ -227,7 +227,7 @@ def test_a_directory_contains_only_one_campaign(study: Path, tdint: Command) -> 
         "record other.mseed HNE: differs",
     ):
         assert line in result.stderr
-    assert "motion.mseed" not in result.stderr
+    assert "record motion.mseed" not in result.stderr
     change("study.yaml", ("name: study", "name: other"))
     tdint("campaign", "study.yaml", "-o", "new")
     assert (

@@ -147,7 +147,7 @@ def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(fol
          "threshold 0.02 not found; the thresholds of the table are 0.1"),
         ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name ... got pga, pgv"),
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "a demand threshold is required; specify --threshold"),
-        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2,
+        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "0.3", "--edp-range", "3:2"), 2,
          "LOW must be less than HIGH"),
         ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2,
          "--edp-range can only be used with --fit cloud"),

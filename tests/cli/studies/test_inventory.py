@@ -119,7 +119,7 @@ def test_a_target_beyond_the_curve_is_refused(folder, tdint):
     [
         (["shaken.yaml", "--drift", "2dy"], 2, "drift 2dy: the roof has no yield drift"),
         (["shaken.yaml", "--drift", "x"], 2, "write a drift ratio"),
-        (["shaken.yaml", "--pattern", "modal"], 2, "Invalid value for '--pattern'"),
+        (["shaken.yaml", "--pattern", "modal"], 2, "unknown pattern 'modal' ... first-mode"),
         (["shaken.yaml", "--points", "0"], 2, "Invalid value for '--points'"),
         (["missing.yaml"], 3, "missing.yaml: file not found"),
     ],

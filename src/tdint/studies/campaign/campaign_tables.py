@@ -181,6 +181,25 @@ RATIOS = (
 """Columns of ratios.csv."""
 
 
+def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
+    """Return the columns of the table of a report with a row for each building."""
+    drift, drift_unit = ("drift", "m") if by_length else ("drift_ratio", "1")
+    end = "_m" if by_length else ""
+    return [
+        Column("building", TEXT, "building", ""),
+        *([Column("level", TEXT, "level", "")] if has_levels else []),
+        Column("collapses", TEXT, "collapses", ""),
+        Column(f"mean_{drift}{end}", drift_unit, "mean", ""),
+        Column(f"largest_{drift}{end}", drift_unit, "largest", ""),
+        Column("times_baseline", "1", "ratio", ""),
+        Column("acceleration_m_s2", "m/s^2", "acceleration", ""),
+        Column(f"residual_{drift}{end}", drift_unit, "residual", ""),
+        Column("base_shear_N", "N", "shear", ""),
+        Column("device_force_N", "N", "force", ""),
+        Column("device_stroke_m", "m", "stroke", ""),
+    ]
+
+
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
     """Return measures.csv: the intensity measures of the ground motions of all runs."""
     rows = (

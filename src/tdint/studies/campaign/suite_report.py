@@ -26,7 +26,6 @@ from tdint.studies.campaign.assigned_motions import MotionFactors
 from tdint.studies.campaign.campaign_summary import campaign_summary
 from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
 from tdint.studies.campaign.load_case_report import load_case_chapter
-from tdint.studies.campaign.variant_report import comparison_parts
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
 from tdint.studies.motions.pairs import PairRule, describe_demand
@@ -71,7 +70,6 @@ def suite_page(
     page_text: PageText,
     *,
     limit: float | None = None,
-    baseline: str | None = None,
     ratios: Table | None = None,
     floors: Sequence[FloorSuite] = (),
     units: OutputUnits = SI,
@@ -80,7 +78,7 @@ def suite_page(
 
     `profiles` are the statistics over the ground motions, for each building and intensity level.
     `limit` is the limit of the drift ratio, which the figure shows. `ratios` are the responses of
-    the buildings divided by those of the building `baseline`.
+    the buildings divided by those of the baseline.
     """
     content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
@@ -122,16 +120,11 @@ def suite_page(
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
     inputs = [*(page_text.inputs or content["inputs"]), campaign]
-    sentences, answer = comparison_parts(plan, store, profiles, baseline, units)
     page_text = replace(
         page_text,
         warnings=[*plan.warnings, *page_text.warnings, *scaling_warnings, *record_warnings],
         inputs=inputs,
-        answer=answer,
-        verdict=[
-            *((None, text) for text in sentences),
-            *(page_text.verdict or ([] if sentences else _headlines(store, profiles))),
-        ],
+        verdict=page_text.verdict or _headlines(store, profiles),
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)

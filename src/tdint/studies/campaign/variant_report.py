@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tdint.number_parsing import number_text
-from tdint.output.tables.table import TEXT, Cell, Column, Table
+from tdint.output.tables.table import Cell, Table
+from tdint.studies.campaign.campaign_tables import variant_columns
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.variants import Comparison, comparisons, story_pairs
 from tdint.studies.motions.pairs import combine
@@ -233,21 +234,7 @@ def _best_text(
 
 def _table(rows: Sequence[_Variant], *, has_levels: bool, by_length: bool) -> Table:
     """Return the table of the buildings; columns without any number are omitted by the page."""
-    drift, drift_unit = ("drift", "m") if by_length else ("drift_ratio", "1")
-    end = "_m" if by_length else ""
-    columns = [
-        Column("building", TEXT, "building", ""),
-        *([Column("level", TEXT, "level", "")] if has_levels else []),
-        Column("collapses", TEXT, "collapses", ""),
-        Column(f"mean_{drift}{end}", drift_unit, "mean", ""),
-        Column(f"largest_{drift}{end}", drift_unit, "largest", ""),
-        Column("times_baseline", "1", "ratio", ""),
-        Column("acceleration_m_s2", "m/s^2", "acceleration", ""),
-        Column(f"residual_{drift}{end}", drift_unit, "residual", ""),
-        Column("base_shear_N", "N", "shear", ""),
-        Column("device_force_N", "N", "force", ""),
-        Column("device_stroke_m", "m", "stroke", ""),
-    ]
+    columns = variant_columns(has_levels=has_levels, by_length=by_length)
     cells: list[tuple[Cell, ...]] = []
     for row in rows:
         profile = row.profile
