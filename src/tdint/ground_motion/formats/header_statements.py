@@ -219,7 +219,7 @@ def statements(lines: Sequence[str]) -> Statements:
             if key in _INTERVAL_NAMES:
                 wording = f"{_INTERVAL_NAMES[key]} = {value}"
                 intervals += list(_stated_intervals([wording])) or _declared_interval(key, value)
-            elif key == "samples" and value.isdecimal():
+            elif key == "samples" and re.fullmatch(COUNT, value):
                 counts.append(int(value))
             elif key == "units":
                 declared_units.append(_units(value) or value)

@@ -223,7 +223,7 @@ class Lines:
                     f"the file has {len(values)}"
                 )
             values.extend(self._row(width))
-        if len(values) > count and not any(values[count:]):
+        if 0 < count < len(values) and not any(values[count:]):
             warnings.warn(
                 f"{len(values) - count} zeros after the {count} stated samples omitted",
                 stacklevel=2,

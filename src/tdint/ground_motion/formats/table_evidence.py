@@ -341,7 +341,7 @@ def first_numbers(
 def is_filled(values: NDArray[np.float64], count: float, width: int) -> bool:
     """Return True if only zeros, which fill the last of the rows of `width` values, follow the
     first `count` values."""
-    is_in_last_row = values.size - width < count < values.size
+    is_in_last_row = max(values.size - width, 0) < count < values.size
     return is_in_last_row and count == int(count) and not np.any(values[int(count) :])
 
 
@@ -381,9 +381,9 @@ def _wrong_count(
     if lines != values:
         contents = f"{pluralize(lines, 'line')} and {contents}"
     return RecordError(
-        f"line {number}: {' '.join(words[0])!r} is not a row of samples, and {count:.0f} is not "
-        f"the number of samples: {contents} follow; complete the file, correct the number, or skip "
-        f"the line by `skip_lines={number}`"
+        f"line {number}: {' '.join(words[0])[:60]!r} is not a row of samples, and {count:.0f} is "
+        f"not the number of samples: {contents} follow; complete the file, correct the number, or "
+        f"skip the line by `skip_lines={number}`"
     )
 
 
@@ -438,7 +438,7 @@ def unexplained_first_line(words: list[list[str]], widths: NDArray[np.int64], nu
     # The first two lines of a column may contain a number each.
     used = 2 if len(words) > 1 and len(words[0]) == len(words[1]) == 1 else 1
     first = [word for row in words[:used] for word in row]
-    whole = [word for word in first if _WITHOUT_POINT.fullmatch(word) and int(word) >= MIN_COUNT]
+    whole = [word for word in first if _WITHOUT_POINT.fullmatch(word) and float(word) >= MIN_COUNT]
     samples = [word for row in words for word in row]
     if len(words[0]) > 3 or len(whole) != 1:
         return
@@ -454,10 +454,9 @@ def is_index_row(words: list[list[str]]) -> bool:
     first = words[0]
     if len(first) < 2 or not all(map(_WITHOUT_POINT.fullmatch, first)):
         return False
-    start = int(first[0])
-    is_counted = start in (0, 1) and [int(word) for word in first] == list(
-        range(start, start + len(first))
-    )
+    numbers = [float(word) for word in first]
+    start = numbers[0]
+    is_counted = start in (0, 1) and all(n == start + i for i, n in enumerate(numbers))
     return is_counted and all("." in word for row in words[1:] for word in row[-1:])
 
 
