@@ -161,7 +161,7 @@ class ScaleRequest(RecordsRequest):
         type=_MeasureValue(),
         metavar="MEASURE=VALUE",
         help="Scale to this value of an intensity measure: sa=0.6g at the period --at, sa-avg=0.4g "
-        "(geometric mean of Sa from 0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, "
+        "(geometric mean, 0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, "
         "arias=2m/s, cav=9m/s, or a measure of a plug-in.",
     )
     at: float | None = options.option(
