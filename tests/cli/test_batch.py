@@ -72,7 +72,7 @@ def test_directories_without_records_or_with_an_unreadable_record_are_reported(f
     (folder / "some" / "b.mseed").write_bytes(b"")
     result = tdint("info", "none", "some", "--units", "m/s^2", code=4)
     assert len(result.stdout.splitlines()) == 2
-    none, some = result.stderr.splitlines()
+    none, some = (line for line in result.stderr.splitlines() if line.startswith("Error: "))
     assert states(none, "Error: none: no record found ... 00.md, 01.md")
     assert none.endswith("09.md and 2 more")
     assert some.startswith("Error: some/b.mseed: ") and "empty" in some

@@ -142,7 +142,7 @@ def test_runs_and_campaigns_read_the_origin_next_to_an_exported_motion(folder, t
     ("arguments", "code", "message"),
     [
         (("motion.mseed", "--export", "out.csv"), 2, "one component, got 2; select one"),
-        (("motion.mseed", "--export", "out.txt"), 2, "use the suffix .mseed or .csv"),
+        (("motion.mseed", "--export", "out.txt"), 2, "use the suffix .mseed, .csv or .yaml"),
         (("motion.mseed", "--export", "motion.mseed"), 6, "motion.mseed"),
         (
             ("motion.mseed", "--export", "out.mseed", "-o", "out.csv"),

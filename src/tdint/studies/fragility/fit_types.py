@@ -393,6 +393,7 @@ def _type_cloud(
             runs.states.medians,
             is_above_states.ravel(),
             lower_threshold=lightest,
+            values_per_demand=_THREE_POINTS.size,
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]

@@ -356,6 +356,7 @@ def fit_cloud(
     censored: Sequence[bool] | NDArray[np.bool_] | None = None,
     *,
     lower_threshold: float = 0.0,
+    values_per_demand: int = 1,
 ) -> list[Fragility]:
     """Fit a fragility function for each threshold to a cloud, by maximum likelihood.
 
@@ -379,6 +380,8 @@ def fit_cloud(
         Smaller demands that are not censored count only as below this value; default 0. Well below
         the lightest state the response is elastic and follows another line. These demands are not
         omitted, because a selection by demand would bias the line.
+    values_per_demand : int
+        Number of values in `edp` that represent the same demand; default 1. They count as one.
 
     Returns
     -------
@@ -415,8 +418,10 @@ def fit_cloud(
     intercept, slope, sigma, covariance = _line(
         np.log(x), np.log(np.where(below, lower_threshold, y)), above, below
     )
-    exact_count = int(np.sum(~(above | below)))
-    sigma *= math.sqrt(exact_count / (exact_count - 2))
+    exact_count = float(np.sum(~(above | below))) / values_per_demand
+    if exact_count <= 2.0:
+        raise AnalysisError("a line requires more than two demands that are not censored")
+    sigma *= math.sqrt(exact_count / (exact_count - 2.0))
     # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
     # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
