@@ -103,7 +103,6 @@ def test_an_invalid_processing_step_of_one_record_does_not_stop_the_others(
             "run shaken.yaml",
             "info other.mseed",
             "spectrum other.mseed",
-            "drift-spectrum other.mseed",
         ],
     ),
 )

@@ -796,3 +796,10 @@ def test_requested_specific_loops_are_not_replaced(monkeypatch):
     assert building_module._load_existing([(kernel, variant)], own_loops=True) == [
         (kernel, variant)
     ]
+
+
+def test_all_laws_do_not_replace_laws_that_can_fracture():
+    """The loop for all buildings has no branch for a fracture, which it would ignore."""
+    usable = building_module._usable_variants
+    assert usable(parse("linear,bilinear")) == (parse("linear,bilinear"), EVERYTHING)
+    assert usable(parse("linear,bilinear~")) == (parse("linear,bilinear~"),)

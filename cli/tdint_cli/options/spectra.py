@@ -146,7 +146,7 @@ def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
     command, for the help."""
     spectra = (
         "asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times), asce7-22:FILE or mcer-22:FILE (JSON file of "
-        "USGS), ec8:type=1,soil=B,ag=0.25g[,damping=5%] (,q=3 for the design spectrum), or a CSV "
+        "USGS), ec8:type=1,soil=B,ag=0.25g[,damping=5%][,q=3], or a CSV "
         "file with the columns period_s and sa_g or sa_m_s2."
     )
     return grammar.option(

@@ -23,7 +23,7 @@ from zlib import crc32
 import numpy as np
 
 from tdint.errors import AnalysisError, OutputError, UsageError
-from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant, parse
+from tdint.kernels.building.compilable import EVERYTHING, FRACTURES, Compilable, Variant, parse
 from tdint.system import lock, locked, processors, spawn_detached
 
 if TYPE_CHECKING:
@@ -131,9 +131,11 @@ def _load_missing(
 
 def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
     """Return the variants that can be used for a kernel, in order of preference: its variant and
-    the variant with all features, which does not contain laws of plug-ins.
+    the variant with all features, which contains neither laws of plug-ins nor laws that can
+    fracture.
     """
-    return (variant,) if variant.outside else (variant, EVERYTHING)
+    is_apart = variant.outside or any(law.endswith(FRACTURES) for law in variant.laws)
+    return (variant,) if is_apart else (variant, EVERYTHING)
 
 
 def _load_existing(

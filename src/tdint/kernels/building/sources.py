@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from tdint.kernels.building.compilable import Variant
+from tdint.kernels.building.compilable import FRACTURES, Variant
 
 if TYPE_CHECKING:
     from tdint.kernels.laws.law import DriftLaw
@@ -94,7 +94,7 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     other laws than `laws` are omitted; empty for all laws.
     """
     # The module `law` declares the types of laws; the module of a law has its name.
-    law_modules = {"law", *(name.replace("-", "_") for name in laws)}
+    law_modules = {"law", *(name.removesuffix(FRACTURES).replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
     queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while queue:
