@@ -22,6 +22,7 @@ from random_buildings import checked_building
 from tdint import load_model, run
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import AT_REST, REST_PERIODS
+from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.prepared import Motions
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run
 from tdint.units import parse_output_units
@@ -163,7 +164,11 @@ def test_errors_of_residual_drifts_of_steps_beyond_end_of_record(samples):
     good, changed = [], []
     for seed in range(16):
         building, record, method, true = random_run(seed)
-        response = run(building, record, method=method, dt=samples * record.dt, check=True)
+        step, end = samples * record.dt, record.duration
+        try:
+            response = run(building, record, method=method, dt=step, duration=end, check=True)
+        except FailedRun:  # the step does not resolve the motion
+            continue
         if response.check.drift_error is None:
             continue
         far = np.abs(response.stories.residual_drift - true.stories.residual_drift)
