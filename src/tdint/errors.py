@@ -130,8 +130,13 @@ class RecordError(TdintError):
     exit_code = 4
 
     def located(self, place: str) -> Self:
-        """Return the error with the place, such as the name of the file, before its message; the
-        class and the attributes are kept."""
+        """Return the error with the place before its message; class and attributes are kept.
+
+        Parameters
+        ----------
+        place : str
+            Place of the error, such as the name of the file.
+        """
         error = type(self).__new__(type(self), abridged(f"{place}: {self}"))
         vars(error).update(vars(self))
         return error

@@ -140,7 +140,13 @@ class TextLayout(_OptionalFields):
             )
 
     def has_step(self, dt: float) -> bool:
-        """Return True if `step` is specified and equal to `dt`, s."""
+        """Return True if `step` is specified and equal to a sampling interval.
+
+        Parameters
+        ----------
+        dt : float
+            Sampling interval, s.
+        """
         return self.step is not None and math.isclose(dt, self.step, rel_tol=SAME_STEP)
 
     def check_step(self, dt: float) -> None:

@@ -390,7 +390,13 @@ class Model:
         return (*self.attachments, *self.links)
 
     def require_chain(self, subject: str) -> None:
-        """Raise UsageError if the building has attachments or links, which `subject` ignores."""
+        """Raise UsageError if the building has attachments or links.
+
+        Parameters
+        ----------
+        subject : str
+            Computation that does not support them, such as `pushover`.
+        """
         if self.devices:
             raise UsageError(
                 f"{self.source}: {subject} does not support attachments and links; use time "

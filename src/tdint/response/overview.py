@@ -37,6 +37,9 @@ class Overview(Tabular):
     period, damping : float
         Period (s) and viscous damping ratio of the first mode; power-law dashpots and dampers
         with a brace are not included.
+    complex_period, complex_damping : float or None
+        Period (s) and damping ratio of the first complex mode, which includes all linear dampers;
+        None if the building has no dampers.
     """
 
     model: Model

@@ -281,6 +281,8 @@ def _read_table(
     lines.checked(array("d", numbers.values), block.line_numbers[0] - 1)
     if kind == "pairs":
         table = replace(table, time=0)
+    if kind != "columns":  # no column of the lines remains
+        table = replace(table, ignored=frozenset())
     table = replace(table, columns=_columns(numbers, kind))
     is_bare = not header and layout.step is not None and not layout.skip_lines
     if (

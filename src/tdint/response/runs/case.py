@@ -196,7 +196,13 @@ class Case:
 
     def throughout(self, record: Record) -> Case:
         """Return the same building and method under another ground motion, without the duration in
-        the model's `analysis` section."""
+        the model's `analysis` section.
+
+        Parameters
+        ----------
+        record : Record
+            Ground motion.
+        """
         if self.model.analysis.duration is None:
             return self.under(record)
         analysis = replace(self.model.analysis, duration=None)

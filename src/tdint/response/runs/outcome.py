@@ -557,6 +557,8 @@ class History(Tabular):
         Forces of the elements of stories with several elements, N; None without such stories.
     element_labels : tuple of str
         Story and name of each of these elements, such as `story_1_moat_wall`.
+    devices : DeviceHistory or None
+        Histories of attachments and links; None without them.
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
