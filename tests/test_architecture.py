@@ -80,7 +80,6 @@ def test_columns_are_declared_in_table_modules():
     names += ["transfer", "table"]
     assert other == {f"src/tdint/output/tables/{name}.py" for name in names} | {
         "src/tdint/studies/campaign/exports.py",
-        "src/tdint/studies/campaign/variant_report.py",
     }
 
 
