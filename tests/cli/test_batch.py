@@ -74,7 +74,7 @@ def test_directories_without_records_or_with_an_unreadable_record_are_reported(f
     assert len(result.stdout.splitlines()) == 2
     none, some = (line for line in result.stderr.splitlines() if line.startswith("Error: "))
     assert states(none, "Error: none: no record found ... 00.md, 01.md")
-    assert none.endswith("09.md and 2 more")
+    assert none.endswith("09.md and 2 more (document)")
     assert some.startswith("Error: some/b.mseed: ") and "empty" in some
 
 

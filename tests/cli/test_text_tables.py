@@ -138,7 +138,7 @@ def test_rows_in_a_model_file(noise, tdint):
         (
             "info tables/a.txt",
             4,
-            "starts in line 4 ... --rows ... --column ... --skip-lines 3 ... --step",
+            "starts in line 4 ... --rows ... --column ... --step",
         ),
         ("run forced.yaml --step 0.01", 2, "requires a record"),
     ],

@@ -112,7 +112,7 @@ def test_the_batches(checkout):
         "soft-soil",
     }
     (east, _) = json.loads((folder / "filtered.json").read_text())["records"]
-    assert [step.split(":")[0] for step in east["processing"][1:]] == [
+    assert [step.split(":")[0] for step in east["processing"][2:]] == [
         "highpass 0.1 Hz",
         "lowpass 25 Hz",
     ]

@@ -64,17 +64,19 @@ class Request(RecordsRequest):
 
 _MODEL = Mode(
     "with a model",
-    {
-        "units",
-        "component",
-        "inventory",
-        "records",
-        "ranges",
-        "method",
-        "dt",
-        "plot",
-        "output_units",
-    },
+    frozenset(
+        {
+            "units",
+            "component",
+            "inventory",
+            "records",
+            "ranges",
+            "method",
+            "dt",
+            "plot",
+            "output_units",
+        }
+    ),
 )
 _CAMPAIGN = Mode("with a campaign directory, which defines the records and the parameters")
 MODES = (_MODEL, _CAMPAIGN)

@@ -407,7 +407,7 @@ def store_history(result: Runs, number: int, history: History | None) -> None:
         if history:
             rows = getattr(history, HISTORY_FIELDS[name])[:: result.every]
             kept = rows[: array.shape[1]]  # without the motion after the record
-        array[number, : len(kept), : rows.shape[1]] = kept
+            array[number, : len(kept), : rows.shape[1]] = kept
 
 
 class RunSpec(NamedTuple):
