@@ -208,8 +208,10 @@ def statements(lines: Sequence[str]) -> Statements:
     RecordError
         A declared sampling interval or rate is not a positive number with a unit of time or rate.
     """
-    lines = list(map(_plain_text, lines))
-    declared: dict[str, str] = {}
+    # The origin of a motion that tdint wrote contains texts of the user, which state nothing.
+    origins = [line for line in lines if line.lstrip("# ").startswith(f"{ORIGIN} = ")]
+    lines = [_plain_text(line) for line in lines if line not in origins]
+    declared = dict(pair for line in origins for pair in declarations(line))
     counts: list[int] = []
     intervals: list[float] = []
     declared_units: list[str] = []
@@ -254,10 +256,8 @@ def _plain_text(line: str) -> str:
     """Return a header line without quotation marks and separators that a spreadsheet program adds.
 
     `"@ DT =",.02` becomes `@ DT = .02`, and `Sampling rate (Hz),100,,` becomes `Sampling rate (Hz)
-    = 100`. The origin of a motion that tdint wrote is unchanged.
+    = 100`.
     """
-    if line.lstrip("# ").startswith(f"{ORIGIN} = "):
-        return line
     text = line.replace('"', "").rstrip(" \t\r,;")
     text = re.sub(r"([=:])\s*[,;\t]\s*", r"\1 ", text)
     name, mark, value = text.partition(next((mark for mark in "\t;," if mark in text), ","))
