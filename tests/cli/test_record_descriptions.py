@@ -175,7 +175,7 @@ def test_selection_omits_unusable_files(columns, tdint):
     (columns / "target.csv").write_text("period_s,sa_g\n0.1,0.6\n0.5,0.6\n2,0.15\n")
     result = tdint(
         *("scale", "set", "--target", "target.csv", "--range", "0.2:2", "--select", "3"),
-        *("--rule", "asce7", "--factor-range", "0.01:100"),
+        *("--factor-range", "0.01:100"),
         code=4,
     )
     assert len(rows(result.stdout)) == 6
