@@ -303,7 +303,10 @@ MODES = {
 MODE_ARGUMENTS = {
     ("spectrum", "without RECORD"): "--target ec8:type=1,soil=B,ag=0.25g",
     ("spectrum", "with elastic spectra"): "x",
-    ("spectrum", "with --ductility, --strength or --reduction"): "x --ductility 2 --strength 1",
+    (
+        "spectrum",
+        "with --ductility, --strength or --reduction",
+    ): "x --ductility 2 --strength 1 --reduction 4",
     ("spectrum", "with --fourier"): "x --fourier",
     ("spectrum", "with --oscillator"): "x --oscillator 1 --history",
     ("spectrum", "with --rotd"): "x --rotd 50",

@@ -41,7 +41,6 @@ def processed(folder):
     ("command", "column"),
     [
         (("spectrum", "--period", "0.5"), "sd_m"),
-        (("drift-spectrum", "--period", "0.5", "--stories", "1"), "peak_drift_ratio"),
         (("info",), "pga_m_s2"),
     ],
 )

@@ -171,7 +171,8 @@ def test_selection_omits_unusable_files(columns, tdint):
             (columns / "set" / f"r{number}_{direction}.txt").write_text(
                 "# dt = 0.01 s, units = g\n" + column(values)
             )
-    (columns / "set" / "damaged_N.txt").write_text("# dt = 0.01 s, units = g\n0.1\n0.x\n0.2\n")
+    damaged = column(accelerogram(2000, 0.2, 1)).replace("\n", "x\n", 1)
+    (columns / "set" / "damaged_N.txt").write_text("# dt = 0.01 s, units = g\n" + damaged)
     (columns / "target.csv").write_text("period_s,sa_g\n0.1,0.6\n0.5,0.6\n2,0.15\n")
     result = tdint(
         *("scale", "set", "--target", "target.csv", "--range", "0.2:2", "--select", "3"),

@@ -529,7 +529,8 @@ class Command(HelpAsData):
     def _check_needs(self, ctx: click.Context) -> None:
         """Raise UsageError for an option that would have no effect without another option.
 
-        The attribute `needs` of an option names the options that it requires.
+        The attribute `needs` of an option names the options that it requires, each with its values
+        if only these have the effect: `--target or --to sa or sa-avg`.
         """
         # `needs` names an option by any of its names, and an argument by its name in the help.
         parameters: dict[str, click.Parameter] = {}
@@ -539,14 +540,7 @@ class Command(HelpAsData):
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
                 continue
-            alternatives = re.split(", | or ", needs)
-            needed_option, _, value = alternatives[0].partition(" ")
-            if value:
-                actual_value = ctx.params[parameters[needed_option].name or ""]
-                is_met = actual_value in (value, *alternatives[1:])
-            else:
-                is_met = any(_is_given(ctx, parameters[name]) for name in alternatives)
-            if not is_met:
+            if not _is_met(ctx, parameters, needs):
                 name = option.opts[-1]
                 raise UsageError(
                     f"{name} has no effect without {needs}; add {needs}, or omit {name}"
@@ -557,6 +551,23 @@ class Command(HelpAsData):
         formatter = ctx.make_formatter()
         super().format_help(ctx, formatter)
         return formatter.getvalue().rstrip("\n")
+
+
+def _is_met(ctx: click.Context, parameters: Mapping[str, click.Parameter], needs: str) -> bool:
+    """Return True if one of the options that `needs` names is given, with one of its values."""
+    name = ""
+    for alternative in re.split(", | or ", needs):
+        if alternative in parameters:
+            is_met = _is_given(ctx, parameters[alternative])
+        else:
+            option, _, value = alternative.rpartition(" ")
+            name = option or name
+            actual = ctx.params[parameters[name].name or ""]
+            # An option of a measure with its value has the name of the measure first.
+            is_met = value == (actual[0] if isinstance(actual, tuple) and actual else actual)
+        if is_met:
+            return True
+    return False
 
 
 DESCRIPTION = "records.yaml"

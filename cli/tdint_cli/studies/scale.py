@@ -176,7 +176,7 @@ class ScaleRequest(RecordsRequest):
         "Scale both horizontal components of a ground motion with one factor, based on this "
         "measure."
     )
-    damping: float = study_options.damping("--target or --to or --plot")
+    damping: float = study_options.damping("--target or --to sa or sa-avg or --p695 or --plot")
 
     def check(self) -> None:
         """Check that the options can be used together.

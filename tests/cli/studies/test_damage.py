@@ -305,7 +305,7 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
             x.append(intensity)
             above.append(has_collapsed or part * value >= 0.06)
             y.append(0.06 if above[-1] else part * value)
-    return fit_cloud(x, y, [0.015], above, lower_threshold=0.015)
+    return fit_cloud(x, y, [0.015], above, lower_threshold=0.015, values_per_demand=3)
 
 
 @pytest.mark.parametrize(

@@ -344,7 +344,8 @@ _NEAR_GRAVITY = 0.05  # fraction of g; tolerance for gravity plus the offset of 
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
 """Means of a sensor that also records gravity, with their description in messages."""
 
-_SPECIFY_UNITS = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
+_SPECIFY_UNITS = "specify the units, for example `units={}`"
+_ANY_UNITS = _SPECIFY_UNITS.format("g") + ", cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:
@@ -361,7 +362,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     # The empty text in `tdint_units` means that the user must specify the units.
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
         raise IncompleteRecord(
-            f"{label}: the file does not state the units of its samples; {_SPECIFY_UNITS}",
+            f"{label}: the file does not state the units of its samples; {_ANY_UNITS}",
             Missing(units=True),
         )
     code = str(trace.stats.channel).upper()
@@ -369,15 +370,16 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         raise IncompleteRecord(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
             f"for accelerometer channels (?N?, such as HNE), not for "
-            f"{code or 'a channel without a code'}; {_SPECIFY_UNITS}",
+            f"{code or 'a channel without a code'}; {_ANY_UNITS}",
             Missing(units=True),
         )
 
     # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
-    if why_unlikely := _why_unlikely(trace, label):
+    why_unlikely, likely = _why_unlikely(trace, label)
+    if why_unlikely:
         raise IncompleteRecord(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
-            f"{why_unlikely}; {_SPECIFY_UNITS}",
+            f"{why_unlikely}; {_SPECIFY_UNITS.format(likely)}",
             Missing(units=True),
         )
     return Units("m/s^2", 1.0, has_factor=False), (
@@ -419,29 +421,34 @@ def named_quantity(label: str) -> str:
     return ("velocity" if match[1] else "displacement") if match else ""
 
 
-def _why_unlikely(trace: Any, label: str) -> str:
-    """Return the reason why the samples of a trace are unlikely to be an acceleration in m/s^2;
-    empty if they may be.
+def _why_unlikely(trace: Any, label: str) -> tuple[str, str]:
+    """Return the reason why the samples of a trace are unlikely to be an acceleration in m/s^2, and
+    the units that are likely; both are empty if the samples may be in m/s^2.
 
     The integrals are computed without the means of the acceleration and the velocity, so that an
     offset of the sensor does not matter.
     """
     name = label.split(": ")[0]
+    quantity = named_quantity(label)
+    unit = {"velocity": "m/s", "displacement": "m"}.get(quantity, "m/s^2")
     if _PROCESSED.search(name):
-        return "the name is that of a processed file of ESM or ITACA, in cm/s^2, cm/s or cm"
-    if quantity := named_quantity(label):
-        return f"the name of the file states that the samples are a {quantity}"
+        return "the name is that of a processed file of ESM or ITACA", f"c{unit}"
+    if quantity:
+        return f"the name of the file states that the samples are a {quantity}", unit
     samples = np.asarray(trace.data, dtype=np.float64)
     peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
-    gravity = next(
-        (name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), ""
-    )
+    gravity = next((g for g in _GRAVITIES if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), 0.0)
     if peak > _MAX_PLAUSIBLE_ACCELERATION:
-        return f"the peak would be {peak:.4g} m/s^2, over 3 g"
+        return f"the peak would be {peak:.4g} m/s^2, over 3 g", "cm/s^2"
     if gravity:
-        return f"the mean is {mean:.5g}, probably {gravity}"
+        return f"the mean is {mean:.5g}, probably {_GRAVITIES[gravity]}", (
+            "g" if gravity == 1.0 else "m/s^2"
+        )
     if peak and not np.any(samples % 1.0):
-        return "all samples are whole numbers, probably counts"
+        return (
+            "all samples are whole numbers, probably counts, of which each has a value",
+            "0.001 cm/s^2",
+        )
     dt = float(trace.stats.delta)
     velocity = np.cumsum(samples - mean) * dt
     velocity -= np.mean(velocity)
@@ -450,8 +457,11 @@ def _why_unlikely(trace: Any, label: str) -> str:
     displacement -= np.linspace(displacement[0], displacement[-1], displacement.size)
     pgd = float(np.max(np.abs(displacement), initial=0.0))
     if pgv > _MAX_VELOCITY or pgd > _MAX_DISPLACEMENT:
-        return f"the peak velocity would be {pgv:.3g} m/s and the peak displacement {pgd:.3g} m"
-    return ""
+        return (
+            f"the peak velocity would be {pgv:.3g} m/s and the peak displacement {pgd:.3g} m",
+            "cm/s^2",
+        )
+    return "", ""
 
 
 def first_sample_warnings(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
