@@ -440,6 +440,9 @@ def _stated_part(
 _MAX_NUMBER_LINES = 100  # lines of numbers in a header
 
 
+_FEW_LINES = 3  # lines that text may have replaced
+
+
 def _check_surroundings(
     blocks: list[NumberBlock], main: int, below: list[str], stated: Statements, numbers: Numbers
 ) -> None:
@@ -464,10 +467,12 @@ def _check_surroundings(
     if is_confirmed:
         return
     for block in blocks[:main]:
-        is_name = len(block.lines) <= 2 and all(
-            _INTEGER.fullmatch(word) for word in " ".join(block.lines).split()
-        )
-        if not is_name:
+        words = " ".join(block.lines).split()
+        is_name = len(block.lines) <= 2 and all(map(_INTEGER.fullmatch, words))
+        # A number of samples that is nearly right shows that text replaces a few samples.
+        if not is_name or any(
+            abs(int(word) - size) <= _FEW_LINES for word in words for size in numbers.sizes
+        ):
             first, last = block.line_numbers[0], block.line_numbers[-1]
             where = f"line {first}" if first == last else f"lines {first} to {last}"
             raise RecordError(
