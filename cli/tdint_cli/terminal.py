@@ -14,7 +14,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import click
@@ -368,13 +368,16 @@ def _lines_of_errors(errors: Sequence[TdintError]) -> list[str]:
     """Return the messages of errors. Records that lack the same properties have one message, which
     ends with a command line that specifies all of them."""
     lines = [str(error) for error in errors if not isinstance(error, IncompleteRecord)]
-    incomplete: dict[tuple[str, Missing], list[str]] = {}
+    incomplete: dict[tuple[str, Missing], list[tuple[str, Missing]]] = {}
     for error in errors:
         if isinstance(error, IncompleteRecord):
             file, message = _file_and_message(str(error))
-            incomplete.setdefault((message, error.missing), []).append(file)
-    for (message, missing), files in incomplete.items():
-        line = _line_with(missing, message, files)
+            # Files whose likely units differ have a common message.
+            key = message, replace(error.missing, units="")
+            incomplete.setdefault(key, []).append((file, error.missing))
+    for (message, _), found in incomplete.items():
+        files = [file for file, _ in found]
+        line = _line_with(found[0][1], files)
         lines.append(f"{abbreviate(files, _NAMED_IN_ERRORS)}: {message}{line}")
     return lines
 
@@ -382,16 +385,14 @@ def _lines_of_errors(errors: Sequence[TdintError]) -> list[str]:
 _NAMED_IN_ERRORS = 10  # maximum number of files that a common error names
 
 
-def _line_with(missing: Missing, message: str, files: Sequence[str]) -> str:
+def _line_with(missing: Missing, files: Sequence[str]) -> str:
     """Return the end of a message: an example of a command line that specifies all properties that
     records lack; empty if no property is missing."""
     settings = current()
     arguments, words = list(settings.arguments), list[str]()
     has_units = any(word.partition("=")[0] == "--units" for word in arguments)
-    # The message of a velocity or a displacement contains an example of its units.
-    units = re.search(r"`units=([^`]+)`", message)
     words += ["--step", "0.01"] if missing.step else []
-    words += ["--units", units[1] if units else "g"] if missing.units and not has_units else []
+    words += ["--units", missing.units] if missing.units and not has_units else []
     words += ["--column", missing.columns[0]] if missing.columns else []
     words += ["--skip-lines", str(missing.skip_lines)] if missing.skip_lines else []
     if not (words and arguments):

@@ -179,6 +179,6 @@ def test_selection_omits_unusable_files(columns, tdint):
         *("--factor-range", "0.01:100"),
         code=4,
     )
-    assert len(rows(result.stdout)) == 6
+    assert len(rows(result.stdout)) == 3
     assert "damaged_N.txt" in result.stderr
     assert "8 of 9 files used" in result.stderr

@@ -242,16 +242,24 @@ def test_displacements_are_differentiated(file, header, unit):
 
 def test_everything_that_is_missing_is_stated_together(file):
     for content, missing in (
-        (column(A), {"step": True, "units": True, "columns": (), "rows": False}),
+        (column(A), {"step": True, "units": "g", "columns": (), "rows": False}),
         (table(A, B, forms=["%.6f"] * 2),
-         {"step": True, "units": True, "columns": ("1", "2"), "rows": True}),
+         {"step": True, "units": "g", "columns": ("1", "2"), "rows": True}),
         ("time (s),p,q\n" + table(TIMES, A, B),
-         {"step": False, "units": True, "columns": ("p", "q"), "rows": False}),
+         {"step": False, "units": "g", "columns": ("p", "q"), "rows": False}),
     ):  # fmt: skip
         with pytest.raises(IncompleteRecord) as error:
             read(file, content)
         found = vars(error.value.missing)
         assert {name: found[name] for name in missing} == missing
+
+
+@pytest.mark.parametrize(("factor", "units"), [(1.0, "g"), (9.8, "m/s^2"), (980.0, "cm/s^2")])
+def test_the_example_of_units_is_plausible(file, factor, units):
+    """The example of a question is a command line that people follow."""
+    with pytest.raises(IncompleteRecord) as error:
+        read(file, "# dt = 0.01 s\n" + column(factor * A / np.max(np.abs(A))))
+    assert error.value.missing.units == units
 
 
 class TestUnitsOfNames:

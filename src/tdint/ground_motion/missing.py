@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tdint.errors import RecordError
+from tdint.units import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
@@ -19,8 +20,8 @@ class Missing:
     ----------
     step : bool
         The sampling interval is required (`step`).
-    units : bool
-        The units of the samples are required (`units`).
+    units : str
+        Likely units of the samples, which are required (`units`); empty if these are known.
     columns : tuple of str
         Columns of which at least one is required (`column`): names, or numbers counted from 1.
     rows : bool
@@ -30,10 +31,17 @@ class Missing:
     """
 
     step: bool = False
-    units: bool = False
+    units: str = ""
     columns: tuple[str, ...] = ()
     rows: bool = False
     skip_lines: int = 0
+
+
+def likely_units(peak: float) -> str:
+    """Return the units of an acceleration with which its maximum is plausible."""
+    if peak <= 1.5:  # g; larger accelerations of the ground are very rare
+        return "g"
+    return "m/s^2" if peak <= 1.5 * STANDARD_GRAVITY else "cm/s^2"
 
 
 class IncompleteRecord(RecordError):

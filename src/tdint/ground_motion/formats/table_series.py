@@ -29,7 +29,7 @@ from tdint.ground_motion.formats.table_columns import (
     quantity_of_units,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
-from tdint.ground_motion.missing import IncompleteRecord, Missing
+from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
 from tdint.ground_motion.origin import stated_origin
 from tdint.units import parse_units
 
@@ -82,7 +82,9 @@ def incomplete(
     if not has_units:
         others.append("the units, if they are not specified (`units`)")
     also = f"; also required: {' and '.join(others)}" if others else ""
-    missing = replace(missing, step=missing.step or lacks_step, units=not has_units)
+    peaks = [float(np.max(np.abs(table.columns[index]))) for index in table.candidates]
+    units = "" if has_units else likely_units(max(peaks, default=0.0))
+    missing = replace(missing, step=missing.step or lacks_step, units=units)
     return IncompleteRecord(f"{reason}{also}", missing)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.missing import IncompleteRecord, Missing
+from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
 from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
@@ -363,7 +363,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
         raise IncompleteRecord(
             f"{label}: the file does not state the units of its samples; {_ANY_UNITS}",
-            Missing(units=True),
+            Missing(units=likely_units(float(np.max(np.abs(trace.data), initial=0.0)))),
         )
     code = str(trace.stats.channel).upper()
     if len(code) != 3 or code[1] != _ACCELEROMETER:
@@ -371,7 +371,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
             f"for accelerometer channels (?N?, such as HNE), not for "
             f"{code or 'a channel without a code'}; {_ANY_UNITS}",
-            Missing(units=True),
+            Missing(units=likely_units(float(np.max(np.abs(trace.data), initial=0.0)))),
         )
 
     # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
@@ -380,7 +380,7 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         raise IncompleteRecord(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
             f"{why_unlikely}; {_SPECIFY_UNITS.format(likely)}",
-            Missing(units=True),
+            Missing(units=likely),
         )
     return Units("m/s^2", 1.0, has_factor=False), (
         "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "
