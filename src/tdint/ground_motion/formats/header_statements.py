@@ -33,6 +33,10 @@ MIN_COUNT = 20
 MIN_STEP, MAX_STEP = 1e-5, 1.0
 """Sampling intervals of accelerograms, s; other numbers are something else."""
 
+_LONGEST_STATEMENT = 1000
+"""Characters of the longest line that states properties. The time to search a line for words may
+increase with the square of its length."""
+
 _SECONDS = {"MS": 1e-3, "MSEC": 1e-3}
 """Units of an interval other than the second, s."""
 
@@ -210,6 +214,7 @@ def statements(lines: Sequence[str]) -> Statements:
     """
     # The origin of a motion that tdint wrote contains texts of the user, which state nothing.
     origins = [line for line in lines if line.lstrip("# ").startswith(f"{ORIGIN} = ")]
+    lines = [line for line in lines if len(line) <= _LONGEST_STATEMENT]
     lines = [_plain_text(line) for line in lines if line not in origins]
     declared = dict(pair for line in origins for pair in declarations(line))
     counts: list[int] = []

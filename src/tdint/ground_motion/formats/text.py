@@ -668,23 +668,26 @@ def _time_and_ignored(
             # Line numbers may precede the times.
             counted = {i for i in range(index) if counts_rows(table[:, i])}
             return index, ignored | counted
+    # Pairs of times and values in a line also start with a time.
+    has_pairs = not names and paired(table) is not None
+    others = set(ignored)
+    is_first = True
     for index in range(width):
         column = table[:, index]
-        if index in ignored:
+        if index in others:
             continue
         if counts_rows(column):
-            ignored |= {index}
+            others.add(index)
             continue
-        # Pairs of times and values in a line also start with a time.
-        if not names and paired(table) is not None:
+        if has_pairs:
             break
         is_motion = bool(names) and bool(quantity_of_units(names[index].units))
         if not is_motion and are_times(column):
-            return index, ignored
-        is_first = index == min(set(range(width)) - ignored)
+            return index, frozenset(others)
         if is_first and not (names or layout.rows) and _increases(column):
-            return index, ignored
-    return None, ignored
+            return index, frozenset(others)
+        is_first = False
+    return None, frozenset(others)
 
 
 def _increases(column: NDArray[np.float64]) -> bool:
