@@ -25,7 +25,7 @@ def filtered(record: Record, corners: list[float], filtering) -> Record:
 
 
 def resampled(record: Record) -> Record:
-    times = np.arange(0.0, record.duration, 0.5 * record.dt)
+    times = 0.5 * record.dt * np.arange(2 * record.acceleration.size - 1)
     own = record.dt * np.arange(record.acceleration.size)
     return replace(
         record, dt=0.5 * record.dt, acceleration=np.interp(times, own, record.acceleration)
@@ -64,3 +64,39 @@ def test_different_motions_and_motions_at_rest_are_not_copies():
     ]
     motions = [*map(motion, range(12)), rest, rest, *pulses]
     assert first_copies([[record] for record in motions]) == list(range(len(motions)))
+
+
+TIMES = np.arange(0.0, 10.0, 0.01)
+SIMPLE = {
+    "sines of different period": [np.sin(2.0 * np.pi * TIMES / t) for t in (0.3, 0.31, 0.5, 2.0)],
+    "modulated sines of different phase": [
+        np.sin(15.0 * TIMES + phase) * np.sin(2.5 * TIMES) for phase in (0.0, 1.0, 2.0)
+    ],
+    "half sines": [
+        np.where(end > TIMES, np.sin(np.pi * TIMES / end), 0.0) for end in (0.05, 0.055, 0.5, 0.52)
+    ],
+    "triangles": [np.maximum(1.0 - np.abs(2.0 * TIMES / end - 1.0), 0.0) for end in (0.2, 0.22)],
+    "wavelets": [
+        (1.0 - 2.0 * (f * (TIMES - 3.0)) ** 2) * np.exp(-((f * (TIMES - 3.0)) ** 2))
+        for f in (6.0, 6.2, 12.0)
+    ],
+    "trains of pulses": [np.where((TIMES % 1.0 < 0.1) & (n > TIMES), 1.0, 0.0) for n in (8, 9, 10)],
+}
+
+
+@pytest.mark.parametrize("shapes", SIMPLE.values(), ids=SIMPLE)
+def test_simple_motions_are_copies_only_if_they_are_equal(shapes):
+    motions = [[Record(shape, 0.01, "", "", "", "")] for shape in shapes]
+    copy = replace(
+        resampled(motions[0][0]), acceleration=-2.0 * resampled(motions[0][0]).acceleration
+    )
+    assert first_copies([*motions, [copy]]) == [*range(len(motions)), 0]
+
+
+@pytest.mark.parametrize(
+    "record", [motion(1), Record(SIMPLE["half sines"][2], 0.01, "", "", "", "")]
+)
+def test_motions_of_another_amplitude_are_copies_only_of_scaled_motions(record):
+    motions = [[record], [replace(record, acceleration=1.5 * record.acceleration)], [record]]
+    assert first_copies(motions) == [0, 0, 0]
+    assert first_copies(motions, scaled=False) == [0, 1, 0]

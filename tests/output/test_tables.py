@@ -268,6 +268,11 @@ def quoted(text):
          "yield_force 10 N, hardening 0.05"),
         ({"type": "polynomial", "coefficients": [400, 0, 3e6]}, "N,mm",
          "coefficients 0.4 N/mm, 0 N/mm^2, 0.003 N/mm^3"),
+        # A choice is a word; the default word is omitted.
+        ({"type": "gap", "gap": 0.35, "stop_stiffness": 4e5}, "kN,m",
+         "gap 0.35 m, stop_stiffness 400 kN/m"),
+        ({"type": "gap", "gap": 0.35, "stop_stiffness": 4e5, "sides": "positive"}, "kN,m",
+         "gap 0.35 m, stop_stiffness 400 kN/m, sides positive"),
         (
             {
                 "type": "multilinear-pinching",

@@ -450,10 +450,11 @@ def _select_function(
 
 
 def _warnings(scaling: Scaling) -> list[str]:
-    """Return warnings about a suite: unusual factors."""
-    from tdint.studies.motions.scaling import BOUNDS, POSSIBLE
+    """Return warnings about a suite: unusual factors, too few selected motions for the rule."""
+    from tdint.studies.motions.scaling import BOUNDS, POSSIBLE, missing_motions
 
-    warnings = []
+    text = missing_motions(scaling.rule, len(scaling.factors))
+    warnings = [f"{text}; select more ground motions"] if text else []
     # Factors that scale to a value of an intensity measure may be larger than factors that scale to
     # a target spectrum.
     bounds, reason = POSSIBLE, "which often indicates incorrect units"

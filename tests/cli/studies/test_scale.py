@@ -18,6 +18,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 UNITS = ("--units", "m/s^2")
 PGA = ("--pga", "0.6g")
 TARGET = ("--target", CONFIGS / "design-spectrum.csv")
+EC8 = ("--target", "ec8:type=1,soil=B,ag=0.1g")
 
 
 def test_factors_to_a_value_of_a_measure(folder, tdint):
@@ -403,6 +404,26 @@ def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
         assert sorted((run["record"], run["component"], run["scale"]) for run in runs) == sorted(
             (row["record"], row["component"], row["factor"]) for row in listed
         )
+
+
+def test_a_selection_omits_files_that_cannot_be_used(folder, tdint, make_record):
+    """A single component and a corrupt file are listed; the selection is written although the code
+    requires more pairs, which a warning states."""
+    (folder / "study").mkdir()
+    for seed in range(4):
+        frequency = 9.0 + 5.0 * seed
+        make_record(folder / "study" / f"p{seed}.mseed", "HNE", "HNN", frequency=frequency)
+    make_record(folder / "study" / "single.mseed", "HNE")
+    (folder / "study" / "broken.csv").write_text("Time (s),E (g)\n0,0.0\n0.02,x\n0.04,0.1\n")
+    call = ("scale", "study", *UNITS, "--target", "asce7:sds=1,sd1=0.6,tl=8", "--range", "0.2:2")
+    for rule, needed in (("asce7", "at least 11 pairs"), ("ec8", "at least 3 ground motions")):
+        target = call if rule == "asce7" else (*call[:4], *EC8, *call[-2:], "--pairs", "rotd50")
+        result = tdint(*target, "--rule", rule, "--select", 2, code=4)
+        assert len({row["record"] for row in rows(result.stdout)}) == 2
+        assert states(
+            result.stderr, f"Warning: the rule {rule} requires {needed} ... got 2; select"
+        )
+        assert "broken.csv" in result.stderr and "single.mseed" in result.stderr
 
 
 def test_motions_are_selected(folder, tdint, make_record):

@@ -269,7 +269,7 @@ def _duplicate_notes(records: Sequence[Record]) -> list[str]:
 
     Duplicates occur if the user specifies a file and its directory, or a motion in two formats.
     """
-    first = first_copies([[record] for record in records])
+    first = first_copies([[record] for record in records], scaled=False)
     duplicates = [
         f"{records[index].name} is {records[original].name}"
         for index, original in enumerate(first)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.model.story_laws import LAWS
+from tdint.model.story_laws import LAWS, default_numbers
 from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
@@ -522,12 +522,7 @@ def _law_words(law: Law, units: OutputUnits) -> str:
         else:
             value_count = None if parameter.many else 1
         values = tuple(islice(numbers, value_count))
-        # A default can be the name of another parameter, which precedes this parameter.
-        default: tuple[float | None, ...] = (
-            values_by_name[parameter.default]
-            if isinstance(parameter.default, str)
-            else (parameter.default,)
-        )
+        default = default_numbers(parameter, values_by_name)
         values_by_name.setdefault(parameter.name, values)
         # Omit a parameter with its default, or with the value that has no effect (`without`).
         if values in (default, (parameter.without,)):

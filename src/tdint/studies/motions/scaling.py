@@ -33,8 +33,11 @@ from tdint.studies.motions.intensity import (
 )
 from tdint.tabular import Tabular
 
-MIN_PAIRS = 11
-"""Minimum number of ground motions in ASCE 7-16 (16.2.2)."""
+MIN_MOTIONS = {
+    "asce7": (11, "pairs of components", "ASCE 7-16, 16.2.2"),
+    "ec8": (3, "ground motions", "EN 1998-1:2004, 3.2.3.1.2(4)"),
+}
+"""Minimum number of ground motions of a rule, what is counted, and source."""
 
 _MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
 """Relative tolerance of the minimum of the average spectrum divided by the target, and maximum
@@ -44,9 +47,6 @@ average is close to the minimum at many periods."""
 MIN_AVERAGE_RATIO = 0.9
 """Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
 3.2.3.1.2(4))."""
-
-MIN_MOTIONS = 3
-"""Minimum number of ground motions in EN 1998-1:2004 (3.2.3.1.2(4)a)."""
 
 BOUNDS = (0.25, 4.0)
 """Minimum and maximum factor in common practice, not from a code. A motion with a factor outside of
@@ -263,7 +263,8 @@ def scale_asce7(
         The motions are fewer than 11 pairs, or single components; a period is outside the range of
         the target.
     """
-    check_rule("asce7", pairs, len(pairs), target)
+    check_rule("asce7", pairs, target)
+    _check_count("asce7", len(pairs))
     fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
     return raise_to_rule(fitted, "asce7")
 
@@ -291,47 +292,48 @@ def scale_ec8(
         The motions are fewer than 3; a period is outside the range of the target; the target has no
         value at the period 0.
     """
-    check_rule("ec8", motions, len(motions), target)
+    check_rule("ec8", motions, target)
+    _check_count("ec8", len(motions))
     fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
     return raise_to_rule(fitted, "ec8")
 
 
-def check_rule(
-    rule: str, motions: Sequence[GroundMotion], count: int, target: TargetSpectrum
-) -> None:
+def check_rule(rule: str, motions: Sequence[GroundMotion], target: TargetSpectrum) -> None:
     """Raise UsageError if a scaling rule cannot be applied to ground motions and a target.
 
     Parameters
     ----------
     rule : str
         `mean`, `asce7` or `ec8`.
-    count : int
-        Number of motions to which the rule applies.
 
     Raises
     ------
     UsageError
-        Single components or fewer than 11 pairs are used with asce7; fewer than 3 motions, or a
-        target without a value at the period 0, are used with ec8; the rule is unknown.
+        Single components are used with asce7, or a target without a value at the period 0 with ec8;
+        the rule is unknown.
     """
     scaling_function(rule)  # raises the error of an unknown rule
     if rule == "asce7":
         _check_pairs(motions, rule)
-        if count < MIN_PAIRS:
-            raise UsageError(
-                f"the rule asce7 requires at least {MIN_PAIRS} pairs of components (ASCE 7-16, "
-                f"16.2.2), got {count}; add pairs, or use the rule mean"
-            )
     if rule == "ec8" and target.zero is None:
         raise UsageError(
             f"{target.source}: the rule ec8 requires the target at the period 0; add it to the "
             "table"
         )
-    if rule == "ec8" and count < MIN_MOTIONS:
-        raise UsageError(
-            f"the rule ec8 requires at least {MIN_MOTIONS} ground motions (EN 1998-1:2004, "
-            f"3.2.3.1.2(4)), got {count}; add ground motions, or use the rule mean"
-        )
+
+
+def missing_motions(rule: str, count: int) -> str:
+    """Return a text if a rule requires more ground motions than `count`; otherwise ""."""
+    needed, motions, source = MIN_MOTIONS.get(rule, (0, "", ""))
+    if count >= needed:
+        return ""
+    return f"the rule {rule} requires at least {needed} {motions} ({source}), got {count}"
+
+
+def _check_count(rule: str, count: int) -> None:
+    """Raise UsageError if a complete suite contains fewer ground motions than its rule requires."""
+    if text := missing_motions(rule, count):
+        raise UsageError(f"{text}; add ground motions, or use the rule mean")
 
 
 def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:

@@ -86,7 +86,7 @@ def select(
         Number of motions to select.
     rule : str
         `mean` (each motion has an individual factor within the limits), or `asce7` or `ec8`, which
-        are applied to the selected motions.
+        are applied to the selected motions, also if they are fewer than the code requires.
     factors : tuple of two floats
         Minimum and maximum factor. A motion that needs a factor outside of these limits is
         considered with the limit. The common factor of a rule is included.
@@ -118,7 +118,7 @@ def select(
     target_scatter = _target_scatter(scatter, compared_periods, count)
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
-    check_rule(rule, suite, count, target_spectrum)
+    check_rule(rule, suite, target_spectrum)
     # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
     pool, spectra, excluded_counts = _pool(suite, compared_periods, damping, spectrum_pair)
     event_numbers, labels = _number_events(suite, events, per_event)
