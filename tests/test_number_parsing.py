@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from tdint.errors import UsageError
-from tdint.number_parsing import MAX_GRID_POINTS, Grid, number_text, parse_grid, parse_ratio
+from tdint.number_parsing import (
+    MAX_GRID_POINTS,
+    Grid,
+    number_text,
+    parse_grid,
+    parse_ratio,
+    table_number,
+)
 from tdint.units import parse_output_units
 
 
@@ -70,3 +77,17 @@ def test_unit_of_mass_follows_from_force():
         ("N,m", "1.218e+06 kg"),
     ):
         assert parse_output_units(units).text(mass, "kg") == text
+
+
+@pytest.mark.parametrize(
+    ("value", "largest", "text"),
+    [
+        (-7.04e-15, 7.04e-15, "below 0.0001"),  # rounding instead of a residual drift
+        (-7.04e-15, 1.0, "0"),
+        (-3e-6, 3e-6, "-0.0000030"),
+        (3e-6, None, "below 0.0001"),
+        (0.0, 0.0, "0"),
+    ],
+)
+def test_small_numbers_of_a_table_have_digits_or_a_bound(value, largest, text):
+    assert table_number(value, largest) == text

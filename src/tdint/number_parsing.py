@@ -79,7 +79,8 @@ def table_number(value: float, largest: float | None = None) -> str:
         The number; nan is an empty cell.
     largest : float, optional
         Largest absolute value of the column. A number that is below 0.0001 times this value is
-        written as 0. Without it, a number below 0.0001 is written as "below 0.0001".
+        written as 0. Without it, or if the number would have no digits, a number below 0.0001 is
+        written as "below 0.0001".
     """
     if math.isnan(value):
         return ""
@@ -89,9 +90,10 @@ def table_number(value: float, largest: float | None = None) -> str:
     if abs(value) >= 1.0:
         return f"{float(text):.0f}"
     # The power of ten is negative, so the absolute value is below 0.0001.
-    if largest is None:
-        return f"below {_SMALL}"
-    return "0" if abs(value) < _SMALL * largest else f"{value:.7f}"
+    if largest is not None and abs(value) < _SMALL * largest:
+        return "0"
+    decimals = f"{value:.7f}"
+    return f"below {_SMALL}" if largest is None or float(decimals) == 0.0 else decimals
 
 
 def abbreviate(names: Sequence[str], limit: int) -> str:

@@ -454,6 +454,9 @@ class OutputUnits:
         With accelerations in g, `unit("m/s^2")` is `("g", 9.80665)`.
         """
         length, force = LENGTH[self.length], FORCE[self.force]
+        # Energies in kN mm are not common: lengths in mm or cm are replaced by m.
+        arm = "m" if self.length in ("mm", "cm") else self.length
+        energy = (f"{self.force}*{arm}", force * LENGTH[arm])
         chosen = {
             "m": (self.length, length),
             "m/s": (self.velocity or f"{self.length}/s", VELOCITY.get(self.velocity, length)),
@@ -465,12 +468,10 @@ class OutputUnits:
             "kg": (self.mass, MASS[self.mass]),
             "N/m": (f"{self.force}/{self.length}", force / length),
             "m/N": (f"{self.length}/{self.force}", length / force),
-            "J": (f"{self.force}*{self.length}", force * length),
-            "N*m": (f"{self.force}*{self.length}", force * length),
+            "N*s": (f"{self.force}*s", force),
+            "J": ("J", 1.0) if energy == ("N*m", 1.0) else energy,
+            "N*m": energy,
         }
-        # The usual unit of energy in SI is J, not N*m.
-        if (self.force, self.length) == ("N", "m"):
-            chosen["J"] = ("J", 1.0)
         return chosen.get(si, (si, 1.0))
 
     def of(self, value: Any, si: str) -> Any:

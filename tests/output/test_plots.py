@@ -17,6 +17,7 @@ from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
+from tdint.output.figures.loads import load_picture
 from tdint.output.figures.runs import run_picture
 from tdint.output.figures.spectrum_curves import (
     draw_adrs,
@@ -142,6 +143,24 @@ def test_figure_of_run_shows_forces_on_floors(record):
     ]  # fmt: skip
     # The force on floor 3 jumps at 0 s, and ends after the run.
     assert lines["floor 3"] == [[0, 0], [0, 0], [0, -1], [1, -1], [1, 0], [1, 0]]
+
+
+def test_only_the_time_of_a_short_pulse_is_drawn():
+    """A force of 0.05 s and a ground motion of 0.05 s in a run of 10 s have time axes of their own;
+    a force that acts longer has the axis of the response."""
+    pulse = np.where((np.arange(1000) >= 300) & (np.arange(1000) < 305), 1.0, 0.0)
+    points = {"points": [[5, 0], [5.02, 3000], [5.05, 0]]}
+    model = {
+        "stories": [{"mass": 1e3, "height": 3, "stiffness": 1e6}],
+        "excitation": {"forces": [{"floor": 1, **points}]},
+    }
+    record = Record(pulse, 0.01, "a.csv", "", "", "")
+    response = run(model, record, dt=0.01, duration=10.0, history=True)
+    ground, force, roof = (panel.get_xlim() for panel in run_picture(response).axes[:3])
+    assert 2.9 < ground[0] < 3.0 < 3.05 < ground[1] < 3.1
+    assert force == pytest.approx((4.9875, 5.0625)) and roof == (0.0, 10.0)
+    assert load_picture(response.model, 10.0).axes[0].get_xlim() == force
+    assert load_picture(response.model, 5.04).axes[0].get_xlim() == (0.0, 5.04)
 
 
 def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():

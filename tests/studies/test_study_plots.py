@@ -133,6 +133,13 @@ def test_suites(scaling, expected):
     assert not [part for part in expected if part not in text]
 
 
+def test_motions_that_are_not_selected_do_not_change_the_height_of_the_axis():
+    scaling = scale_to_target([record(), record(2)], TARGET, np.geomspace(0.2, 2.0, 5))
+    others = replace(scaling, unselected_spectra=1e-4 * scaling.spectra(scaling.periods))
+    limits = [suite_picture(item).axes[0].get_ylim() for item in (scaling, others)]
+    assert limits[0] == limits[1]
+
+
 CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
 
 

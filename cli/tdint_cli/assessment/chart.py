@@ -327,7 +327,7 @@ def _chart_many(request: Request) -> None:
         )
     # A reference with a gap (uncertainty) above the smallest tolerance, 1e-4, cannot assess errors
     # of this size, so that a note lists the problem.
-    notes = []
+    notes = [f"not solved within 10 %: {text}" for text in chart.unsolved()]
     for case in chart.measured:
         if uncertain := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
             gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in uncertain.items())

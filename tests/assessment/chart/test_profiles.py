@@ -25,6 +25,7 @@ from tdint.assessment.chart.performance_profiles import (
     read_problems,
 )
 from tdint.assessment.chart.problem import pose
+from tdint.assessment.chart.profile_figures import profile_picture
 from tdint.assessment.chart.work_precision import (
     PerformanceProfile,
     Point,
@@ -118,6 +119,24 @@ def test_ratios_of_methods_of_two_orders_agree_with_formulas():
         assert found[tolerance, "none"] == INF
     assert found[0.0001, "two"] == INF  # 1/16 has an error of 4e-3
     assert chart.lines == ["two", "four", "none"]
+
+
+def test_problems_that_methods_do_not_solve_are_named_with_the_outcome():
+    collapsed = [replace(point, outcome="collapsed", errors=None) for point in points("a", 2, 1.0)]
+    chart = field_chart(
+        [
+            measured(points("a", 2, 1.0), points("b", 4, 1.0), name="solved"),
+            measured(collapsed, points("b", 2, 1.0, fails=PARTS), name="weak"),
+            measured(points("a", 2, 1.0), points("b", 0, 1.0), name="coarse"),
+        ]
+    )
+    assert chart.unsolved() == [
+        "weak, noise: collapsed with a; diverged with b",
+        "coarse, noise: inaccurate with b",
+    ]
+    (legend,) = profile_picture(chart, target="peak-drift").legends
+    footnote = " ".join(legend.get_title().get_text().split())
+    assert "Not solved within 10 %: weak, noise: collapsed with a" in footnote
 
 
 def test_problems_with_inaccurate_reference_are_excluded():

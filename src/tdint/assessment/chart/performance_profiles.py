@@ -334,6 +334,26 @@ class FieldChart(Tabular):
                 )
         return tuple(profiles)
 
+    def unsolved(self) -> list[str]:
+        """Return a text for each problem that methods do not solve at the largest tolerance: its
+        name, and these methods with the outcome of their smallest time step."""
+        texts, tolerance = [], max(TOLERANCES)
+        for problem in self.measured:
+            lines_by_outcome: dict[str, list[str]] = {}
+            for quantity in PEAKS:
+                for line, cost in problem.costs(quantity, tolerance).items():
+                    if math.isnan(cost) and not problem.is_unknown(line, quantity, tolerance):
+                        outcome = [point.outcome for point in problem.points if point.line == line]
+                        reason = "inaccurate" if outcome[-1] == DONE else outcome[-1]
+                        lines_by_outcome.setdefault(reason, []).append(line)
+            if lines_by_outcome:
+                outcomes = [
+                    f"{reason} with {', '.join(dict.fromkeys(lines))}"
+                    for reason, lines in lines_by_outcome.items()
+                ]
+                texts.append(f"{problem.name}, {problem.motion}: {'; '.join(outcomes)}")
+        return texts
+
     def named(self, line: str) -> str:
         """Return the name of a method, with the number of problems if it does not accept them all.
 

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 
-from tdint.number_parsing import pluralize
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.legends import add_legend
 from tdint.output.figures.style import (
     LIGHT,
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 from tdint.output.figures.static_curves import NARROW_FOOT, PROFILE_FOOT
 
 _MAX_COST_RATIO = 30.0  # end of the axis of cost ratios; slower methods are not of interest
+
+_MAX_UNSOLVED = 3  # problems that are named below a figure; the command prints all
 
 _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
 """Line widths (points) of emphasized methods: the methods that tdint recommends, and the method
@@ -141,6 +143,8 @@ def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> No
         f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
         f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}; {', '.join(programs)}"
     )
+    if unsolved := chart.unsolved():
+        conditions += f". Not solved within 10 %: {abbreviate(unsolved, _MAX_UNSOLVED)}"
     for legend in figure.legends:
         footnote = wrap(conditions, NARROW_FOOT if narrow else PROFILE_FOOT)
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))

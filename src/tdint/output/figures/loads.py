@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from tdint.arrays import Array
 from tdint.output.figures.style import COLORS, DASHES, LIGHT, scaled_unit, titled
 from tdint.units import SI, OutputUnits
 
@@ -15,6 +17,10 @@ if TYPE_CHECKING:
 
 _MAX_LINES = 6
 """Maximum number of forces with a color and an entry in the legend. Further forces are gray."""
+
+_SHORT, _SHORT_MARGIN, _NEGLIGIBLE = 0.1, 0.25, 1e-3
+"""Fraction of the time of a run below which only the time of the loads is drawn, the margin on both
+sides divided by this time, and the fraction of the peak below which a load is not considered."""
 
 
 def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
@@ -27,8 +33,24 @@ def load_picture(model: Model, end: float, units: OutputUnits = SI) -> Figure:
     return titled(figure, f"{model.name}: forces on {_floors_text(floors)}")
 
 
+def active_interval(loads: Sequence[tuple[Array, Array]], end: float) -> tuple[float, float]:
+    """Return the limits of the time axis of loads: from 0 to the end of the run, or only the time
+    in which short loads act. A load consists of its times, s, and its values."""
+    active: list[float] = []
+    for times, values in loads:
+        indices = np.flatnonzero(np.abs(values) > _NEGLIGIBLE * np.max(np.abs(values)))
+        if indices.size:
+            active += [times[max(indices[0] - 1, 0)], times[min(indices[-1] + 1, len(times) - 1)]]
+    first, last = (max(min(active), 0.0), max(active)) if active else (0.0, end)
+    if last - first > _SHORT * end or last >= end:
+        return 0.0, end
+    margin = _SHORT_MARGIN * (last - first)
+    return max(0.0, float(first - margin)), min(float(last + margin), end)
+
+
 def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits) -> None:
-    """Plot the forces from tables up to the end of a run, s. Equal forces are a single line.
+    """Plot the forces from tables up to the end of a run, s, or in the time in which short forces
+    act. Equal forces are a single line.
 
     Parameters
     ----------
@@ -57,7 +79,8 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
             axes.plot(times, values, linewidth=1.0, label=label, **style)
         else:
             axes.plot(times, values, linewidth=0.6, color=LIGHT, zorder=0)
-    axes.set(xlim=(0.0, end), ylabel=f"force ({unit})")
+    shown = active_interval([(force[0].times, force[0].values) for force in groups.values()], end)
+    axes.set(xlim=shown, ylabel=f"force ({unit})")
     axes.legend(loc="upper right", fontsize=7.0, handlelength=2.4, ncols=min(len(named), 3))
 
 

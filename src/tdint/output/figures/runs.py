@@ -5,7 +5,6 @@ effects of parameters on peak responses.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
 from tdint.number_parsing import table_number
-from tdint.output.figures.loads import draw_loads
+from tdint.output.figures.loads import active_interval, draw_loads
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -92,13 +91,14 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         upper.append(figure.add_subplot(grid[0]))
         _draw_ground(upper[0], response.record, history.time[-1], units)
     if has_loads:
-        upper.append(figure.add_subplot(grid[more], sharex=upper[0] if upper else None))
+        upper.append(figure.add_subplot(grid[more]))
         draw_loads(upper[-1], response.model.excitation, history.time[-1], units)
-        upper[-1].tick_params(labelbottom=False)
-    if upper:
-        roof = figure.add_subplot(grid[1 + more], sharex=upper[0])
-    else:
-        roof = figure.add_subplot(grid[:2])
+    roof = figure.add_subplot(grid[1 + more] if upper else grid[:2])
+    for panel in upper:
+        # A short pulse has a time axis of its own.
+        if panel.get_xlim() == (0.0, history.time[-1]):
+            panel.sharex(roof)
+            panel.tick_params(labelbottom=False)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
     _draw_energies(figure.add_subplot(grid[-2], sharex=roof), response, history, units)
     if narrow:
@@ -128,8 +128,7 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
     shown = time <= end * (1.0 + _ROUNDING)
     time, motion = time[shown], motion[shown]
     axes.plot(time, motion, color=LIGHT, linewidth=0.8)
-    axes.set_ylabel(f"ground ({unit})")
-    axes.tick_params(labelbottom=False)
+    axes.set(ylabel=f"ground ({unit})", xlim=active_interval([(time, motion)], end))
     axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
     # After a collapse, the run ends before the record, and the peak ground acceleration can be
     # later than the end of the figure.
@@ -205,9 +204,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     """
     energy = history.energy
     total_input = response.energy.initial + energy.input
-    # Energies in kN mm are not common, so that lengths in mm or cm are replaced by m.
-    energy_units = replace(units, length="m") if units.length in ("mm", "cm") else units
-    factor, unit = scaled_unit(float(np.max(np.abs(total_input))), "J", energy_units)
+    factor, unit = scaled_unit(float(np.max(np.abs(total_input))), "J", units)
     layers = (
         (energy.hysteretic, "dissipated by stories", "0.35", None),
         (energy.viscous, "damping", "0.62", None),

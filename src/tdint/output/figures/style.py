@@ -122,7 +122,7 @@ _METHODS = (
 )
 """Methods that are often drawn together, in the order of their colors and markers. Each method of
 tdint in this list has a separate color."""
-_HIGHLIGHT_WIDTH = 3.0  # points; width of the highlighted line
+_HIGHLIGHT_RATIO = 1.8  # width of the highlighted line divided by the width of the other lines
 NARROW = 31
 """Maximum number of characters of method labels in a legend with three columns."""
 
@@ -212,7 +212,10 @@ def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, dict
             "marker": _METHOD_MARKERS[number % len(_METHOD_MARKERS)],
         }
         if method in highlighted:
-            plot_styles[method] |= {"linewidth": _HIGHLIGHT_WIDTH, "zorder": 4}
+            plot_styles[method] |= {
+                "linewidth": _HIGHLIGHT_RATIO * mpl.rcParams["lines.linewidth"],
+                "zorder": 4,
+            }
     return plot_styles
 
 

@@ -196,21 +196,9 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     else:
         spectra = units.of(scaling.spectra(periods), "m/s^2")
     several = len(spectra) > 1
-    if (
-        scaling.unselected_spectra is not None
-        and scaling.periods is not None
-        and len(scaling.unselected_spectra)
-    ):
-        others = {"color": "0.8", "linewidth": 0.4}
-        axes.plot(
-            scaling.periods, units.of(scaling.unselected_spectra, "m/s^2").T, zorder=0.5, **others
-        )
-        axes.plot(
-            [],
-            [],
-            label=f"{pluralize(len(scaling.unselected_spectra), quantity)} not selected",
-            **others,
-        )
+    others, other_style = scaling.unselected_spectra, {"color": "0.8", "linewidth": 0.4}
+    if others is not None and len(others):
+        axes.plot([], [], label=f"{pluralize(len(others), quantity)} not selected", **other_style)
     plot_style = single_style(several)
     axes.plot(periods, spectra.T, zorder=1, **plot_style)
     axes.plot([], [], label=pluralize(len(spectra), quantity), **plot_style)
@@ -220,6 +208,11 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
     _draw_target(axes, scaling, periods, spectra, units)
     plain_logarithmic(axes)
+    if others is not None and len(others):
+        # The limits of the axis follow from the selected motions and the target.
+        limits = axes.get_ylim()
+        axes.plot(scaling.periods, units.of(others, "m/s^2").T, zorder=0.5, **other_style)
+        axes.set_ylim(limits)
     axes.set(xlim=(periods[0], periods[-1]), xlabel="period (s)")
     axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
     add_gravity_axis(axes, units.unit("m/s^2")[0])
