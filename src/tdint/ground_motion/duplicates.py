@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
@@ -135,7 +136,7 @@ def _is_copy(component: Record, other: Record, scaled: bool) -> bool:
     return bool(np.max(np.abs(correlation)) > limit * np.sqrt(norms[0] * norms[1]))
 
 
-def _is_described(filtered: Array, transform: Array) -> bool:
+def _is_described(filtered: NDArray[np.complex128], transform: NDArray[np.complex128]) -> bool:
     """Return True if the band contains enough energy and information to recognize a component."""
     energies = np.abs(filtered) ** 2
     squares = np.fft.irfft(filtered) ** 2
