@@ -1,5 +1,6 @@
 """Incremental dynamic analysis: closed forms, brackets, censoring, failed runs and stored runs."""
 
+import io
 import math
 from dataclasses import replace
 from itertools import pairwise
@@ -14,9 +15,10 @@ from tdint import load_model, spectrum
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
+from tdint.model.building import assemble
 from tdint.response.runs.demands import RUN
 from tdint.studies.campaign.chunks import Batch, RunRow
-from tdint.studies.ida.ida import IdaSettings, ida
+from tdint.studies.ida.ida import IdaSettings, _elastic_scale, ida
 from tdint.studies.ida.ida_curve import (
     IdaCurve,
     IdaRun,
@@ -360,3 +362,22 @@ def test_a_building_of_isolators_has_no_drift_ratio():
     with pytest.raises(ModelError, match="all stories are isolators") as refused:
         ida(load_model({"stories": [isolator]}), [motion()])
     assert "height of story" not in str(refused.value)
+
+
+def test_first_scale_is_that_of_the_stories_beside_attachments_and_links():
+    """A light, stiff attachment and a weak dashpot do not change the first mode."""
+    chain = """
+units: {length: m, force: kN, mass: t}
+stories: [{repeat: 3, mass: 100, height: 3.5, stiffness: 6.0e4, law: {type: bilinear,
+  yield_force: 300, hardening: 5%}}]
+plausibility: off, test
+"""
+    devices = """
+attachments: [{name: tank, floor: 1, mass: 1.0e-6, stiffness: 10}]
+links: [{from: ground, to: 2, dashpot: 1.0e-6}]
+"""
+    scales = [
+        _elastic_scale(assemble(load_model(io.StringIO(text))), motion(), 0.1)
+        for text in (chain, chain + devices)
+    ]
+    assert scales[1] == pytest.approx(scales[0], rel=1e-6)

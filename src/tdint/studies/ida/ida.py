@@ -703,7 +703,7 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     # Drift ratios of the first mode for a spectral displacement of 1 m. The mode shape is
     # normalized (shape^2 @ mass = 1), so that `shape @ mass` is the participation factor.
     participation = float(shape @ building.mass)
-    story_shape = np.abs(np.diff(shape, prepend=0.0))[has_height]
+    story_shape = np.abs(building.deformations @ shape)[has_height]
     unit_drift_ratios = participation * story_shape / heights
     # The yield drift is infinite if a story does not yield.
     yield_ratios = building.yield_drift[has_height] / heights
