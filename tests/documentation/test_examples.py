@@ -268,6 +268,23 @@ def test_the_model_with_all_keys(checkout):
     assert summary["record"]["component"] == "HN1"
 
 
+@pytest.mark.slow
+def test_each_model_of_the_page_runs_as_it_stands(checkout):
+    """A model without an excitation is checked."""
+    folder, _ = checkout
+    (folder / "models").mkdir()
+    page = (readmes.ROOT / "configs" / "README.md").read_text("utf-8")
+    models = [text for text in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if
+        re.search("^stories:", text, re.MULTILINE)]  # fmt: skip
+    assert len(models) >= 7 and any("attachments:" in text for text in models)
+    for text in models:
+        path = folder / "models" / "model.yaml"
+        path.write_text(text)
+        command = ["run", "--duration", "1"] if "excitation:" in text else ["check"]
+        result = CliRunner().invoke(cli, [*command, str(path)])
+        assert result.exit_code == 0, result.output
+
+
 def test_the_model_in_us_units():
     model = load_model(io.StringIO(readmes.block("weights")))
     # 400 kip are the weight of 400 000 lb.
