@@ -30,7 +30,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.story_laws import LAWS
-from tdint.output.tables import buildings, devices, methods, responses, spectra, transfer
+from tdint.output.tables import buildings, devices, matrices, methods, responses, spectra, transfer
 from tdint.output.tables import table as shared
 from tdint.output.tables.table import columns_of
 from tdint.response.spectra.drift import DriftSpectrum
@@ -236,6 +236,11 @@ def columns():
         ),
         "links.csv of tdint run": (
             *(*devices.LINK_NAMES, *devices.LINK_COLUMNS, *devices.LINK_ERROR),
+        ),
+        "rows.csv of tdint run": (matrices.ROW_NAME, *matrices.ROW_COLUMNS, *matrices.ROW_ERROR),
+        "stories.csv of flexural stories by tdint run": (
+            *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),
+            *(*matrices.FLEXURE_COLUMNS, *matrices.FLEXURE_ERROR),
         ),
         "history.csv of tdint run": responses.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),

@@ -433,6 +433,18 @@ def stream_table(
     return table, rows
 
 
+def read_rows(source: str, needs: str) -> list[tuple[int, list[str]]]:
+    """Return the line number and the cells of each row of a CSV file without a header.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read; `needs` describes the file in the message.
+    """
+    text = _read_checked_bytes(source, needs, ModelError).decode("utf-8-sig")
+    return list(_parse_rows(source, io.StringIO(text, newline=""), ModelError))
+
+
 def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row of a CSV file, which is read in parts.
 

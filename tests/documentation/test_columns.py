@@ -22,6 +22,8 @@ COMMANDS = {
     "elements.csv of tdint run": "configs/isolated-moat-wall.yaml --duration 0.1",
     "attachments.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
     "links.csv of tdint run": "configs/absorber-frame.yaml --duration 0.1",
+    "rows.csv of tdint run": "{folder}/rows.yaml --duration 0.1",
+    "stories.csv of flexural stories by tdint run": "configs/wall-on-soil.yaml --duration 0.1",
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 "
     "--check",
     "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof "
@@ -106,6 +108,8 @@ def folder(tmp_path_factory):
         "recorded.yaml": f"base: {motion}\nfloors: {{1: {motion}}}\n",
         "frame.yaml": "{stories: [{mass: 1, stiffness: 400}], damping: {modal: 0.05}}",
         "other.yaml": "{stories: [{mass: 1, stiffness: 500}], damping: {modal: 0.05}}",
+        "rows.yaml": "{matrices: {names: [u], mass: [1], stiffness: [[400]]}, "
+        f"excitation: {{record: {motion}}}}}",
         "classes.csv": "class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n",
         "of-classes.csv": "id,class,NumberOfStories\none,A,2\n",
         "published.csv": "period_s,psa_g\n1,0.1\n2,0.1\n",

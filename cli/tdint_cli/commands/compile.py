@@ -92,7 +92,7 @@ def command(request: Request) -> None:
             "MODEL.yaml), or compile for all buildings (tdint compile --all)"
         )
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
-    from tdint.methods.catalogue import DEFAULT_METHOD, parse
+    from tdint.methods.catalogue import method_of, parse
     from tdint.model.config.model_file import load_model
     from tdint.response.runs.analysis_kernels import all_kernels, kernels_of_model
 
@@ -103,9 +103,7 @@ def command(request: Request) -> None:
     kernels = all_kernels() if request.everything else []
     for file in request.models:
         model = load_model(file)
-        kernels += kernels_of_model(
-            model, parse(request.method or model.analysis.method or DEFAULT_METHOD)
-        )
+        kernels += kernels_of_model(model, parse(method_of(model, request.method)))
     if request.show:
         emit(
             "".join(

@@ -158,6 +158,7 @@ def _transfer(model: Model, source: str, outputs: Outputs) -> None:
     from tdint.model.building import assemble
     from tdint.response.spectra.transfer import transfer_function
 
+    model.require_chain("the transfer function")
     floors = len(model.stories)
     if source != _GROUND and not (source.isdecimal() and 1 <= int(source) <= floors):
         raise UsageError(

@@ -23,6 +23,7 @@ from tdint_cli.commands.run_request import (
     ELEMENTS,
     LINKS,
     MODES,
+    ROWS,
     SEQUENCE,
     SEVERAL,
     SINGLE,
@@ -165,6 +166,11 @@ def _run(request: Request) -> None:
     model = _model(request)
     request = replace(request, output_units=model.output_units)
     check_limit_options(request.limit, request.require, [model])
+    if model.rows and (request.picture_file or request.report):
+        raise UsageError(
+            "--plot and --report show stories, but this model has rows that are not floors: use "
+            "--history, or `stories` with a `stiffness_matrix`"
+        )
     request.floor_request.chosen_floors(len(model.stories))
     if model.damage:
         from tdint.response.runs.damage import own_type
@@ -357,7 +363,7 @@ def _files(
     units = request.units_shown
     files: dict[Path, Content] = {}
     if request.output:
-        files[Path(request.output) / STORIES] = stories.csv()
+        files[Path(request.output) / (ROWS if response.model.rows else STORIES)] = stories.csv()
         if elements := tables.responses.element_table(response):
             files[Path(request.output) / ELEMENTS] = elements.in_units(units).csv()
         for name, table in zip(
@@ -570,9 +576,10 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
-    lines += [
-        f"{text[0].upper()}{text[1:]}." for text in tables.devices.device_sentences(response, units)
-    ]
+    sentences = tables.devices.device_sentences(response, units)
+    if response.flexure is not None:
+        sentences = tables.matrices.linear_sentences(response, units)
+    lines += [f"{text[0].upper()}{text[1:]}." for text in sentences]
     # The drifts of events are ratios if the stories have heights.
     for number, event in enumerate(response.events, start=1):
         maximum = demands(event.stories)
@@ -636,6 +643,17 @@ def _maximum_demands(
     from tdint.response.runs.demands import demands
 
     maximum = demands(stories)
+    if model.rows:
+        largest = int(stories.peak_displacement.argmax())
+        displacement = units.text(float(stories.peak_displacement[largest]), "m")
+        force, total = (
+            units.text(value, "N")
+            for value in (maximum.base_shear.value, maximum.total_base_shear.value)
+        )
+        return (
+            f"displacement {displacement} in row {model.rows[largest]}, force along the ground "
+            f"motion {force} ({total} with viscous forces)"
+        )
     drift_text = f"drift {units.text(maximum.drift.value, 'm')} in story {maximum.drift.location}"
     if maximum.drift_ratio.location is not None:
         value = maximum.drift_ratio.value

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from tdint.model.plugins import (
 from tdint.model.story_laws import LAWS, register_law
 from tdint.tabular import ResultList
 
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
+
 FAMILIES = (
     "impulse",
     "impulse4",
@@ -53,6 +56,16 @@ FAMILIES = (
 
 DEFAULT_METHOD = "impulse4"
 """Default method."""
+
+EXACT = "exact"
+"""Only method for models of matrices and flexural stories."""
+
+
+def method_of(model: Model, requested: str | None = None) -> str:
+    """Return the method of a model: the requested method, that of its file, or the default."""
+    default = DEFAULT_METHOD if model.matrices is None else EXACT
+    return requested or model.analysis.method or default
+
 
 # Field of a BibTeX entry (name and value), and the line with its keywords
 _FIELD = re.compile(r"  (\w+) = \{+(.*?)\}+,\n")

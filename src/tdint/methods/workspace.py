@@ -26,6 +26,12 @@ memory of its rows.
 """
 
 
+# Rows of `Workspace.observer_state` in a model of flexural stories, whose loop is not compiled:
+# peaks in the order of `FlexureValues`. The last three have one number, in the first column.
+MOMENT, ROTATION, UNROTATED_DRIFT, SHEAR_DRIFT, BENDING_DRIFT = range(1, 6)
+BASE_ROTATION, BASE_DISPLACEMENT, TOTAL_BASE_MOMENT = range(6, 9)
+
+
 @dataclass
 class Workspace:
     """Arrays that a time integration reads and writes.

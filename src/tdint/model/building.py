@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ from tdint.model.story_laws import CODES, LAWS, Law
 from tdint.model.topology import incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from tdint.model.linear_system import LinearSystem
 
 _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Building.fastest`)
 _MAX_LISTED_STORIES = 5  # maximum number of stories named in a message
@@ -66,6 +70,8 @@ class Building:
         Number of floors without attachments.
     stiffens : bool
         True if a story can become stiffer than initially.
+    system : LinearSystem | None
+        Matrices of a linear model, which replace the springs and dampers of the stories.
     """
 
     linear_terms: Array
@@ -80,6 +86,7 @@ class Building:
     links: tuple[Link, ...] = ()
     floors: int = 0
     stiffens: bool = False
+    system: LinearSystem | None = None
 
     @property
     def height_contributions(self) -> Array:
@@ -119,6 +126,8 @@ class Building:
     @cached_property
     def deformations(self) -> Array:
         """Matrix of the deformations of all springs, shape (n, masses)."""
+        if self.system is not None:
+            return self.system.deformations
         if not self.branched:
             return np.eye(self.stories) - np.diag(self.linear_terms[rows.LINK, 1:-1], -1)
         return incidence(self.linear_terms, self.masses)
@@ -325,6 +334,8 @@ class Building:
         positive entries, the largest eigenvalue of M^-1 K is at most the maximum of (M^-1 K x)_i /
         x_i over the floors i (Collatz 1942). The bound decreases as x approaches the mode.
         """
+        if self.system is not None:
+            return float(self.modes().omega[-1])
         if self.branched:
             return self.frequency_bound(self.initial_stiffness)
         return float(
@@ -344,6 +355,8 @@ class Building:
     @cached_property
     def _first_bound(self) -> float:
         """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s."""
+        if self.system is not None:
+            return self.fastest
         return self.frequency_bound(self.initial_stiffness)
 
     def frequency_bound(self, stiffness: Array) -> float:
@@ -367,6 +380,8 @@ class Building:
 
     def stiffness_matrix(self) -> Array:
         """Return the initial stiffness matrix, N/m, shape (n, n)."""
+        if self.system is not None:
+            return self.system.stiffness
         return self._spring_matrix(self.initial_stiffness)
 
     def _spring_matrix(self, springs: Array) -> Array:
@@ -378,6 +393,8 @@ class Building:
     def damping_matrix(self) -> Array:
         """Return the damping matrix without power-law dashpots, N s/m, shape (n, n): the sum of the
         dampers in the stories, the dampers from the floors to the ground, and modal damping."""
+        if self.system is not None:
+            return self.system.damping
         story_matrix = self._spring_matrix(self.story_dampers)
         modal = self.modal[:, : self.masses]
         return (
@@ -432,6 +449,8 @@ class Building:
         matrix C consists of dampers in the stories, dampers from the floors to the ground, and the
         modal damping.
         """
+        if self.system is not None:
+            return omega, float(shape @ self.system.damping @ shape / (2.0 * omega))
         if self.branched:
             drift = self.deformations @ shape
         else:
@@ -452,6 +471,12 @@ class Building:
         """Return the damped modes of the initial stiffness with all linear dampers and their
         braces; power-law dampers are omitted.
         """
+        if self.system is not None:
+            from tdint.model.linear_system import damped_modes
+
+            modes, stiffness, damping = damped_modes(self)
+            none = np.zeros((0, modes.omega.size)), np.zeros(0), np.zeros(0)
+            return solve_complex_modes(modes, stiffness, damping, none)
         terms = self.linear_terms[:, :-1]
         is_linear = (terms[rows.BRACE] == 0.0) & (terms[rows.POWER] == 0.0)
         dampers = np.where(is_linear, terms[rows.POWER_DAMPER], 0.0)
@@ -577,6 +602,11 @@ def assemble(model: Model) -> Building:
         P-delta exceeds the stiffness of a story, or a law that can fall has damping with the
         tangent stiffness.
     """
+    if model.matrices is not None:
+        # Imported here, because few models have matrices.
+        from tdint.model.linear_system import assemble_linear
+
+        return assemble_linear(model)
     stories, ends = springs_of(model)
     n, floors = len(stories), len(model.stories)
     if has_tangent_damping(model.damping):

@@ -126,6 +126,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     ModelError
         P-delta exceeds the stiffness of a story.
     """
+    model.require_springs("a random or varied parameter")
     draw_count, n = len(next(iter(values.values()))), base.stories
     if base.branched:
         return _draw_branched(model, base, values, draw_count)

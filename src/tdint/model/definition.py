@@ -6,6 +6,7 @@ problems that are part of tdint, and models with changed parameters, for sweeps 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -278,6 +279,42 @@ class Link:
         return 1.0 if self.ends[0] < self.ends[1] else -1.0
 
 
+Matrix = tuple[tuple[float, ...], ...]
+"""Rows of a matrix."""
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """Matrices of a linear model, which replace the springs of its stories.
+
+    The equation of motion is M a + C v + K u = -M r ag + p with the influence vector r. Each row is
+    a displacement, m, of a floor or of another point.
+
+    Attributes
+    ----------
+    stiffness : Matrix
+        K, N/m; empty for flexural stories, which determine it.
+    names : tuple of str
+        Names of rows that are not floors; empty if the rows are the floors of the stories.
+    mass : Matrix
+        M, kg; empty for the masses of the floors.
+    damping : Matrix
+        C, N s/m; empty for the damping of the model.
+    influence : tuple of float
+        r: displacements of the rows for a unit displacement of the ground; empty for ones.
+    base : tuple of float
+        Stiffness of the springs under flexural stories for rotation and translation, N m/rad and
+        N/m; infinite for a fixed base.
+    """
+
+    stiffness: Matrix = ()
+    names: tuple[str, ...] = ()
+    mass: Matrix = ()
+    damping: Matrix = ()
+    influence: tuple[float, ...] = ()
+    base: tuple[float, float] = (math.inf, math.inf)
+
+
 @dataclass(frozen=True)
 class Initial:
     """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one per floor."""
@@ -359,6 +396,9 @@ class Model:
         Masses on floors that are not part of the chain of stories.
     links : tuple of Link
         Springs and dashpots between any two floors.
+    matrices : Matrices | None
+        Matrices of a linear model, which replace the springs of the stories: their stiffness is
+        nan. Rows that are not floors are stories without a height.
     """
 
     name: str
@@ -383,14 +423,34 @@ class Model:
     force_unit: str = "N"
     attachments: tuple[Attachment, ...] = ()
     links: tuple[Link, ...] = ()
+    matrices: Matrices | None = None
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Names of the rows of a model whose rows are not floors; empty for a building."""
+        return self.matrices.names if self.matrices else ()
 
     @property
     def devices(self) -> tuple[Attachment | Link, ...]:
         """Attachments and links: all springs in addition to the stories."""
         return (*self.attachments, *self.links)
 
+    def require_springs(self, subject: str) -> None:
+        """Raise UsageError if matrices or flexural stories replace the springs of the stories.
+
+        Parameters
+        ----------
+        subject : str
+            Computation that needs springs, such as `pushover`.
+        """
+        if self.matrices is not None:
+            raise UsageError(
+                f"{self.source}: {subject} needs springs of stories, which a model of matrices or "
+                "flexural stories does not have; use run, modes or a campaign"
+            )
+
     def require_chain(self, subject: str) -> None:
-        """Raise UsageError if the building has attachments or links.
+        """Raise UsageError if the building has attachments or links, or rows that are not floors.
 
         Parameters
         ----------
@@ -401,6 +461,11 @@ class Model:
             raise UsageError(
                 f"{self.source}: {subject} does not support attachments and links; use time "
                 "histories, or omit them"
+            )
+        if self.rows:
+            raise UsageError(
+                f"{self.source}: {subject} is for floors, not for rows of `matrices`; use `tdint "
+                "run` with one record, or `stories` with a `stiffness_matrix`"
             )
 
     @property
@@ -480,6 +545,11 @@ class Model:
         UsageError
             A name is unknown, a value is out of range, or no story has the parameter.
         """
+        if self.matrices is not None and (others := numbers.keys() - {"damping"}):
+            raise UsageError(
+                f"{min(others)} cannot be changed: {self.name} is given by matrices or flexural "
+                "stories; only damping can"
+            )
         # Changes are applied in order; factors multiply values that were set before.
         table = [list(story_numbers(story)) for story in self.stories]
         damping = self.damping

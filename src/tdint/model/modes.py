@@ -42,6 +42,10 @@ class Modes(Tabular):
         modes.
     roof : int
         Index of the roof; attachments follow after it.
+    load : ndarray, shape (n,), or None
+        Inertia M r of the influence vector r of a model of matrices, kg; None for the masses.
+    moved_mass : float
+        r^T M r of such a model, kg.
     """
 
     omega: Array
@@ -49,25 +53,34 @@ class Modes(Tabular):
     mass: Array
     damping: Array | None = None
     roof: int = -1
+    load: Array | None = None
+    moved_mass: float = 0.0
 
     def _headline(self) -> str:
         return f"of {pluralize(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
 
     @property
-    def participation(self) -> Array:
-        """Participation factors phi^T M 1 / phi^T M phi, shape (n,).
+    def _projection(self) -> Array:
+        """Participation factors phi^T M r of the stored shapes; r is 1 for a building."""
+        return np.asarray((self.mass if self.load is None else self.load) @ self.shapes)
 
-        The factors apply to shapes phi with unit roof displacement.
+    @property
+    def participation(self) -> Array:
+        """Participation factors phi^T M r / phi^T M phi, shape (n,).
+
+        The factors apply to shapes phi with unit roof displacement. The influence vector r is 1
+        for a building.
         """
         # The stored shapes have phi^T M phi = 1; division by the roof displacement multiplies the
         # factor by it.
         roof = self.shapes[self.roof]
-        return np.asarray(self.mass @ self.shapes * roof)
+        return np.asarray(self._projection * roof)
 
     @property
     def mass_ratio(self) -> Array:
         """Effective modal mass over the total mass, shape (n,)."""
-        return np.asarray(np.square(self.mass @ self.shapes) / self.mass.sum())
+        total = self.mass.sum() if self.load is None else self.moved_mass
+        return np.asarray(np.square(self._projection) / total)
 
     def modal_damping(self, damping: Array) -> Array:
         """Return the modal damping matrix phi^T C phi, 1/s, shape (n, n).
@@ -110,7 +123,7 @@ class Modes(Tabular):
         # The stored shapes phi have phi^T M phi = 1, so that their participation factors are
         # phi^T M 1. A shape multiplied by its factor has the participation factor 1.
         if norm == "participation":
-            return np.asarray(self.shapes * (self.mass @ self.shapes))
+            return np.asarray(self.shapes * self._projection)
         roof = self.shapes[self.roof]
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 

@@ -417,7 +417,8 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
 
     If the model switches plausibility warnings off, only the ground acceleration is checked.
     """
-    if model.plausibility_off:
+    # Rows that are not floors can be any structure.
+    if model.plausibility_off or model.rows:
         return [*peak_warnings(pga)]
     model, building = _without_devices(model, building)
     omega, damping = building.approximate_first_mode
@@ -578,7 +579,8 @@ def _unusual_floors(building: Building, period: float) -> list[str]:
     """
     if not PERIOD.contains(period):
         return []
-    has_usual_height = building.heights >= HEIGHT.low
+    # A floor of a matrix can have no mass.
+    has_usual_height = (building.heights >= HEIGHT.low) & (building.mass > 0.0)
     if warnings := unusual_stories(FLOOR, np.where(has_usual_height, building.mass, math.nan)):
         return warnings
     height = _usual_height(building)
@@ -834,6 +836,15 @@ def model_notes(model: Model) -> list[str]:
     """Return notes on a model: the reason for a suppressed plausibility check, and the modes to
     which the last of several modal damping ratios applies."""
     notes = suppression_reason(model)
+    if massless := [
+        model.rows[i] if model.rows else f"floor {i + 1}"
+        for i, story in enumerate(model.stories)
+        if model.matrices is not None and story.mass == 0.0
+    ]:
+        notes.append(
+            f"without mass: {abbreviate(massless, _MAX_LISTED)}; the displacements follow the "
+            "other floors statically"
+        )
     if isinstance(model.damping, ModalDamping):
         ratios, count = model.damping.ratios, len(model.stories)
         if 1 < len(ratios) < count and ratios[-1] > 0.0:

@@ -93,7 +93,8 @@ class Story:
     height : float | None
         Story height, m, positive; None if the file does not specify it.
     stiffness : float
-        Initial stiffness, N/m, positive; of a story with elements, their sum.
+        Initial stiffness, N/m, positive; of a story with elements, their sum; nan in a model of
+        matrices or flexural stories.
     law : Law
         Hysteretic law; SUM_OF_ELEMENTS for a story with several elements.
     dashpot : float
@@ -112,6 +113,9 @@ class Story:
     damper_factor : float
         Cosine of the inclination of the dashpot, in (0, 1]. The deformation of the dashpot with its
         brace is the drift times this number, and so is the story force divided by its force.
+    flexural : tuple of float | None
+        Bending stiffness EI, N m^2, and shear stiffness GA with the shape factor, N, of a story
+        that bends; GA is infinite without shear deformation.
     """
 
     mass: float
@@ -125,6 +129,7 @@ class Story:
     elements: tuple[Element, ...] = ()
     damper_factor: float = 1.0
     p_delta: bool | None = None
+    flexural: tuple[float, float] | None = None
 
     @property
     def springs(self) -> tuple[Element, ...]:

@@ -197,7 +197,8 @@ def run_summary(
             **{f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS},
             "error": energy.error,
         },
-        "peaks": peaks(response.stories),
+        "peaks": _peaks_of(response),
+        **_matrices(response),
         **_elements(response),
         **_devices(response),
         "check": _check(response.check, response.stories),
@@ -294,6 +295,10 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
         from tdint.output.tables.devices import COLUMNS
 
         known = {column.name: (column.unit, column.meaning) for column in COLUMNS} | MEANINGS
+    if content.keys() & {"rows", "flexure"}:
+        from tdint.output.tables import matrices
+
+        known = known | {c.name: (c.unit, c.meaning) for c in matrices.COLUMNS}
     return {key: {"meaning": known[key][1], "unit": known[key][0]} for key in names}
 
 
@@ -328,6 +333,24 @@ def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
         if demand.story is None:
             result[demand.location_column] = largest.location
     return result
+
+
+def _peaks_of(response: Response) -> dict[str, float | int | None]:
+    """Return the maximum demands of a run; of rows only those that are not of stories."""
+    result = peaks(response.stories)
+    if not response.model.rows:
+        return result
+    kept = ("peak_base_shear", "peak_total_base_shear")
+    return {key: value for key, value in result.items() if key.startswith(kept)}
+
+
+def _matrices(response: Response) -> dict[str, Any]:
+    """Return the results of models of matrices and flexural stories; empty for others."""
+    if response.model.matrices is None:
+        return {}
+    from tdint.output.tables.matrices import as_json
+
+    return as_json(response)
 
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:

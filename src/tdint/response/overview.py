@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
-from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.catalogue import method_of, parse
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_with_checks
 from tdint.model.definition import Model
@@ -76,7 +76,7 @@ class Overview(Tabular):
     @property
     def method(self) -> str:
         """Method that a run uses if the command line specifies no method."""
-        return parse(self.model.analysis.method or DEFAULT_METHOD).label
+        return parse(method_of(self.model)).label
 
     @property
     def record(self) -> str | None:

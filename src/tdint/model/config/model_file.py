@@ -32,6 +32,7 @@ from tdint.ground_motion.choice import (
     parse_trim,
 )
 from tdint.model.config.devices import ATTACHMENTS, LINKS, read_devices
+from tdint.model.config.matrix_keys import BASE, MATRICES, MATRIX
 from tdint.model.config.sections import (
     DAMPING,
     UNITS,
@@ -48,6 +49,7 @@ from tdint.model.definition import (
     Excitation,
     Force,
     Initial,
+    Matrices,
     ModalDamping,
     Model,
     RayleighCoefficients,
@@ -400,6 +402,13 @@ _MODEL = Keys(
         Key("units", UNITS, "units of the numbers in this file; default: SI"),
         Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
         Key("building", Keys(()), "properties from which rules derive the stories"),
+        Key(
+            "stiffness_matrix",
+            MATRIX,
+            "stiffness of a linear frame at its floors, instead of `stiffness` in each story",
+        ),
+        Key("matrices", MATRICES, "linear model with rows that are not floors, instead of stories"),
+        Key("base", BASE, "springs under flexural stories; default: clamped"),
         Key("attachments", ATTACHMENTS, "masses on floors: absorbers, tanks, equipment"),
         Key("links", LINKS, "springs and dashpots between any two floors, or to the ground"),
         Key(
@@ -438,7 +447,7 @@ _MODEL = Keys(
             "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'",
         ),
     ),
-    one_of=(("stories", "building"),),
+    one_of=(("stories", "building", "matrices"),),
     other_names=(
         *((name, "attachments") for name in ("absorbers", "absorber", "tmd", "tmds", "equipment")),
         *((name, "links") for name in ("link", "dampers", "dashpots", "braces", "springs")),
@@ -521,7 +530,22 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     """Return the model. Invalid values are reported and replaced by nan or None."""
     unit = read_units(section.inner("units"))
     p_delta = section.read("p_delta", False)
-    stories, count, damping = _read_stories(section, unit, p_delta)
+    matrices: Matrices | None = None
+    if value := section.get("matrices"):
+        # Imported here, because few models have matrices.
+        from tdint.model.config.matrices import read_matrices
+
+        matrices, stories = read_matrices(section, value, unit)
+        count = len(stories) or None
+        damping = _damping_of(section.get("damping"), stories, count)
+    else:
+        stories, count, damping = _read_stories(section, unit, p_delta)
+        if section.has("stiffness_matrix", "base") or any(story.flexural for story in stories):
+            from tdint.model.config.matrices import read_linear_stories
+
+            matrices = read_linear_stories(section, unit, stories)
+    if matrices and getattr(damping, "tangent", False):
+        section.value.fault("damping.rayleigh.tangent: a linear model has no tangent; omit it")
     excitation = section.get("excitation")
     attachments, links = read_devices(section, unit, count)
 
@@ -548,6 +572,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         force_unit=unit.named.force,
         attachments=attachments,
         links=links,
+        matrices=matrices,
     )
     # Standard input can be read only one time: it cannot contain both the model and the record.
     record = model.excitation.record
@@ -621,11 +646,11 @@ def _read_stories(
     if building is None:
         advice = "give a list with one entry per story, or `building` instead"
         # If the key `building` is misspelled, missing `stories` are not another error.
-        if section.mentions("building"):
+        if section.mentions("building", "matrices"):
             entries = section.get("stories")
         else:
             entries = section.need("stories", advice)
-        stories, count = read_stories(entries, unit, p_delta)
+        stories, count = read_stories(entries, unit, p_delta, section.has("stiffness_matrix"))
         read = _damping_of(damping, stories, count)
         if entries and isinstance(read, ModalDamping):
             for entry in entries.items("stories") or ():

@@ -467,9 +467,19 @@ _DASHPOT = Keys(
     )
 )
 DASHPOT = Either((NOT_NEGATIVE, _DASHPOT))
+_FLEXURAL = Keys(
+    (
+        Key("EI", POSITIVE, "bending stiffness, force length^2", needed=True),
+        Key("GA", POSITIVE, "shear stiffness with the shape factor, force; default: infinite"),
+    )
+)
 _STORY = Keys(
     (
-        Key("mass", POSITIVE, "mass of the floor above"),
+        Key(
+            "mass",
+            NOT_NEGATIVE,
+            "mass of the floor above, positive; 0 only with `stiffness_matrix` or `flexural`",
+        ),
         Key("weight", POSITIVE, "weight of the floor above, instead of its mass"),
         Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
         Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
@@ -499,6 +509,7 @@ _STORY = Keys(
             "false for a story without P-delta, which needs no height; default: `p_delta` of the "
             "model",
         ),
+        Key("flexural", _FLEXURAL, "bending and shear stiffness, instead of `stiffness`"),
         Key("repeat", Integer(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
@@ -509,7 +520,7 @@ _STIFFNESS_TOLERANCE = 1e-9
 
 
 def read_stories(
-    value: Value | None, unit: ModelUnits, p_delta: bool
+    value: Value | None, unit: ModelUnits, p_delta: bool, has_matrix: bool = False
 ) -> tuple[tuple[Story, ...], int | None]:
     """Return the stories from the ground up and their number, which is None after an error.
 
@@ -517,6 +528,8 @@ def read_stories(
     ----------
     p_delta : bool
         Require the height of every story that does not specify `p_delta: false`.
+    has_matrix : bool
+        A stiffness matrix replaces the springs of the stories.
     """
     entries = value.items("a list of stories", "must contain at least one story") if value else None
     if entries is None:
@@ -524,7 +537,10 @@ def read_stories(
     stories: list[Story] = []
     count: int | None = 0  # number of stories; None after an error in `repeat`
     for entry in entries:
-        story, repeat = _read_entry(entry, unit, p_delta)
+        if has_matrix or entry.peek("flexural"):
+            story, repeat = _read_entry_without_spring(entry, unit, p_delta)
+        else:
+            story, repeat = _read_entry(entry, unit, p_delta)
         # Check the number before the stories are created, because a `repeat` of a billion would
         # fill the memory. An invalid `repeat` (None) counts as one story.
         if len(stories) + (repeat or 1) > MAX_STORIES:
@@ -580,6 +596,54 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         story_p_delta,
     )
 
+    return story, section.read("repeat", 1)
+
+
+_OF_SPRINGS = (
+    "stiffness",
+    "period",
+    "law",
+    "elements",
+    "dashpot",
+    "isolator",
+    "rayleigh",
+    "p_delta",
+)
+"""Keys of stories that need a spring of the story."""
+
+
+def _read_entry_without_spring(
+    entry: Value, unit: ModelUnits, p_delta: bool
+) -> tuple[Story, int | None]:
+    """Return the story of an entry whose stiffness is `flexural` or in a matrix, and its number of
+    repetitions; as `_read_entry`."""
+    story = Story(math.nan, None, math.nan, LINEAR, 0.0)
+    section = entry.section(_STORY)
+    if section is None:
+        return story, None
+    section.refuse(
+        _OF_SPRINGS,
+        f"`flexural` and `stiffness_matrix` are linear and replace {', '.join(_OF_SPRINGS)} of "
+        "stories; omit it",
+    )
+    if p_delta:
+        section.value.fault(
+            "P-delta of stories needs their springs; include it in the matrix, or omit `p_delta`"
+        )
+    stiffness = section.inner("flexural")
+    flexural = section.get("flexural")
+    height = (
+        section.need("height", "flexural stories need it") if flexural else section.get("height")
+    )
+    if flexural:
+        bending = stiffness.number("EI", scale=unit.factor(force=1, length=2))
+        shear = stiffness.number("GA", scale=unit.force, default=math.inf)
+    story = replace(
+        story,
+        mass=read_mass(section, unit, NOT_NEGATIVE),
+        height=height.number(scale=unit.length) if height else None,
+        flexural=(bending, shear) if flexural else None,
+    )
     return story, section.read("repeat", 1)
 
 
@@ -741,8 +805,8 @@ def _read_stiffness(
     return stiffness_of_law
 
 
-def read_mass(section: Section, unit: ModelUnits) -> float:
-    """Return the mass of the floor, kg, from the key `mass` or `weight`."""
+def read_mass(section: Section, unit: ModelUnits, bounds: Bounds = POSITIVE) -> float:
+    """Return the mass of the floor within bounds, kg, from the key `mass` or `weight`."""
     if section.has("weight"):
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
@@ -757,7 +821,7 @@ def read_mass(section: Section, unit: ModelUnits) -> float:
             "the unit of mass is required, because the units of the file are not m and N: add mass "
             f"to `units` ({', '.join(MASS)}), or give the `weight` of the story"
         )
-    return section.number("mass", scale=unit.mass, default=math.nan)
+    return section.number("mass", bounds, scale=unit.mass, default=math.nan)
 
 
 def read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None, float]:

@@ -338,7 +338,8 @@ def _draw_loop(
     """
     stories = response.stories
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
-    if np.isnan(stories.ductility[story]):
+    # In models of matrices, the force of a story depends on the drifts of other stories, too.
+    if np.isnan(stories.ductility[story]) and response.model.matrices is None:
         # The force of a law without yielding is a function of the drift. Points in the order of
         # their drifts show this curve; in the order of time, long lines would connect them.
         order = np.argsort(drift)

@@ -138,7 +138,15 @@ def response_table(response: Response) -> Table:
     For a sequence, these rows are listed for each event and then for the complete sequence; the
     first column identifies the event.
     """
+    if response.model.matrices is not None:
+        # Imported here, because few models have matrices.
+        from tdint.output.tables.matrices import row_table, with_flexure
+
+        if response.model.rows:
+            return row_table(response)
     table = story_table(response.stories, response.check.errors if response.check else None)
+    if response.flexure is not None:
+        table = with_flexure(response, table)
     if not response.events:
         return table
     rows: list[tuple[Cell, ...]] = []
@@ -153,10 +161,11 @@ def response_table(response: Response) -> Table:
 
 def history_parts(
     history: History,
-) -> tuple[int, bool, Sequence[str], DeviceHistory | None]:
+) -> tuple[int, bool, Sequence[str], DeviceHistory | None, Sequence[str]]:
     """Return the arguments of `history_groups` and `history_columns` for a response history."""
     stories = history.displacement.shape[1]
-    return stories, history.error is not None, history.element_labels, history.devices
+    has_error = history.error is not None
+    return stories, has_error, history.element_labels, history.devices, history.rows
 
 
 def history_groups(
@@ -164,14 +173,18 @@ def history_groups(
     error: bool,
     elements: Sequence[str] = (),
     devices: DeviceHistory | None = None,
+    rows: Sequence[str] = (),
 ) -> tuple[tuple[Sequence[str], tuple[Column, ...]], ...]:
     """Return the columns of a response history in groups: the names that precede the columns of a
     group, and the columns, which are repeated for each name (floor, story, element of stories with
     several elements, attachment, link).
 
     The columns of time, ground and energies have an empty name. `error` adds the columns of the
-    estimated errors.
+    estimated errors. Rows that are not floors (`rows`) have the columns of floors only.
     """
+    if rows:
+        groups = (("",), HISTORY_START), (rows, HISTORY_FLOOR), (("",), HISTORY_ENERGY)
+        return (*groups, *(((rows, HISTORY_FLOOR_ERROR),) if error else ()))
     floors, story_names = (
         tuple(f"{location}_{i}" for i in range(1, stories + 1)) for location in ("floor", "story")
     )
@@ -192,6 +205,7 @@ def history_columns(
     error: bool = False,
     elements: Sequence[str] = (),
     devices: DeviceHistory | None = None,
+    rows: Sequence[str] = (),
 ) -> tuple[Column, ...]:
     """Return the columns of the CSV file of a response history, for example `floor_2_velocity_m_s`.
 
@@ -203,10 +217,12 @@ def history_columns(
         Labels of the elements (`History.element_labels`).
     devices : DeviceHistory, optional
         Attachments and links of the history.
+    rows : sequence of str
+        Names of rows that are not floors.
     """
     return tuple(
         replace(column, name=f"{name}_{column.name}" if name else column.name)
-        for names, group in history_groups(stories, error, elements, devices)
+        for names, group in history_groups(stories, error, elements, devices, rows)
         for name in names
         for column in group
     )

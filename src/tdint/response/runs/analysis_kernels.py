@@ -15,7 +15,7 @@ from tdint.kernels.building.load_or_compile import (
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.stories.law_state import follow
 from tdint.kernels.time_loop.loop import integrate
-from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
+from tdint.methods.catalogue import catalogue, method_of, parse
 from tdint.methods.method import Integrator
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, model_of
@@ -81,6 +81,7 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
         or building.power_damped
         or building.braced
         or building.tangent_damped
+        or building.system is not None  # needs no kernels
         or unsupported_reason(methods[0], building)
     ):
         return False
@@ -144,7 +145,7 @@ def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:
         The files cannot be written.
     """
     building = model_of(model)
-    integrator = parse(method or building.analysis.method or DEFAULT_METHOD)
+    integrator = parse(method_of(building, method))
     return compile_ahead(
         kernels_of_model(building, integrator), ("native",), None, lambda done: None
     )

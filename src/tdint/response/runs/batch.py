@@ -79,6 +79,8 @@ class Subject:
     @cached_property
     def prepared(self) -> PreparedBuilding:
         """Building as arrays."""
+        if self.model.rows:
+            self.model.require_chain("a set of runs")
         return PreparedBuilding.of(self.model)
 
     @cached_property

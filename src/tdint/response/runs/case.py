@@ -40,6 +40,7 @@ from tdint.response.runs.elements import element_peaks
 from tdint.response.runs.loop_results import (
     device_peaks,
     energy_errors,
+    flexure_peaks,
     interstep_peak_errors,
     named_energies,
     named_history,
@@ -613,6 +614,7 @@ class Case:
             notes=(),
             interstep_bound=bound,
             devices=device_peaks(self.building, space, steps.late),
+            flexure=flexure_peaks(self.building, space),
             residual_oscillation=residual_oscillation(self.building, space)[: self.building.floors],
             collapse=collapse,
             warnings=warnings,

@@ -24,7 +24,7 @@ from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
-from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.catalogue import EXACT, catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import workspace
 from tdint.model.building import Building, oscillators
@@ -140,6 +140,11 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
 
     Some methods do not support nonlinear stories, power-law dashpots or braces of dampers.
     """
+    if building.system is not None and integrator.method.name != EXACT:
+        return (
+            f"{integrator.label} does not support models of matrices and flexural stories; use "
+            f"{EXACT}"
+        )
     if building.tangent_damped and not integrator.tangent_damping:
         names = ", ".join(name for name in catalogue() if parse(name).tangent_damping)
         return (

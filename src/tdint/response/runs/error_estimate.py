@@ -32,16 +32,18 @@ from typing import Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.catalogue import DEFAULT_METHOD, EXACT, parse
 from tdint.methods.method import Integrator
 from tdint.response.runs.case import Case
 from tdint.response.runs.loop_results import all_peaks, columns, with_growth
 from tdint.response.runs.outcome import (
+    FLEXURE_QUANTITIES,
     ElementValues,
     ErrorEstimate,
     ErrorHistory,
     EventResponse,
     FailedRun,
+    FlexureValues,
     History,
     Response,
     StoryErrors,
@@ -51,9 +53,6 @@ from tdint.response.time_steps import Steps, finer
 
 REFERENCE = parse(DEFAULT_METHOD)
 """Method of the additional run that estimates the errors of most methods."""
-
-_EXACT = "exact"
-"""Method without a separate reference."""
 
 _MIN_ORDER = 4
 """Minimum order of a method that estimates its errors itself. The rates were measured only for
@@ -206,8 +205,10 @@ def default_reference(case: Case) -> Case:
     This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors. The errors of `exact` are then those of the peaks between time steps.
     """
-    is_own_reference = case.method.label == _EXACT and not case.model.excitation.forces
-    method = parse(_EXACT) if is_own_reference else REFERENCE
+    is_own_reference = case.model.matrices is not None or (
+        case.method.label == EXACT and not case.model.excitation.forces
+    )
+    method = parse(EXACT) if is_own_reference else REFERENCE
     return replace(case, method=method, remarks=())
 
 
@@ -284,6 +285,9 @@ def with_error_estimate(
         devices = replace(response.devices, errors=StoryErrors(**parts[1]))
         response = replace(response, devices=devices)
     errors = with_growth(errors, response.stories, growth) if growth else errors
+    if response.flexure is not None and other.flexure is not None:
+        flexure = flexure_errors(response.flexure, other.flexure, growth)
+        response = replace(response, flexure=replace(response.flexure, errors=flexure))
     check = ErrorEstimate.of(
         response.stories,
         errors,
@@ -515,6 +519,17 @@ def element_errors(
         ),
         ductility=errors.peak_drift[elements.story - 1] / elements.yield_drift,
     )
+
+
+def flexure_errors(peaks: FlexureValues, others: FlexureValues, growth: float) -> FlexureValues:
+    """Return the estimated errors of flexural stories, at least `growth` times the peaks."""
+    values = {}
+    for quantity in FLEXURE_QUANTITIES:
+        value, other = (np.atleast_1d(getattr(item, quantity.name)) for item in (peaks, others))
+        error = np.maximum(_extrapolated(value, other, value, _LOW_ORDER), growth * value)
+        is_scalar = isinstance(getattr(peaks, quantity.name), float)
+        values[quantity.name] = float(error[0]) if is_scalar else error
+    return FlexureValues(**values)
 
 
 def _extrapolated(values: Array, others: Array, size: Array, by: EstimateFactors) -> Array:

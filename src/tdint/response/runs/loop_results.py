@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.kernels import layout as rows
-from tdint.methods.workspace import Workspace
+from tdint.methods.workspace import BASE_ROTATION, MOMENT, TOTAL_BASE_MOMENT, Workspace
 from tdint.model.building import Building
 from tdint.model.force_arrays import add_force_history
 from tdint.model.story import column_name
@@ -24,6 +24,7 @@ from tdint.response.runs.outcome import (
     DevicePeaks,
     Energy,
     EnergyHistory,
+    FlexurePeaks,
     History,
     StoryErrors,
     StoryPeaks,
@@ -71,6 +72,15 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     bounds = _interstep_errors(building, space, late, peaks)
     part = building.device_columns
     return DevicePeaks(columns(peaks, part), columns(bounds, part))
+
+
+def flexure_peaks(building: Building, space: Workspace) -> FlexurePeaks | None:
+    """Return the peaks of flexural stories at the end of a run; None for other buildings."""
+    if building.system is None or building.system.flexure is None:
+        return None
+    peaks = space.observer_state
+    stories = peaks[MOMENT:BASE_ROTATION, : building.stories].copy()
+    return FlexurePeaks(*stories, *peaks[BASE_ROTATION : TOTAL_BASE_MOMENT + 1, 0].tolist())
 
 
 def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
@@ -157,6 +167,8 @@ def _drift_rates(building: Building, floors: Array) -> Array:
 
     The last entry of `floors` is the ground; the result has one entry less.
     """
+    if building.system is not None:
+        return np.asarray(building.deformations @ floors[:-1])
     link = building.linear_terms[rows.LINK, :-1]
     return np.asarray(floors[:-1] - link * floors[_base(building)])
 
@@ -287,6 +299,7 @@ def named_history(
         element_force=table[:, first_element:] if has_elements else None,
         element_labels=building.element_labels,
         devices=_device_history(building, series) if building.branched else None,
+        rows=building.system.names if building.system is not None else (),
         **{name: values[:, part] for name, values in series.items()},  # type: ignore[arg-type]
     )
 
@@ -326,6 +339,8 @@ def _floor_difference(field: int) -> FieldFunction:
     def subtract_floor_below(building: Building, loads: Loads, time: Array, table: Array) -> Array:
         """Return the differences, shape (rows, n)."""
         floors = _stored_field(field)(building, loads, time, table)
+        if building.system is not None:
+            return np.asarray(floors @ building.deformations.T)
         # The values are relative to the ground: springs on the ground keep the values of the floor.
         return np.asarray(
             floors - building.linear_terms[rows.LINK, :-1] * floors[:, _base(building)]
@@ -340,10 +355,15 @@ def _total_shear(building: Building, loads: Loads, time: Array, table: Array) ->
     This shear contains the forces of springs, dampers and P-delta. It is the sum of applied force
     minus mass times absolute acceleration over these floors.
     """
-    floor_forces = -building.linear_terms[rows.MASS, :-1] * _absolute_acceleration(
-        building, loads, time, table
-    )
+    acceleration = _absolute_acceleration(building, loads, time, table)
+    system = building.system
+    if system is not None:
+        floor_forces = -acceleration @ system.mass
+    else:
+        floor_forces = -building.linear_terms[rows.MASS, :-1] * acceleration
     add_force_history(*loads, time, floor_forces)
+    if system is not None:
+        return np.asarray(floor_forces @ system.cuts.T)
     # Sum from the roof down, attachments first.
     if building.branched:
         for i, item in enumerate(building.attachments, start=building.floors):

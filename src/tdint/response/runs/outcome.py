@@ -506,6 +506,54 @@ class DevicePeaks:
 
 
 @dataclass(frozen=True)
+class FlexureValues:
+    """Quantities of flexural stories, shape (n,), and of their base, or the errors of these."""
+
+    peak_moment: Annotated[
+        Array, Quantity("N*m", "maximum absolute moment at the bottom of the story")
+    ]
+    peak_rotation: Annotated[
+        Array, Quantity("rad", "maximum absolute rotation at the top of the story")
+    ]
+    peak_drift_without_rotation: Annotated[
+        Array,
+        Quantity("m", "maximum absolute drift minus rotation at the bottom of the story x height"),
+    ]
+    peak_shear_drift: Annotated[
+        Array, Quantity("m", "maximum absolute part of the drift by shear deformation")
+    ]
+    peak_bending_drift: Annotated[
+        Array,
+        Quantity("m", "maximum absolute part of the drift by bending of the story itself"),
+    ]
+    base_rotation: Annotated[
+        float, Quantity("rad", "maximum absolute rotation of the base", shown=("summary",))
+    ]
+    base_displacement: Annotated[
+        float, Quantity("m", "maximum absolute displacement of the base", shown=("summary",))
+    ]
+    total_base_moment: Annotated[
+        float,
+        Quantity(
+            "N*m",
+            "maximum absolute moment of all inertia forces and loads about the base",
+            shown=("summary",),
+        ),
+    ]
+
+
+FLEXURE_QUANTITIES = quantities(FlexureValues)
+"""Quantities of flexural stories and of their base."""
+
+
+@dataclass(frozen=True)
+class FlexurePeaks(FlexureValues):
+    """Peaks of flexural stories; `errors` are their estimated errors, if they were requested."""
+
+    errors: FlexureValues | None = None
+
+
+@dataclass(frozen=True)
 class DeviceHistory:
     """Response histories of attachments and then links, shape (steps + 1, devices), SI units.
 
@@ -559,6 +607,8 @@ class History(Tabular):
         Story and name of each of these elements, such as `story_1_moat_wall`.
     devices : DeviceHistory or None
         Histories of attachments and links; None without them.
+    rows : tuple of str
+        Names of rows that are not floors, in columns; empty for a building.
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
@@ -591,6 +641,7 @@ class History(Tabular):
     element_force: Array | None = None
     element_labels: tuple[str, ...] = ()
     devices: DeviceHistory | None = None
+    rows: tuple[str, ...] = ()
 
     def _headline(self) -> str:
         stories = pluralize(self.displacement.shape[1], "story")
@@ -749,6 +800,8 @@ class Response(Tabular):
         Derivatives of the peaks, if requested (`tdint.response.runs.gradient`).
     devices : DevicePeaks | None
         Peaks of attachments and links; None without them.
+    flexure : FlexurePeaks | None
+        Moments, rotations and parts of the drifts of flexural stories; None for other stories.
     elements : ElementPeaks | None
         Results of the elements of stories with several elements; None without such stories.
     """
@@ -777,6 +830,7 @@ class Response(Tabular):
     events: tuple[EventResponse, ...] = ()
     gradient: Gradient | None = None
     devices: DevicePeaks | None = None
+    flexure: FlexurePeaks | None = None
     elements: ElementPeaks | None = None
     growth: float = 0.0
 

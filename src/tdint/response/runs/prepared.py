@@ -286,6 +286,10 @@ def _may_grow(building: Building, space: Workspace) -> bool:
     totals, peaks = space.totals, space.peaks
     if totals[rows.COLLAPSE_STEP] != rows.NO_COLLAPSE:
         return False
+    if building.system is not None:
+        needed = 0.5 * building.initial_stiffness * peaks[rows.PEAK_DRIFT] ** 2
+        stored = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_STRAIN]
+        return bool(stored > needed.min(initial=math.inf, where=needed > 0.0))
     distance, stiffness = building.rest_distance(space.law_state)
     energy = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_BRACES]
     energy += 0.5 * np.dot(stiffness, distance**2)
@@ -397,6 +401,8 @@ class PreparedBuilding:
         AnalysisError
             A law of a plug-in contradicts its declaration.
         """
+        if self.building.system is not None:
+            return  # models of matrices need no kernels
         _verify_laws(self.building.law_parameters)
         load_or_compile(
             [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
@@ -791,6 +797,11 @@ class PreparedBuilding:
         the state of the arrays in `space` at the time of its call, and changes them.
         """
         building = self.building
+        if building.system is not None:
+            # Imported here, because few models have matrices.
+            from tdint.response.runs.linear_loop import LinearLoop
+
+            return LinearLoop(building, self.loads, h, ground, space)
         called = [
             kernel.variant(self.variant)
             for kernel in (
@@ -838,6 +849,8 @@ class PreparedBuilding:
         """
         done = steps.done
         size = max(_FIRST_CALL_SIZE // (self.building.stories * (1 + len(self.building.modal))), 1)
+        if self.building.system is not None:
+            size = steps.count  # the loop in Python can be interrupted at any time
         # The number of steps of the first call is a guess. The number of steps of each following
         # call is adapted to the measured speed, and is at most doubled.
         while True:

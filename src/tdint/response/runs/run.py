@@ -10,7 +10,7 @@ import numpy as np
 
 from tdint.arrays import Numbers
 from tdint.errors import UsageError
-from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.catalogue import method_of, parse
 from tdint.response.arguments import (
     AnyModel,
     AnyRecord,
@@ -211,9 +211,10 @@ def prepare(
     model = model_of(model)
     if not isinstance(method, str | None):
         raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
-    specification = method or model.analysis.method
-    remarks = () if specification else (f"{NO_METHOD}; using {DEFAULT_METHOD}",)
-    integrator = parse(specification or DEFAULT_METHOD)
+    specification = method_of(model, method)
+    is_chosen = not (method or model.analysis.method)
+    remarks = (f"{NO_METHOD}; using {specification}",) if is_chosen else ()
+    integrator = parse(specification)
     ground = model_record(model) if record is None else record_of(record)
     return Case(model, PreparedBuilding.of(model), ground, integrator, allow_unstable, remarks)
 

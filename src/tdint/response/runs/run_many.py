@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.record import JoinedRecord, Record
-from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.methods.catalogue import method_of
 from tdint.model.building_samples import draw_buildings
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.response.arguments import (
@@ -304,9 +304,7 @@ def _requested(
     motions = tuple(map(record_of, as_sequence(records, "records")))
     if any(isinstance(record, JoinedRecord) for record in motions):
         raise UsageError("run_many does not support sequences: use run_sequence")
-    subjects = tuple(
-        Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
-    )
+    subjects = tuple(Subject(model, method_of(model, method)) for model in buildings)
     request = RunsRequest(
         subjects,
         tuple(subject.integrator.label for subject in subjects),

@@ -137,6 +137,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     acceleration[~is_rigid] = demand.at(period[~is_rigid])
     # The arrays of modal peaks have one row for each mode and one column for each story.
     factor = modes.mass @ modes.shapes  # modal participation factors
+    system = building.system
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
     # A drift is the displacement of a floor minus that of the floor below. LINK is 0 for a story on
@@ -144,11 +145,16 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     # sum of the forces above, from the roof down.
     peaks = {
         "drift": displacement
-        - building.linear_terms[rows.LINK, :-1] * np.roll(displacement, 1, axis=1),
+        - building.linear_terms[rows.LINK, :-1] * np.roll(displacement, 1, axis=1)
+        if system is None
+        else displacement @ system.deformations.T,
         "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
         "displacement": displacement,
         "force": forces,
-        "acceleration": forces / modes.mass,
+        # A floor of a matrix can have no mass.
+        "acceleration": forces / modes.mass
+        if system is None
+        else (modes.shapes * (factor * acceleration)).T,
     }
     # The overturning moment at the base of a story is the sum of shear times height over this story
     # and the stories above. Bearings do not contribute, because they have no height.

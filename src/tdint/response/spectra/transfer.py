@@ -193,9 +193,24 @@ class _DynamicStiffness:
 
     def response(self, frequency: Array) -> Array:
         """Return the responses of all floors at frequencies (Hz), shape (k, n)."""
+        if self.building.system is not None:
+            return np.array([self._of_system(2.0 * math.pi * value) for value in frequency])
         if self.building.modal.size:
             return np.array([self._dense(2.0 * math.pi * value) for value in frequency])
         return np.array([self._banded(2.0 * math.pi * value) for value in frequency])
+
+    def _of_system(self, omega: float) -> Array:
+        """Return the response of a model of matrices at a circular frequency. A unit displacement
+        of the ground causes the inertia forces omega^2 M r in the motion relative to the ground."""
+        system = self.building.system
+        assert system is not None
+        matrix = system.stiffness + 1j * omega * system.damping - omega**2 * system.mass
+        if self.source != GROUND:
+            load = np.zeros(len(matrix))
+            load[int(self.source) - 1] = 1.0
+            return np.asarray(np.linalg.solve(matrix, load))
+        load = omega**2 * system.mass @ system.influence
+        return np.asarray(np.linalg.solve(matrix, load) + system.influence)
 
     def _stories(self, omega: float) -> Array:
         """Return the complex stiffnesses of the stories, N/m."""

@@ -317,6 +317,7 @@ def _test(
 
 def _check_story(model: Model, story: int) -> None:
     """Raise UsageError if the model does not have the story."""
+    model.require_springs("the test of a law")
     if not 1 <= story <= len(model.stories):
         raise UsageError(
             f"story {story} not found: the model has {pluralize(len(model.stories), 'story')}, "

@@ -248,6 +248,7 @@ def pushover(
     if not 1 <= points <= MAX_PUSHOVER_POINTS:
         raise UsageError(f"points must be from 1 to {MAX_PUSHOVER_POINTS}, got {points}")
     model = model_of(model)
+    model.require_springs("pushover")
     if springs := [link.name for link in model.links if link.spring.stiffness]:
         raise UsageError(
             f"pushover does not support springs between floors ({', '.join(springs)}); use time "

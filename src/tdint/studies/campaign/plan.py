@@ -22,7 +22,7 @@ from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.ground_motion.record import Record
-from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.methods.catalogue import DEFAULT_METHOD, method_of
 from tdint.model.definition import Model
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.number_parsing import abbreviate
@@ -513,9 +513,8 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         )
     subjects = []
     for model in inputs.models:
-        method = analysis.method or model.analysis.method
-        if method is None:
-            method = DEFAULT_METHOD
-            notes.append(f"{model.source}: {NO_METHOD}; using {DEFAULT_METHOD}")
+        method = method_of(model, analysis.method)
+        if not (analysis.method or model.analysis.method):
+            notes.append(f"{model.source}: {NO_METHOD}; using {method}")
         subjects.append(Subject(model, method))
     return model_buildings(subjects)

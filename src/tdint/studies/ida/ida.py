@@ -16,7 +16,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
 from tdint.ground_motion.record import JoinedRecord, Record
-from tdint.methods.catalogue import DEFAULT_METHOD
+from tdint.methods.catalogue import method_of
 from tdint.model.building import Building
 from tdint.model.definition import Model
 from tdint.number_parsing import pluralize
@@ -607,7 +607,7 @@ def _prepare(
     _check_heights(model)
     subject = Subject(
         replace(model, collapse_drift=collapse_drift),
-        method or model.analysis.method or DEFAULT_METHOD,
+        method_of(model, method),
     )
     return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
 

@@ -1,0 +1,283 @@
+"""The keys `stiffness_matrix`, `matrices` and `base` of a model file: linear models without springs
+of stories.
+
+A matrix is a list of rows, or a CSV file of numbers without a header.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.csv_table import read_rows
+from tdint.errors import ModelError
+from tdint.model.config.matrix_keys import MATRICES
+from tdint.model.config.sections import ModelUnits
+from tdint.model.definition import Matrices, Matrix
+from tdint.model.keys.fields import Section, Value
+from tdint.model.story import Story, column_name
+from tdint.model.story_laws import LINEAR
+from tdint.number_parsing import number_or_nan, pluralize
+
+MAX_ROWS = 2000
+"""Maximum number of rows of a matrix model: a matrix of numbers of 8 bytes then takes 32 MB."""
+
+_ASYMMETRY = 1e-6
+"""Dimensionless. Difference of two entries, divided by the root of the product of their diagonal
+entries, up to which a matrix is symmetric: the rounding of printed numbers. The mean is used."""
+
+_MIN_PIVOT = 1e-12
+"""Dimensionless. Smallest pivot of a positive definite matrix, divided by its diagonal entry."""
+
+_LIST_OF_ROWS = "a list of rows of numbers, or a CSV file of numbers without a header"
+
+
+def read_linear_stories(
+    section: Section, unit: ModelUnits, stories: tuple[Story, ...]
+) -> Matrices | None:
+    """Return the matrices of a model whose stories are flexural or have a stiffness matrix; None
+    for other models."""
+    value, base = section.get("stiffness_matrix"), section.get("base")
+    flexural = [story.flexural is not None for story in stories]
+    if base and not (flexural and any(flexural)):
+        base.fault("needs flexural stories; write a spring under a chain as its first story")
+        return None
+    if value is None and not any(flexural):
+        return None
+    _refuse_devices(section, "`flexural` and `stiffness_matrix`")
+    if not _fits(section.value, len(stories)):
+        return None
+    if value is not None:
+        if any(flexural):
+            value.fault("cannot be used with `flexural` stories; give one of the two")
+        stiffness = _read_matrix(value, unit.factor(force=1, length=-1), len(stories))
+        _require_positive(value, stiffness, _numbers(len(stories)))
+        return Matrices(stiffness=_rows_of(stiffness))
+    if not all(flexural):
+        section.value.fault(
+            f"story {flexural.index(False) + 1} needs `flexural`: either all stories bend, or none"
+        )
+        return None
+    springs = section.inner("base")
+    return Matrices(
+        base=(
+            springs.number("rotation", scale=unit.factor(force=1, length=1), default=math.inf),
+            springs.number("translation", scale=unit.factor(force=1, length=-1), default=math.inf),
+        )
+    )
+
+
+def read_matrices(
+    section: Section, value: Value, unit: ModelUnits
+) -> tuple[Matrices | None, tuple[Story, ...]]:
+    """Return the matrices of the key `matrices`, and a story without a height for each row; None
+    and no stories after an error."""
+    _refuse_devices(section, "`matrices`")
+    section.refuse(
+        ("stories", "building", "stiffness_matrix", "base", "p_delta"),
+        "cannot be used with `matrices`, which contains the complete model",
+    )
+    inner = value.section(MATRICES)
+    if inner is None:
+        return None, ()
+    stiffness_value = inner.need("stiffness", f"give {_LIST_OF_ROWS}")
+    mass_value = inner.need("mass", "give the masses of the rows, or a matrix")
+    if stiffness_value is None or mass_value is None:
+        return None, ()
+    stiffness = _read_matrix(stiffness_value, unit.factor(force=1, length=-1))
+    count = len(stiffness)
+    if not _fits(stiffness_value, count):
+        return None, ()
+    names = _read_names(inner.get("names"), count)
+    if unit.mass_is_open:
+        mass_value.fault("the unit of mass is required: add mass to `units`")
+    mass = _read_matrix(mass_value, unit.mass, count, diagonal=True)
+    _require_positive(stiffness_value, stiffness, names)
+    _require_mass(mass_value, mass, names)
+    damping_value = inner.get("damping")
+    damping = (
+        _read_matrix(damping_value, unit.factor(force=1, length=-1), count, diagonal=True)
+        if damping_value
+        else np.zeros((0, 0))
+    )
+    if damping_value and section.has("damping"):
+        damping_value.fault("cannot be used with `damping` of the model; give one of the two")
+    influence = tuple(inner.read("influence") or (1.0,) * count)
+    if len(influence) != count:
+        inner.value.fault(f"influence must have {count} numbers, one per row, got {len(influence)}")
+    if not any(influence):
+        inner.value.fault("influence must not be zero in all rows")
+    stories = tuple(Story(float(mass[i, i]), None, math.nan, LINEAR, 0.0) for i in range(len(mass)))
+    matrices = Matrices(_rows_of(stiffness), names, _rows_of(mass), _rows_of(damping), influence)
+    return matrices, stories
+
+
+def _refuse_devices(section: Section, by: str) -> None:
+    """Report attachments and links of a linear model without springs."""
+    section.refuse(
+        ("attachments", "links"), f"cannot be used with {by}; add a row to `matrices` instead"
+    )
+
+
+def _fits(value: Value, count: int) -> bool:
+    """Return False after reporting too many rows, or a missing row."""
+    if count > MAX_ROWS:
+        value.fault(f"a linear model of matrices has at most {MAX_ROWS} rows, got {count}")
+    return 0 < count <= MAX_ROWS
+
+
+def _numbers(count: int) -> tuple[str, ...]:
+    """Return the numbers of floors as names of rows."""
+    return tuple(str(i) for i in range(1, count + 1))
+
+
+def _rows_of(matrix: Array) -> Matrix:
+    """Return a matrix as tuples."""
+    return tuple(map(tuple, matrix.tolist()))
+
+
+def _read_names(value: Value | None, count: int) -> tuple[str, ...]:
+    """Return the unique names of the rows; default: row_1, row_2, ..."""
+    if value is None:
+        return tuple(f"row_{i}" for i in range(1, count + 1))
+    names = tuple(value.read() or ())
+    if names and len(names) != count:
+        value.fault(f"must have {count} names, one per row of the stiffness, got {len(names)}")
+    if len({column_name(name) for name in names}) < len(names):
+        value.fault("must be different names")
+    return names if len(names) == count else tuple(f"row_{i}" for i in range(1, count + 1))
+
+
+def _read_matrix(
+    value: Value, scale: float, count: int | None = None, *, diagonal: bool = False
+) -> Array:
+    """Return a symmetric matrix in SI units; unit numbers after reporting an error.
+
+    Parameters
+    ----------
+    count : int, optional
+        Number of rows, if it is known.
+    diagonal : bool
+        A list of numbers is the diagonal.
+    """
+    rows = _cells_of_file(value) if not value.is_list else _cells_of_list(value, diagonal)
+    failed = np.eye(count or 0)
+    if rows is None:
+        return failed
+    count = count or len(rows)
+    short = next((i for i, row in enumerate(rows) if len(row) != count), None)
+    if len(rows) != count or short is not None:
+        found = pluralize(len(rows), "row")
+        if len(rows) == count and short is not None:
+            found = f"{pluralize(len(rows[short]), 'number')} in row {short + 1}"
+        value.fault(f"must have {count} rows of {count} numbers, got {found}")
+        return np.eye(count)
+    matrix = np.array(rows) * scale
+    if np.isnan(matrix).any():  # the error of this number has been reported
+        return np.eye(count)
+    size = np.sqrt(np.abs(np.outer(np.diagonal(matrix), np.diagonal(matrix))))
+    difference = np.abs(matrix - matrix.T)
+    wrong = np.argwhere(difference > _ASYMMETRY * size)
+    if len(wrong):
+        i, j = wrong[0].tolist()
+        value.fault(
+            f"must be symmetric; [{i + 1}, {j + 1}] is {rows[i][j]:.10g}, [{j + 1}, {i + 1}] is "
+            f"{rows[j][i]:.10g}"
+        )
+    return np.asarray(0.5 * (matrix + matrix.T))
+
+
+def _cells_of_list(value: Value, diagonal: bool) -> list[list[float]] | None:
+    """Return the rows of a list; None after an error in its form."""
+    items = value.items(_LIST_OF_ROWS, "must contain at least one row")
+    if items is None:
+        return None
+    if diagonal and not any(item.is_list for item in items):
+        return [list(row) for row in np.diag([item.number() for item in items])]
+    rows = [item.items("a row of numbers") for item in items]
+    if None in rows:
+        return None
+    return [[entry.number() for entry in row or ()] for row in rows]
+
+
+def _cells_of_file(value: Value) -> list[list[float]] | None:
+    """Return the rows of a CSV file; None after an error."""
+    path = value.file()
+    if path is None:
+        return None
+    try:
+        lines = read_rows(path, f"give {_LIST_OF_ROWS}")
+    except ModelError as error:
+        value.fault(str(error))
+        return None
+    rows = []
+    for line, cells in lines:
+        numbers = [number_or_nan(cell.strip()) for cell in cells]
+        if any(map(math.isnan, numbers)):
+            cell = cells[[math.isnan(number) for number in numbers].index(True)]
+            value.fault(f"{path}:{line}: must contain numbers only, got {cell.strip()!r:.40}")
+            return None
+        rows.append(numbers)
+    return rows
+
+
+def _first_pivot(matrix: Array) -> tuple[int, float] | None:
+    """Return the index and the pivot of the first row that is not positive definite."""
+    from scipy.linalg.lapack import dpotrf
+
+    factor, failed = dpotrf(matrix, lower=1)
+    pivots = np.square(np.diagonal(factor))
+    count = failed - 1 if failed > 0 else len(matrix)
+    small = np.flatnonzero(pivots[:count] <= _MIN_PIVOT * np.diagonal(matrix)[:count])
+    if small.size:
+        return int(small[0]), float(pivots[small[0]])
+    # The factorization leaves the pivot that is not positive in its place.
+    return (failed - 1, float(factor[failed - 1, failed - 1])) if failed > 0 else None
+
+
+def _require_positive(value: Value, matrix: Array, names: Sequence[str]) -> None:
+    """Report a stiffness that is not positive definite."""
+    negative = _negative_diagonal(value, matrix, names, lambda entry: entry <= 0.0)
+    if negative or len(matrix) == 0:
+        return
+    if pivot := _first_pivot(matrix):
+        row = names[pivot[0]]
+        value.fault(
+            f"must be positive definite; row {pivot[0] + 1}, column {pivot[0] + 1} ({row}) has no "
+            "stiffness left with the rows before it free: the model is not supported or unstable"
+        )
+
+
+def _require_mass(value: Value, matrix: Array, names: Sequence[str]) -> None:
+    """Report a mass that is not positive; rows of zeros are allowed."""
+    if _negative_diagonal(value, matrix, names, lambda entry: entry < 0.0):
+        return
+    massless = ~matrix.any(axis=1)
+    if massless.all():
+        value.fault("at least one row needs a mass")
+        return
+    kept = np.flatnonzero(~massless)
+    if pivot := _first_pivot(matrix[np.ix_(kept, kept)]):
+        row = int(kept[pivot[0]])
+        value.fault(
+            f"must be positive definite; row {row + 1}, column {row + 1} ({names[row]}) has no "
+            "mass left beside the rows before it; a row without mass has zeros only"
+        )
+
+
+def _negative_diagonal(
+    value: Value, matrix: Array, names: Sequence[str], is_wrong: Callable[[Array], Array]
+) -> bool:
+    """Return True after reporting the first diagonal entry with the wrong sign."""
+    wrong = np.flatnonzero(is_wrong(np.diagonal(matrix)))
+    if not wrong.size:
+        return False
+    i = int(wrong[0])
+    value.fault(
+        f"must be positive definite; row {i + 1}, column {i + 1} ({names[i]}) is "
+        f"{matrix[i, i]:.6g} in SI units"
+    )
+    return True

@@ -1,0 +1,302 @@
+"""Linear systems given by matrices: stiffness matrices, flexural stories, and rows that are not
+floors.
+
+The equation of motion is M a + C v + K u = -M r ag + p. Rows without mass follow the others: the
+modes contain them, so that no other part of tdint distinguishes them.
+
+A flexural story is a Timoshenko segment with constant EI and GA. Its ends have a displacement and a
+rotation; rotations, and the displacement of a base on a spring, have no mass and are condensed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tdint.arrays import Array, cached_property
+from tdint.errors import ModelError
+from tdint.kernels import layout as rows
+from tdint.kernels.laws import LINEAR
+from tdint.model.building import Building
+from tdint.model.damping import rayleigh
+from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.modes import FreeVibration, Modes
+from tdint.model.story import column_name
+
+
+@dataclass(frozen=True)
+class Flexure:
+    """Deformations of flexural stories as matrices on the displacements of the floors.
+
+    Attributes
+    ----------
+    moment : ndarray, shape (n, n)
+        Moments at the bottom of the stories, N m.
+    rotation : ndarray, shape (n, n)
+        Rotations at the top of the stories, rad.
+    shear_drift, bending_drift : ndarray, shape (n, n)
+        Parts of the drifts, m. The third part is the rotation at the bottom times the height.
+    base : ndarray, shape (2, n)
+        Rotation (rad) and displacement (m) of the base.
+    levels : ndarray, shape (n,)
+        Heights of the floors above the base, m.
+    """
+
+    moment: Array
+    rotation: Array
+    shear_drift: Array
+    bending_drift: Array
+    base: Array
+    levels: Array
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """Matrices of a linear model; they replace the springs and dampers of `Building`.
+
+    Attributes
+    ----------
+    mass, stiffness, damping : ndarray, shape (n, n)
+        M (kg), K (N/m) and C (N s/m).
+    influence : ndarray, shape (n,)
+        Displacements r of the rows for a unit displacement of the ground.
+    deformations : ndarray, shape (n, n)
+        Drifts for displacements; the identity for rows that are not floors.
+    cuts : ndarray, shape (n, n)
+        Sums of the forces on the rows that give the story shears. For rows that are not floors:
+        the forces along the ground motion on a row and those after it, of which only the first is
+        reported.
+    names : tuple of str
+        Names of rows that are not floors, in columns; empty for a building.
+    flexure : Flexure | None
+        Results of flexural stories.
+    """
+
+    mass: Array
+    stiffness: Array
+    damping: Array
+    influence: Array
+    deformations: Array
+    cuts: Array
+    names: tuple[str, ...] = ()
+    flexure: Flexure | None = None
+
+
+@dataclass(frozen=True)
+class MatrixVibration(FreeVibration):
+    """Undamped vibration of a linear system. `mass` is the diagonal of the mass matrix.
+
+    Attributes
+    ----------
+    mass_matrix, stiffness_matrix : ndarray, shape (n, n)
+        M (kg) and K (N/m).
+    influence : ndarray, shape (n,)
+        As in `LinearSystem`.
+    """
+
+    mass_matrix: Array = None  # type: ignore[assignment]
+    stiffness_matrix: Array = None  # type: ignore[assignment]
+    influence: Array = None  # type: ignore[assignment]
+
+    @cached_property
+    def modes(self) -> Modes:
+        """All modes, as many as rows with mass; rows without mass follow statically."""
+        from scipy.linalg import eigh
+
+        n = len(self.mass)
+        moving, following = np.flatnonzero(self.mass), np.flatnonzero(self.mass == 0.0)
+        motion = np.zeros((n, moving.size))
+        motion[moving, np.arange(moving.size)] = 1.0
+        if following.size:
+            inner = self.stiffness_matrix[np.ix_(following, following)]
+            motion[following] = -np.linalg.solve(
+                inner, self.stiffness_matrix[np.ix_(following, moving)]
+            )
+        squared, shapes = eigh(
+            motion.T @ self.stiffness_matrix @ motion, self.mass_matrix[np.ix_(moving, moving)]
+        )
+        if not squared[0] > 0.0:
+            raise ModelError(
+                "the first frequency is lost in rounding errors, because masses or stiffnesses "
+                "differ by too many orders of magnitude; check their units"
+            )
+        shapes = motion @ shapes
+        signs = np.where(shapes[self.roof] < 0.0, -1.0, 1.0)
+        load = self.mass_matrix @ self.influence
+        return Modes(
+            np.sqrt(squared),
+            shapes * signs,
+            self.mass,
+            roof=self.roof,
+            load=load,
+            moved_mass=float(self.influence @ load),
+        )
+
+    def frequency(self, number: int) -> float:
+        """Return the circular frequency of a mode, counted from 1, rad/s."""
+        return float(self.modes.omega[number - 1])
+
+    @cached_property
+    def first(self) -> tuple[float, Array]:
+        """Circular frequency (rad/s) and shape of the first mode."""
+        return float(self.modes.omega[0]), self.modes.shapes[:, 0]
+
+
+def assemble_linear(model: Model) -> Building:
+    """Assemble the arrays of a model that has matrices or flexural stories.
+
+    Raises
+    ------
+    ModelError
+        The matrices have no modes within the range of floats, or the damping has more modes.
+    """
+    matrices = model.matrices
+    assert matrices is not None
+    n = len(model.stories)
+    own_mass = np.array([story.mass for story in model.stories])
+    mass = np.array(matrices.mass) if matrices.mass else np.diag(own_mass)
+    flexure, drifts = None, np.eye(n)
+    cuts = np.triu(np.ones((n, n)))
+    influence = np.array(matrices.influence or (1.0,) * n)
+    if not model.rows:
+        drifts -= np.eye(n, k=-1)
+    else:
+        cuts *= influence
+    if matrices.stiffness:
+        stiffness = np.array(matrices.stiffness)
+    else:
+        stiffness, flexure = _stick(model, cuts)
+        drifts[0] -= flexure.base[1]
+    vibration = MatrixVibration(
+        *(np.diagonal(mass), np.diagonal(stiffness), np.zeros(n)),
+        mass_matrix=mass,
+        stiffness_matrix=stiffness,
+        influence=influence,
+    )
+    damping = (
+        np.array(matrices.damping)
+        if matrices.damping
+        else _damping(model, mass, stiffness, vibration.modes)
+    )
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    linear_terms[rows.MASS, :n] = np.diagonal(mass)
+    law_parameters = np.zeros((rows.FIRST_PARAMETER, n + 1))
+    law_parameters[rows.CODE, :n] = LINEAR
+    # A drift d stores at least the energy s d^2 / 2 with the reciprocal s of its flexibility. A
+    # chain has the springs s.
+    flexibility = np.einsum("ij,jk,ik->i", drifts, np.linalg.inv(stiffness), drifts)
+    law_parameters[rows.STIFFNESS, :n] = 1.0 / flexibility
+    names = tuple(map(column_name, model.rows))
+    heights = np.array([story.height or math.nan for story in model.stories])
+    return Building(
+        linear_terms,
+        law_parameters,
+        np.zeros((0, n + 1)),
+        heights,
+        np.full(n, math.nan),
+        vibration,
+        floors=n,
+        system=LinearSystem(mass, stiffness, damping, influence, drifts, cuts, names, flexure),
+    )
+
+
+def _damping(model: Model, mass: Array, stiffness: Array, modes: Modes) -> Array:
+    """Return the Rayleigh or modal damping matrix of a model, N s/m."""
+    damping, count = model.damping, modes.omega.size
+    if isinstance(damping, RayleighRatio):
+        if max(damping.modes) > count:
+            raise ModelError(
+                f"{model.name}: damping of mode {max(damping.modes)}, but only {count} rows have "
+                "a mass"
+            )
+        damping = rayleigh(damping, *(float(modes.omega[mode - 1]) for mode in damping.modes))
+    if isinstance(damping, RayleighCoefficients):
+        return np.asarray(damping.mass * mass + damping.stiffness * stiffness)
+    if isinstance(damping, ModalDamping):
+        ratios = np.array(damping.ratios)[:count]
+        ratios = np.concatenate([ratios, np.full(count - ratios.size, ratios[-1])])
+        forces = mass @ modes.shapes
+        return np.asarray((forces * (2.0 * ratios * modes.omega)) @ forces.T)
+    return np.zeros_like(mass)
+
+
+def _stick(model: Model, cuts: Array) -> tuple[Array, Flexure]:
+    """Return the stiffness matrix of flexural stories at the floors, and their `Flexure`.
+
+    The unknowns are the displacements of the floors, the rotations of the floors, and the rotation
+    and displacement of the base, which are fixed if their springs are infinite. With phi = 12 EI /
+    (GA h^2), a segment of the height h has the stiffness EI / (h^3 (1 + phi)) times the matrix
+    below for the displacement and rotation of its lower and upper end.
+    """
+    assert model.matrices is not None
+    n, base = len(model.stories), model.matrices.base
+    # Columns of the displacement and rotation of each level; level 0 is the base.
+    displacement = [2 * n + 1, *range(n)]
+    rotation = [2 * n, *range(n, 2 * n)]
+    matrix = np.zeros((2 * n + 2, 2 * n + 2))
+    for i, story in enumerate(model.stories):
+        assert story.flexural is not None and story.height is not None
+        (bending, shear), h = story.flexural, story.height
+        phi = 12.0 * bending / (shear * h**2)
+        segment = np.array(
+            [
+                [12.0, 6.0 * h, -12.0, 6.0 * h],
+                [6.0 * h, (4.0 + phi) * h**2, -6.0 * h, (2.0 - phi) * h**2],
+                [-12.0, -6.0 * h, 12.0, -6.0 * h],
+                [6.0 * h, (2.0 - phi) * h**2, -6.0 * h, (4.0 + phi) * h**2],
+            ]
+        )
+        ends = [displacement[i], rotation[i], displacement[i + 1], rotation[i + 1]]
+        matrix[np.ix_(ends, ends)] += bending / (h**3 * (1.0 + phi)) * segment
+    # Infinite springs fix the base.
+    free = [k for k, spring in zip((2 * n, 2 * n + 1), base, strict=True) if math.isfinite(spring)]
+    matrix[free, free] += [spring for spring in base if math.isfinite(spring)]
+    floors, others = np.arange(n), [*range(n, 2 * n), *free]
+    condensed = np.linalg.solve(matrix[np.ix_(others, others)], -matrix[np.ix_(others, floors)])
+    stiffness = matrix[:n, :n] + matrix[np.ix_(floors, others)] @ condensed
+    stiffness = 0.5 * (stiffness + stiffness.T)
+    motion = np.zeros((2 * n + 2, n))
+    motion[others] = condensed
+    motion[:n] = np.eye(n)
+    return stiffness, _flexure(model, motion, cuts @ stiffness, stiffness)
+
+
+def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Flexure:
+    """Return the matrices of moments, rotations and parts of drifts.
+
+    `motion` contains the displacements and rotations of the floors, then rotation and displacement
+    of the base. With the shear Q and the moment M at the top of a story, the bending part of its
+    drift is Q h^3 / (3 EI) + M h^2 / (2 EI), and the shear part Q h / GA.
+    """
+    n = len(model.stories)
+    heights = np.array([story.height for story in model.stories], dtype=float)[:, None]
+    flexural = np.array([story.flexural for story in model.stories], dtype=float)
+    bending, shear = flexural[:, :1], flexural[:, 1:]
+    levels = np.cumsum(heights)
+    bottoms = levels - heights[:, 0]
+    # Lever arms of the forces on the floors above the bottom of each story
+    arms = np.maximum(levels[None, :] - bottoms[:, None], 0.0)
+    moment = arms @ stiffness
+    top = np.vstack([moment[1:], np.zeros((1, n))])
+    return Flexure(
+        moment=moment,
+        rotation=motion[n : 2 * n],
+        shear_drift=shears * heights / shear,
+        bending_drift=shears * heights**3 / (3.0 * bending) + top * heights**2 / (2.0 * bending),
+        base=motion[2 * n :],
+        levels=levels,
+    )
+
+
+def damped_modes(building: Building) -> tuple[Modes, Array, Array]:
+    """Return the modes in modal coordinates, whose mass matrix is the identity, and the stiffness
+    and damping matrices of these coordinates, for `solve_complex_modes`."""
+    modes = building.modes()
+    count = modes.omega.size
+    return (
+        replace(modes, shapes=np.eye(count), mass=np.ones(count), load=None),
+        np.diag(modes.omega**2),
+        modes.modal_damping(building.damping_matrix()),
+    )

@@ -1,0 +1,111 @@
+"""Tables of models of matrices and flexural stories: rows, moments, rotations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from tdint.output.tables.table import Cell, Column, Table, columns_of, error_columns, rows_of
+from tdint.response.runs.outcome import FLEXURE_QUANTITIES, STORY_QUANTITIES, FlexureValues
+
+if TYPE_CHECKING:
+    from tdint.response.runs.outcome import Response
+    from tdint.units import OutputUnits
+
+FLEXURE_COLUMNS = columns_of(FlexureValues)
+"""Further columns of stories.csv for flexural stories."""
+FLEXURE_ERROR = error_columns(FLEXURE_COLUMNS)
+
+ROW_NAME = Column("row", "text", "row", "name of the row in the model file")
+_OF_ROWS = {
+    "residual_drift": ("residual_displacement_m", "displacement at the end of the run"),
+    "peak_displacement": ("peak_displacement_m", "maximum absolute displacement"),
+    "peak_velocity": ("peak_velocity_m_s", "maximum absolute velocity"),
+    "peak_absolute_acceleration": (
+        "peak_absolute_acceleration_m_s2",
+        "maximum absolute acceleration: relative acceleration plus influence x ground acceleration",
+    ),
+}
+ROW_COLUMNS = tuple(
+    replace(Column.of_quantity(quantity), name=_OF_ROWS[quantity.name][0], meaning=text)
+    for quantity in STORY_QUANTITIES
+    if quantity.name in _OF_ROWS
+    for text in (_OF_ROWS[quantity.name][1],)
+)
+"""Columns of rows.csv: the rows of `matrices`, relative to the ground."""
+ROW_ERROR = error_columns(ROW_COLUMNS)
+
+_OF_BASE = tuple(quantity for quantity in FLEXURE_QUANTITIES if "table" not in quantity.shown)
+BASE_COLUMNS = tuple(Column.of_quantity(quantity) for quantity in _OF_BASE)
+COLUMNS = (
+    *(*FLEXURE_COLUMNS, *FLEXURE_ERROR, *BASE_COLUMNS, *error_columns(BASE_COLUMNS)),
+    *(ROW_NAME, *ROW_COLUMNS, *ROW_ERROR),
+)
+"""All columns and keys of this module."""
+
+
+def row_table(response: Response) -> Table:
+    """Return the table of the rows of a model that are not floors."""
+    errors = response.check.errors if response.check else None
+    groups = [(ROW_COLUMNS, response.stories), *([(ROW_ERROR, errors)] if errors else [])]
+    cells = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
+    rows: list[tuple[Cell, ...]] = [
+        (name, *chain.from_iterable(row))
+        for name, row in zip(response.model.rows, cells, strict=True)
+    ]
+    return Table.of([ROW_NAME, *(column for columns, _ in groups for column in columns)], rows)
+
+
+def with_flexure(response: Response, table: Table) -> Table:
+    """Return the table of stories with the columns of flexural stories, if they are flexural."""
+    peaks = response.flexure
+    if peaks is None:
+        return table
+    groups = [(FLEXURE_COLUMNS, peaks), *([(FLEXURE_ERROR, peaks.errors)] if peaks.errors else [])]
+    cells = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
+    added = Table.of([column for columns, _ in groups for column in columns], [])
+    rows: list[tuple[Cell, ...]] = [
+        (*row, *chain.from_iterable(more)) for row, more in zip(table.rows, cells, strict=True)
+    ]
+    return Table((*table.columns, *added.columns), rows, table.meanings | added.meanings)
+
+
+def linear_sentences(response: Response, units: OutputUnits) -> list[str]:
+    """Return a sentence on the moment at the base of flexural stories, and its motion."""
+    flexure = response.flexure
+    if flexure is None:
+        return []
+    moment = units.text(float(flexure.peak_moment[0]), "N*m")
+    total = units.text(flexure.total_base_moment, "N*m")
+    texts = [f"base moment {moment} (restoring; {total} with viscous forces)"]
+    if flexure.base_rotation:
+        texts.append(f"base rotation {flexure.base_rotation:.4g} rad")
+    if flexure.base_displacement:
+        texts.append(f"base displacement {units.text(flexure.base_displacement, 'm')}")
+    return [", ".join(texts)]
+
+
+def as_json(response: Response) -> dict[str, Any]:
+    """Return the parts of summary.json of such models: `rows`, or `flexure` and `base`."""
+    flexure = response.flexure
+    if response.model.rows:
+        return {"rows": _without_nan(row_table(response))}
+    if flexure is None:
+        return {}
+    base = {quantity.column: getattr(flexure, quantity.name) for quantity in _OF_BASE}
+    if flexure.errors:
+        base |= {
+            f"{quantity.column}_error": getattr(flexure.errors, quantity.name)
+            for quantity in _OF_BASE
+        }
+    stories = Table.of(FLEXURE_COLUMNS, rows_of(FLEXURE_COLUMNS, flexure))
+    return {"flexure": _without_nan(stories), "base": base}
+
+
+def _without_nan(table: Table) -> list[dict[str, Any]]:
+    """Return the rows of a table as dictionaries, with None instead of nan."""
+    return [
+        {key: None if value != value else value for key, value in row.items()}
+        for row in table.as_dictionaries()
+    ]

@@ -1,0 +1,474 @@
+"""Exact response of models of matrices, in place of the compiled time loop.
+
+The load is linear within each interval, which is a sampling interval of the ground motion or a time
+step, whichever is shorter. The modes are therefore integrated exactly (`tdint.methods.exact`) with
+any time step. Between the intervals, the response is computed on a grid that resolves the highest
+mode, and around each maximum of the grid by a polynomial with the derivatives at both ends of an
+interval, which the modes determine. The peaks are thus those of the continuous response.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array
+from tdint.kernels import layout as rows
+from tdint.kernels.time_loop.loop import RUNAWAY
+from tdint.methods.exact import exact_step, oscillator
+from tdint.methods.workspace import (
+    BASE_DISPLACEMENT,
+    BASE_ROTATION,
+    BENDING_DRIFT,
+    MOMENT,
+    ROTATION,
+    SHEAR_DRIFT,
+    TOTAL_BASE_MOMENT,
+    UNROTATED_DRIFT,
+    Workspace,
+)
+from tdint.model.building import Building
+from tdint.model.force_arrays import add_force_history
+from tdint.response.time_steps import Steps
+
+_RESOLVED = 0.6
+"""Maximum circular frequency times interval of the grid; a maximum between two points is then at
+most 5 % above them."""
+
+_MOST_PARTS = 8
+"""Maximum number of intervals of the grid in an interval of the load. Modes that this does not
+resolve follow the load almost statically."""
+
+_FINE_PARTS = 16
+"""Number of points in an interval of the grid at which the polynomial of a maximum is evaluated. A
+parabola through three points then has a relative error of 1e-8."""
+
+_SMALL = 1e-9
+"""Dimensionless. Rounding of the maxima that are compared."""
+
+_BLOCK_NUMBERS = 2_000_000
+"""Approximate size of the arrays of a block of steps, in numbers: 16 MB."""
+
+
+_Indices = NDArray[np.intp]
+
+
+class _Transition:
+    """Exact step of the modes over a duration, with the state (displacements, velocities) in the
+    last two axes, shape (2, modes).
+
+    Parameters
+    ----------
+    ratios : ndarray or None
+        Damping ratios; None if the damping couples the modes.
+    damping : ndarray, shape (modes, modes)
+        Modal damping matrix, 1/s.
+    patterns : ndarray, shape (modes, loads)
+        Modal loads per unit of each load.
+    """
+
+    def __init__(
+        self, omega: Array, ratios: Array | None, damping: Array, patterns: Array, duration: float
+    ) -> None:
+        h = duration
+        self.patterns = patterns
+        self.is_coupled = ratios is None
+        if ratios is None:
+            self.matrix = exact_step(np.diag(omega**2), damping, patterns, h)
+            return
+        # Columns of u0, h v0, h^2 p0 and h^2 p1, rows of u1 and h v1
+        steps = oscillator(omega * h, ratios) * np.array([1.0, h, h * h, h * h])
+        steps[:, 1] /= h
+        self.columns = steps.transpose(2, 1, 0)
+
+    def forced(self, load_0: Array, load_1: Array) -> Array:
+        """Return the part of the state at the end due to the loads, shape (..., loads)."""
+        if self.is_coupled:
+            loads, n = self.patterns.shape[1], len(self.patterns)
+            by_load = self.matrix[:, 2 * n :]
+            end = load_0 @ by_load[:, :loads].T + load_1 @ by_load[:, loads:].T
+            return np.asarray(end.reshape(*load_0.shape[:-1], 2, n))
+        modal_0, modal_1 = (load @ self.patterns.T for load in (load_0, load_1))
+        return np.asarray(
+            self.columns[2] * modal_0[..., None, :] + self.columns[3] * modal_1[..., None, :]
+        )
+
+    def free(self, state: Array) -> Array:
+        """Return the part of the state at the end due to the state at the start."""
+        if self.is_coupled:
+            n = len(self.patterns)
+            flat = state.reshape(*state.shape[:-2], 2 * n)
+            return np.asarray((flat @ self.matrix[:, : 2 * n].T).reshape(state.shape))
+        return np.asarray(self.columns[0] * state[..., :1, :] + self.columns[1] * state[..., 1:, :])
+
+
+@dataclass
+class _Output:
+    """Quantity whose peaks are wanted: the modal displacements, velocities or accelerations
+    (`derivative` 0, 1 or 2) times a matrix, plus the loads times another matrix.
+
+    `peaks` is the array of the results, which is updated in place.
+    """
+
+    peaks: Array
+    derivative: int
+    matrix: Array
+    loads: Array
+
+
+@dataclass
+class _Grid:
+    """Response at the points of a grid: states, modal accelerations and loads."""
+
+    states: Array
+    accelerations: Array
+    loads: Array
+
+    def derivative(self, order: int) -> Array:
+        """Return the modal displacements (0), velocities (1) or accelerations (2)."""
+        return self.accelerations if order == 2 else self.states[..., order, :]
+
+
+class LinearLoop:
+    """Function (steps, first, last) that integrates the steps from `first` to `last` - 1 and
+    returns 0, or NOT_FINITE, as the compiled time loop.
+
+    Parameters
+    ----------
+    loads : tuple of ndarray
+        Forces on floors and points of their tables (`load_arrays`).
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2.
+    """
+
+    def __init__(
+        self,
+        building: Building,
+        loads: tuple[Array, Array],
+        h: float,
+        ground: Array,
+        space: Workspace,
+    ) -> None:
+        assert building.system is not None
+        self.building, self.system, self.space = building, building.system, space
+        self.h, self.ground, self.loads = h, ground, loads
+        # The array of the workspace when the loop is made, as for a compiled loop
+        self.history = space.history
+        modes = building.modes()
+        self.omega, self.shapes = modes.omega, modes.shapes
+        self.damping = modes.modal_damping(self.system.damping)
+        self.ratios = modes.damping_ratios(self.system.damping)
+        self.floors = np.unique(loads[0][:, rows.FLOOR].astype(int))
+        n = building.stories
+        # The first load is the ground acceleration, the others are the forces on floors.
+        self.applied = np.zeros((n, 1 + self.floors.size))
+        self.applied[:, 0] = -self.system.mass @ self.system.influence
+        self.applied[self.floors, 1 + np.arange(self.floors.size)] = 1.0
+        self.patterns = self.shapes.T @ self.applied
+        self.outputs = self._outputs()
+
+    def __call__(self, steps: Steps, first: int, last: int) -> int:
+        interval = self.h / steps.stride
+        parts = min(max(1, int(np.ceil(self.omega[-1] * interval / _RESOLVED))), _MOST_PARTS)
+        durations = (interval, interval / parts) if parts > 1 else (interval,)
+        transitions = [
+            _Transition(self.omega, self.ratios, self.damping, self.patterns, duration)
+            for duration in durations
+        ]
+        per_step = steps.stride * parts
+        block = max(1, _BLOCK_NUMBERS // (2 * self.omega.size * per_step))
+        for start in range(first, last, block):
+            end = min(start + block, last)
+            grid = self._integrate(steps, (start, end), parts, transitions)
+            for output in self.outputs:
+                self._update_peaks(output, grid, interval / parts)
+            self._store(grid, interval / parts, per_step, (start, end))
+            displacement = self.space.state[rows.DISPLACEMENT]
+            if not np.all(np.abs(displacement) < RUNAWAY):
+                return rows.NOT_FINITE
+        return 0
+
+    def _integrate(
+        self, steps: Steps, span: tuple[int, int], parts: int, transitions: list[_Transition]
+    ) -> _Grid:
+        """Return the response over the steps of `span` on the grid with `parts` intervals in each
+        interval of the load."""
+        start, end = span
+        count = (end - start) * steps.stride
+        positions = start * steps.stride + np.arange(count + 1)
+        time = np.asarray(positions * (self.h / steps.stride), dtype=np.float64)
+        loads = np.zeros((count + 1, 1 + self.floors.size))
+        # The ground acceleration is linear between the samples and 0 after the last sample.
+        samples = np.append(self.ground, 0.0)
+        loads[:, 0] = np.interp(
+            positions / steps.per_sample, np.arange(samples.size), samples, right=0.0
+        )
+        if self.floors.size:
+            forces = np.zeros((count + 1, self.building.stories))
+            add_force_history(*self.loads, time, forces)
+            loads[:, 1:] = forces[:, self.floors]
+        coarse, fine = transitions[0], transitions[-1]
+        state = self.space.state[: rows.VELOCITY + 1, :-1] @ self.system.mass @ self.shapes
+        states = np.empty((count, parts, 2, self.omega.size))
+        forced = coarse.forced(loads[:-1], loads[1:])
+        for k in range(count):
+            states[k, 0] = state
+            state = coarse.free(state) + forced[k]
+        share = np.arange(parts)[:, None] / parts
+        between = loads[:-1, None] + share * np.diff(loads, axis=0)[:, None]
+        for part in range(1, parts):
+            states[:, part] = fine.free(states[:, part - 1]) + fine.forced(
+                between[:, part - 1], between[:, part]
+            )
+        all_states = np.concatenate([states.reshape(count * parts, 2, -1), state[None]])
+        all_loads = np.concatenate([between.reshape(count * parts, -1), loads[-1:]])
+        return _Grid(all_states, self._accelerations(all_states, all_loads), all_loads)
+
+    def _accelerations(self, states: Array, loads: Array) -> Array:
+        """Return the modal accelerations, from equilibrium."""
+        return np.asarray(
+            loads @ self.patterns.T - self._internal(states[..., 0, :], states[..., 1, :])
+        )
+
+    def _outputs(self) -> list[_Output]:
+        """Return the quantities whose peaks the run reports."""
+        system, peaks, shapes = self.system, self.space.peaks, self.shapes
+        n, loads = self.building.stories, self.applied.shape[1]
+        none, ground = np.zeros((n, loads)), np.zeros((n, loads))
+        ground[:, 0] = system.influence
+        inertia = -system.cuts @ system.mass
+        outputs = [
+            _Output(peaks[rows.PEAK_DRIFT], 0, system.deformations @ shapes, none),
+            _Output(peaks[rows.PEAK_SHEAR], 0, system.cuts @ system.stiffness @ shapes, none),
+            _Output(peaks[rows.PEAK_DISPLACEMENT], 0, shapes, none),
+            _Output(peaks[rows.PEAK_VELOCITY], 1, shapes, none),
+            _Output(peaks[rows.PEAK_ACCELERATION], 2, shapes, ground),
+            # `applied` contains the inertia due to the ground acceleration.
+            _Output(peaks[rows.PEAK_TOTAL_SHEAR], 2, inertia @ shapes, system.cuts @ self.applied),
+        ]
+        flexure, observed = system.flexure, self.space.observer_state
+        if flexure is None:
+            return outputs
+        for row, matrix in (
+            (MOMENT, flexure.moment),
+            (ROTATION, flexure.rotation),
+            (UNROTATED_DRIFT, flexure.shear_drift + flexure.bending_drift),
+            (SHEAR_DRIFT, flexure.shear_drift),
+            (BENDING_DRIFT, flexure.bending_drift),
+            (BASE_ROTATION, flexure.base[:1]),
+            (BASE_DISPLACEMENT, flexure.base[1:]),
+        ):
+            count = len(matrix)
+            outputs.append(_Output(observed[row, :count], 0, matrix @ shapes, none[:count]))
+        arms = flexure.levels[None]
+        outputs.append(
+            _Output(
+                observed[TOTAL_BASE_MOMENT, :1],
+                2,
+                -arms @ system.mass @ shapes,
+                arms @ self.applied,
+            )
+        )
+        return outputs
+
+    def _store(self, grid: _Grid, interval: float, per_step: int, span: tuple[int, int]) -> None:
+        """Store state, energies, collapse and history of the steps of `span`."""
+        space, n = self.space, self.building.stories
+        start, end = span
+        if start == 0:
+            displacement, velocity = grid.states[0]
+            initial = 0.5 * float(np.sum((self.omega * displacement) ** 2 + velocity**2))
+            space.totals[rows.ENERGY_INITIAL] = space.totals[rows.ENERGY_REFERENCE] = initial
+        energies = self._energies(grid, interval)[::per_step]
+        totals = space.totals
+        reference = totals[rows.ENERGY_INITIAL] + energies[:, rows.ENERGY_INPUT]
+        references = np.maximum.accumulate(np.maximum(reference, totals[rows.ENERGY_REFERENCE]))
+        self._record_collapse(grid, per_step, start, energies, references)
+        totals[: rows.ENERGY_TERMS] = energies[-1]
+        totals[rows.ENERGY_REFERENCE] = references[-1]
+        totals[rows.STEPS_REACHED] += end - start
+        totals[rows.ITERATIONS] += end - start
+        at_steps = slice(None, None, per_step)
+        displacement, velocity, acceleration = (
+            grid.derivative(order)[at_steps] @ self.shapes.T for order in range(3)
+        )
+        drift = displacement[-1] @ self.system.deformations.T
+        space.state[rows.DISPLACEMENT, :n], space.state[rows.VELOCITY, :n] = (
+            displacement[-1],
+            velocity[-1],
+        )
+        space.observer_state[rows.OBSERVED_ACCELERATION, :n] = acceleration[-1]
+        # The force that only this drift would need, as in `assemble_linear`
+        stiffness = self.building.initial_stiffness
+        space.law_state[rows.DRIFT, :n] = drift
+        space.law_state[rows.FORCE, :n] = stiffness * drift
+        space.law_state[rows.SLOPE, :n] = stiffness
+        if len(self.history):
+            numbers = np.arange(start, end + 1)
+            kept = (numbers % space.steps_per_row == 0) & ((numbers > start) | (start == 0))
+            table = np.hstack(
+                [
+                    grid.loads[at_steps, :1],
+                    displacement,
+                    velocity,
+                    acceleration + grid.loads[at_steps, :1] * self.system.influence,
+                    displacement @ (self.system.cuts @ self.system.stiffness).T,
+                    energies,
+                ]
+            )
+            positions = numbers[kept] // space.steps_per_row - space.rows_before
+            self.history[positions] = table[kept]
+
+    def _energies(self, grid: _Grid, interval: float) -> Array:
+        """Return the energies at all points of the grid, shape (points, ENERGY_TERMS).
+
+        The powers are integrated by the trapezoidal rule with their rates at the endpoints.
+        """
+        displacement, velocity = grid.states[:, 0], grid.states[:, 1]
+        acceleration, modal = grid.accelerations, grid.loads @ self.patterns.T
+        result = np.zeros((len(modal), rows.ENERGY_TERMS))
+        result[0] = self.space.totals[: rows.ENERGY_TERMS]
+        rate = np.diff(modal, axis=0) / interval
+        power = np.sum(velocity * modal, axis=1)
+        power_rate = np.sum(acceleration * modal, axis=1)
+        kink = np.sum(velocity[:-1] * rate, axis=1) - np.sum(velocity[1:] * rate, axis=1)
+        work = _integral(power, power_rate, interval) + interval**2 / 12.0 * kink
+        result[1:, rows.ENERGY_INPUT] = result[0, rows.ENERGY_INPUT] + np.cumsum(work)
+        force = self._internal(np.zeros_like(displacement), velocity)
+        power = np.sum(velocity * force, axis=1)
+        power_rate = 2.0 * np.sum(acceleration * force, axis=1)
+        lost = _integral(power, power_rate, interval)
+        result[1:, rows.ENERGY_VISCOUS] = result[0, rows.ENERGY_VISCOUS] + np.cumsum(lost)
+        result[:, rows.ENERGY_KINETIC] = 0.5 * np.sum(velocity**2, axis=1)
+        result[:, rows.ENERGY_STRAIN] = 0.5 * np.sum((self.omega * displacement) ** 2, axis=1)
+        return result
+
+    def _record_collapse(
+        self, grid: _Grid, per_step: int, start: int, energies: Array, references: Array
+    ) -> None:
+        """Record the first step in which a drift exceeds the collapse drift."""
+        totals, limits = self.space.totals, self.space.limits
+        limit = limits[rows.LIMIT] * limits[rows.HEIGHT]
+        is_new = totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE
+        if not (is_new and np.any(self.space.peaks[rows.PEAK_DRIFT] > limit)):
+            return
+        drift = np.abs(grid.derivative(0) @ (self.system.deformations @ self.shapes).T)
+        ratio = np.nan_to_num(drift / limit)
+        # A peak between two points of the grid can be the first one.
+        point = int(np.argmax(ratio.max(axis=1) > min(1.0, ratio.max() * (1.0 - 1e-12))))
+        step = -(-point // per_step)
+        totals[rows.COLLAPSE_STEP] = start + step
+        totals[rows.COLLAPSE_STORY] = int(np.argmax(ratio[point]))
+        stored = totals[rows.COLLAPSE_ENERGIES :]
+        stored[: rows.ENERGY_TERMS] = energies[step]
+        stored[rows.ENERGY_INITIAL] = totals[rows.ENERGY_INITIAL]
+        stored[rows.ENERGY_REFERENCE] = references[step]
+
+    def _update_peaks(self, output: _Output, grid: _Grid, interval: float) -> None:
+        """Update the peaks of a quantity with its maximum absolute values on the grid and between
+        its points.
+
+        A maximum between two points is at most 1 - cos(omega h / 2) above the larger one, with the
+        highest circular frequency omega and the interval h of the grid.
+        """
+        size = np.abs(
+            grid.derivative(output.derivative) @ output.matrix.T + grid.loads @ output.loads.T
+        )
+        top = np.fmax(size.max(axis=0), output.peaks)
+        np.copyto(output.peaks, top, where=~np.isnan(top))
+        resolved = min(float(self.omega[-1]) * interval, 1.0)
+        margin = resolved**2 / 8.0 + _SMALL
+        point, column = np.nonzero(size >= np.where(top > 0.0, (1.0 - margin) * top, np.inf))
+        last = len(size) - 1
+        if output.derivative < 2 or not self.floors.size:
+            # The quantity has no kinks: only maxima of the grid count, and of displacements and
+            # velocities only those whose parabola reaches the largest one.
+            before, here, after = (
+                size[np.clip(point + shift, 0, last), column] for shift in (-1, 0, 1)
+            )
+            is_inner = (point > 0) & (point < last)
+            reach = np.where(is_inner, _vertex(before, here, after), (1.0 + margin) * here)
+            tolerance = margin if output.derivative == 2 else resolved**4 / 32.0 + _SMALL
+            kept = (here >= before) & (here >= after) & (reach >= (1.0 - tolerance) * top[column])
+            point, column = point[kept], column[kept]
+        # The intervals before and after each point, each of them once
+        intervals = np.concatenate([point - 1, point]) * len(top) + np.tile(column, 2)
+        intervals = np.unique(intervals[(intervals >= 0) & (intervals < last * len(top))])
+        if intervals.size:
+            point, column = np.divmod(intervals, len(top))
+            peaks = self._between(output, grid, interval, point, column)
+            np.maximum.at(output.peaks, column, peaks)
+
+    def _between(
+        self, output: _Output, grid: _Grid, interval: float, point: _Indices, column: _Indices
+    ) -> Array:
+        """Return the maximum absolute values of rows of a quantity (`column`) in intervals of the
+        grid, which start at `point`: those of the polynomial through the values and the first three
+        derivatives at both ends."""
+        matrix, load_matrix = output.matrix[column], output.loads[column]
+        load_rate = (grid.loads[point + 1] - grid.loads[point]) / interval
+        modal_rate = load_rate @ self.patterns.T
+        # Derivatives of modes that the grid does not resolve would oscillate between its points.
+        is_resolved = self.omega * interval <= 1.0
+        data = []
+        for end in (point, point + 1):
+            orders = [*np.moveaxis(grid.states[end], 1, 0), grid.accelerations[end]]
+            orders.append(modal_rate - self._internal(orders[1], orders[2]))
+            while len(orders) < output.derivative + 4:
+                orders.append(-self._internal(orders[-2], orders[-1]))
+            for k, modal in enumerate(orders[output.derivative :][:4]):
+                used = modal if k == 0 else np.where(is_resolved, modal, 0.0)
+                value = np.einsum("ij,ij->i", matrix, used)
+                if k < 2:
+                    value += np.einsum("ij,ij->i", load_matrix, load_rate if k else grid.loads[end])
+                data.append(interval**k * value)
+        size = np.abs(_HERMITE @ np.array(data))
+        top, index = size.argmax(axis=0), np.arange(len(point))
+        middle = np.clip(top, 1, len(size) - 2)
+        # The maximum may be between the first two points, or the last two.
+        three = [size[middle + shift, index] for shift in (-1, 0, 1)]
+        return np.asarray(np.maximum(size[top, index], _vertex(*three)))
+
+    def _internal(self, displacement: Array, velocity: Array) -> Array:
+        """Return the internal modal forces per mass of displacements and velocities, m/s^2."""
+        if self.ratios is None:
+            damping = velocity @ self.damping
+        else:
+            damping = (2.0 * self.ratios * self.omega) * velocity
+        return np.asarray(damping + self.omega**2 * displacement)
+
+
+def _hermite(parts: int) -> Array:
+    """Return the matrix of the values at equal parts of a unit interval of the polynomial with
+    given value and three derivatives at the start, then at the end, shape (parts + 1, 8)."""
+    powers = np.arange(8)
+    rows_of_ends = []
+    for end in (0.0, 1.0):
+        factor = np.ones(8)
+        for order in range(4):
+            exponent = np.maximum(powers - order, 0)
+            rows_of_ends.append(np.where(powers >= order, factor * end**exponent, 0.0))
+            factor = factor * (powers - order)
+    positions = np.linspace(0.0, 1.0, parts + 1)[:, None] ** powers
+    return np.asarray(positions @ np.linalg.inv(np.array(rows_of_ends)))
+
+
+_HERMITE = _hermite(_FINE_PARTS)
+
+
+def _vertex(before: Array, here: Array, after: Array) -> Array:
+    """Return the maximum of the parabola through three equidistant points; the middle point if it
+    has no maximum between them."""
+    bend, change = 2.0 * here - before - after, after - before
+    has_vertex = 2.0 * bend >= np.abs(change)
+    rise = np.divide(change**2, 8.0 * bend, out=np.zeros_like(bend), where=has_vertex & (bend > 0))
+    return np.asarray(here + rise)
+
+
+def _integral(values: Array, rates: Array, interval: float) -> Array:
+    """Return the integral over each interval of a quantity with known rates at both ends."""
+    return np.asarray(
+        0.5 * interval * (values[:-1] + values[1:]) + interval**2 / 12.0 * (rates[:-1] - rates[1:])
+    )
