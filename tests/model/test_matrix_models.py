@@ -80,11 +80,11 @@ def test_units():
 
 def test_what_needs_springs_is_refused():
     model = tdint.load_model(frame())
-    with pytest.raises(AnalysisError, match="impulse4 does not support models of matrices.*exact"):
+    with pytest.raises(AnalysisError, match=r"impulse4 does not support models of matrices.*exact"):
         tdint.run(model, method="impulse4", dt=0.1, duration=1)
     with pytest.raises(UsageError, match="pushover needs springs of stories"):
         tdint.pushover(model, 0.01)
-    with pytest.raises(UsageError, match="stories.mass cannot be changed"):
+    with pytest.raises(UsageError, match=r"stories.mass cannot be changed"):
         model.replace(**{"stories.mass": 2.0})
     with pytest.raises(UsageError, match="the transfer function is for floors"):
         tdint.transfer_function(tdint.load_model(rows()))

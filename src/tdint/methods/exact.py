@@ -217,17 +217,6 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     )
 
 
-def exact_step(k: Array, c: Array, patterns: Array, h: float) -> Array:
-    """Return the exact step of u'' + c u' + k u = P p(t) over the time h (s): the matrix that maps
-    (u0, v0, p0, p1) to (u1, v1), with the distribution P of the loads (`patterns`)."""
-    n = len(patterns)
-    matrix = _van_loan(h * h * k, h * c, patterns)
-    matrix[n:] /= h
-    matrix[:, n : 2 * n] *= h
-    matrix[:, 2 * n :] *= h * h
-    return matrix
-
-
 def prepare(building: Building, forces: Array, h: float) -> Array:
     """Return the matrix of one step of a linear building, column by column, for the coefficients of
     `step`.

@@ -474,7 +474,7 @@ class Building:
         if self.system is not None:
             from tdint.model.linear_system import damped_modes
 
-            modes, stiffness, damping = damped_modes(self)
+            modes, stiffness, damping = damped_modes(self.modes(), self.system.damping)
             none = np.zeros((0, modes.omega.size)), np.zeros(0), np.zeros(0)
             return solve_complex_modes(modes, stiffness, damping, none)
         terms = self.linear_terms[:, :-1]
@@ -603,10 +603,7 @@ def assemble(model: Model) -> Building:
         tangent stiffness.
     """
     if model.matrices is not None:
-        # Imported here, because few models have matrices.
-        from tdint.model.linear_system import assemble_linear
-
-        return assemble_linear(model)
+        return _assemble_linear(model)
     stories, ends = springs_of(model)
     n, floors = len(stories), len(model.stories)
     if has_tangent_damping(model.damping):
@@ -678,6 +675,28 @@ def assemble(model: Model) -> Building:
         links=model.links,
         floors=floors,
         stiffens=any(map(_stiffens, stories)),
+    )
+
+
+def _assemble_linear(model: Model) -> Building:
+    """Assemble the arrays of a model that has matrices or flexural stories. The stiffnesses of the
+    stories are those of `LinearSystem.drift_stiffness`."""
+    # Imported here, because few models have matrices.
+    from tdint.model.linear_system import assemble_system
+
+    system, vibration = assemble_system(model)
+    n = len(model.stories)
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    linear_terms[rows.MASS, :n] = np.diagonal(system.mass)
+    law_parameters = np.zeros((rows.FIRST_PARAMETER, n + 1))
+    law_parameters[rows.CODE, :n] = LINEAR
+    law_parameters[rows.STIFFNESS, :n] = system.drift_stiffness
+    heights = np.array([story.height or math.nan for story in model.stories])
+    return Building(
+        *(linear_terms, law_parameters, np.zeros((0, n + 1)), heights, np.full(n, math.nan)),
+        vibration,
+        floors=n,
+        system=system,
     )
 
 

@@ -17,9 +17,6 @@ import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
-from tdint.kernels import layout as rows
-from tdint.kernels.laws import LINEAR
-from tdint.model.building import Building
 from tdint.model.damping import rayleigh
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.model.modes import FreeVibration, Modes
@@ -83,6 +80,14 @@ class LinearSystem:
     names: tuple[str, ...] = ()
     flexure: Flexure | None = None
 
+    @property
+    def drift_stiffness(self) -> Array:
+        """Reciprocals s of the flexibilities of the drifts, N/m: a drift d stores at least the
+        energy s d^2 / 2. In a chain they are the stiffnesses of the springs."""
+        drifts = self.deformations
+        flexibility = np.einsum("ij,jk,ik->i", drifts, np.linalg.inv(self.stiffness), drifts)
+        return np.asarray(1.0 / flexibility)
+
 
 @dataclass(frozen=True)
 class MatrixVibration(FreeVibration):
@@ -144,8 +149,8 @@ class MatrixVibration(FreeVibration):
         return float(self.modes.omega[0]), self.modes.shapes[:, 0]
 
 
-def assemble_linear(model: Model) -> Building:
-    """Assemble the arrays of a model that has matrices or flexural stories.
+def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
+    """Return the matrices of a model that has matrices or flexural stories, and its vibration.
 
     Raises
     ------
@@ -180,26 +185,9 @@ def assemble_linear(model: Model) -> Building:
         if matrices.damping
         else _damping(model, mass, stiffness, vibration.modes)
     )
-    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
-    linear_terms[rows.MASS, :n] = np.diagonal(mass)
-    law_parameters = np.zeros((rows.FIRST_PARAMETER, n + 1))
-    law_parameters[rows.CODE, :n] = LINEAR
-    # A drift d stores at least the energy s d^2 / 2 with the reciprocal s of its flexibility. A
-    # chain has the springs s.
-    flexibility = np.einsum("ij,jk,ik->i", drifts, np.linalg.inv(stiffness), drifts)
-    law_parameters[rows.STIFFNESS, :n] = 1.0 / flexibility
     names = tuple(map(column_name, model.rows))
-    heights = np.array([story.height or math.nan for story in model.stories])
-    return Building(
-        linear_terms,
-        law_parameters,
-        np.zeros((0, n + 1)),
-        heights,
-        np.full(n, math.nan),
-        vibration,
-        floors=n,
-        system=LinearSystem(mass, stiffness, damping, influence, drifts, cuts, names, flexure),
-    )
+    system = LinearSystem(mass, stiffness, damping, influence, drifts, cuts, names, flexure)
+    return system, vibration
 
 
 def _damping(model: Model, mass: Array, stiffness: Array, modes: Modes) -> Array:
@@ -290,13 +278,15 @@ def _flexure(model: Model, motion: Array, shears: Array, stiffness: Array) -> Fl
     )
 
 
-def damped_modes(building: Building) -> tuple[Modes, Array, Array]:
+def damped_modes(modes: Modes, damping: Array) -> tuple[Modes, Array, Array]:
     """Return the modes in modal coordinates, whose mass matrix is the identity, and the stiffness
-    and damping matrices of these coordinates, for `solve_complex_modes`."""
-    modes = building.modes()
+    and damping matrices of these coordinates, for `solve_complex_modes`.
+
+    `damping` is the damping matrix of the system, N s/m.
+    """
     count = modes.omega.size
     return (
         replace(modes, shapes=np.eye(count), mass=np.ones(count), load=None),
         np.diag(modes.omega**2),
-        modes.modal_damping(building.damping_matrix()),
+        modes.modal_damping(damping),
     )

@@ -1,6 +1,7 @@
 """Models of matrices and flexural stories against the matrix exponential, beams and chains."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def reference(building):
     block[2 * n, 2 * n + 1] = 1.0
     matrix = expm(block * STEP / PARTS)
     state, rows = np.zeros(2 * n + 2), []
-    for start, end in zip(MOTION, MOTION[1:], strict=False):
+    for start, end in pairwise(MOTION):
         state[2 * n :] = start, (end - start) / STEP
         for _ in range(PARTS):
             rows.append(state)

@@ -7,9 +7,10 @@ A matrix is a list of rows, or a CSV file of numbers without a header.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.csv_table import read_rows
@@ -240,8 +241,7 @@ def _first_pivot(matrix: Array) -> tuple[int, float] | None:
 
 def _require_positive(value: Value, matrix: Array, names: Sequence[str]) -> None:
     """Report a stiffness that is not positive definite."""
-    negative = _negative_diagonal(value, matrix, names, lambda entry: entry <= 0.0)
-    if negative or len(matrix) == 0:
+    if _negative_diagonal(value, matrix, names, np.diagonal(matrix) <= 0.0) or len(matrix) == 0:
         return
     if pivot := _first_pivot(matrix):
         row = names[pivot[0]]
@@ -253,7 +253,7 @@ def _require_positive(value: Value, matrix: Array, names: Sequence[str]) -> None
 
 def _require_mass(value: Value, matrix: Array, names: Sequence[str]) -> None:
     """Report a mass that is not positive; rows of zeros are allowed."""
-    if _negative_diagonal(value, matrix, names, lambda entry: entry < 0.0):
+    if _negative_diagonal(value, matrix, names, np.diagonal(matrix) < 0.0):
         return
     massless = ~matrix.any(axis=1)
     if massless.all():
@@ -269,10 +269,10 @@ def _require_mass(value: Value, matrix: Array, names: Sequence[str]) -> None:
 
 
 def _negative_diagonal(
-    value: Value, matrix: Array, names: Sequence[str], is_wrong: Callable[[Array], Array]
+    value: Value, matrix: Array, names: Sequence[str], is_wrong: NDArray[np.bool_]
 ) -> bool:
     """Return True after reporting the first diagonal entry with the wrong sign."""
-    wrong = np.flatnonzero(is_wrong(np.diagonal(matrix)))
+    wrong = np.flatnonzero(is_wrong)
     if not wrong.size:
         return False
     i = int(wrong[0])

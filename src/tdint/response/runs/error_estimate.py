@@ -523,7 +523,7 @@ def element_errors(
 
 def flexure_errors(peaks: FlexureValues, others: FlexureValues, growth: float) -> FlexureValues:
     """Return the estimated errors of flexural stories, at least `growth` times the peaks."""
-    values = {}
+    values: dict[str, Any] = {}
     for quantity in FLEXURE_QUANTITIES:
         value, other = (np.atleast_1d(getattr(item, quantity.name)) for item in (peaks, others))
         error = np.maximum(_extrapolated(value, other, value, _LOW_ORDER), growth * value)
