@@ -157,12 +157,8 @@ def _read_matrix(
 ) -> Array:
     """Return a symmetric matrix in SI units; unit numbers after reporting an error.
 
-    Parameters
-    ----------
-    count : int, optional
-        Number of rows, if it is known.
-    diagonal : bool
-        A list of numbers is the diagonal.
+    `count` is the number of rows, if it is known. With `diagonal`, a list of numbers is the
+    diagonal.
     """
     rows = _cells_of_file(value) if not value.is_list else _cells_of_list(value, diagonal)
     failed = np.eye(count or 0)
