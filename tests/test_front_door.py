@@ -96,7 +96,7 @@ def motions() -> None:
     figure = tdint.spectrum(record, periods).plot()
     axes = figure.add_subplot()
     tdint.plot(tdint.spectrum(record, periods), ax=axes).set_xlabel("T")
-    tdint.plot([tdint.spectrum(record, periods)], file="a.png", width=0.09, label={"a": "b"}).savefig("b.png")
+    tdint.plot([tdint.spectrum(record, periods)], file="a.png", width=0.09, title=False).savefig("b.png")
     columns: dict[str, Any] = tdint.to_dict(tdint.spectrum(record, periods), units="g")
     print(columns)
 
