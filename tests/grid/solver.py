@@ -17,7 +17,7 @@ from scipy.integrate import DOP853
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
-from grid.springs import LAWS, StoryFailureError
+from grid.springs import StoryFailureError, spring_of
 
 GRAVITY = 9.80665  # m/s^2
 
@@ -191,9 +191,9 @@ class Chain:
 def springs_of(story):
     """Return the springs of a story: its elements, or its law."""
     if "elements" in story:
-        return [LAWS[element["type"]](element, element) for element in story["elements"]]
+        return [spring_of(element, element) for element in story["elements"]]
     parameters = story.get("law", {"type": "linear"})
-    return [LAWS[parameters["type"]](story, parameters)]
+    return [spring_of(story, parameters)]
 
 
 @dataclass
@@ -209,6 +209,7 @@ class Dashpot:
     below: float = 0.0
     brace: float = 0.0
     factor: float = 1.0
+    relief: dict | None = None
 
     def force(self, drift_rate):
         """Return the force along the damper without a brace, N."""
@@ -221,6 +222,9 @@ class Dashpot:
     def force_rate(self, drift_rate, force):
         """Return the rate of the force of damper and brace, N/s."""
         damper_rate = (abs(force) / self.coefficient) ** (1.0 / self.exponent)
+        if self.relief and abs(force) > self.relief["force"]:
+            excess = abs(force) - self.relief["force"]
+            damper_rate += excess / self.coefficient * (1.0 / self.relief["ratio"] - 1.0)
         return self.brace * (self.factor * drift_rate - math.copysign(damper_rate, force))
 
 
@@ -230,7 +234,7 @@ def dashpot_of(entry):
         return Dashpot(entry)
     factor = entry.get("factor", math.cos(math.radians(entry.get("angle", 0.0))))
     power = entry["coefficient"], entry.get("exponent", 1.0), entry.get("linear_below", 0.0)
-    return Dashpot(*power, entry.get("brace", 0.0), factor)
+    return Dashpot(*power, entry.get("brace", 0.0), factor, entry.get("relief"))
 
 
 class ForceTable:

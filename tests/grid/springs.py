@@ -131,6 +131,63 @@ class Spring:
         return []
 
 
+class Fracturing:
+    """Spring that loses its force at a drift of a side for good."""
+
+    is_reversible = False
+
+    def __init__(self, spring, limit):
+        if not isinstance(limit, dict):
+            limit = {"positive": limit, "negative": limit}
+        self.spring, self.is_broken = spring, False
+        self.limits = {
+            side: limit.get(name, math.inf)
+            for side, name in ((1.0, "positive"), (-1.0, "negative"))
+        }
+
+    def __getattr__(self, name):
+        return getattr(self.spring, name)
+
+    @property
+    def end(self):
+        if self.is_broken:
+            return math.inf
+        return min(self.spring.end, self.limits.get(self.side, math.inf))
+
+    def value(self, drift, variable=0.0):
+        return 0.0 if self.is_broken else self.spring.value(drift, variable)
+
+    def tangent(self, drift, variable=0.0):
+        return 0.0 if self.is_broken else self.spring.tangent(drift, variable)
+
+    def arrive(self):
+        if self.end < self.spring.end:
+            self.is_broken = True
+        else:
+            self.spring.arrive()
+
+    def turn(self, side):
+        if self.is_broken:
+            self.spring.side = side
+        else:
+            self.spring.turn(side)
+
+    def move(self, drift, variable=0.0):
+        if not self.is_broken:
+            self.spring.move(drift, variable)
+
+    def go(self, drift):
+        return self.spring.go(drift) if self.variables else Spring.go(self, drift)
+
+
+def spring_of(story, parameters):
+    """Return the spring of a law or an element."""
+    spring = LAWS[parameters["type"]](story, parameters)
+    if "fracture_drift" not in parameters:
+        return spring
+    return Fracturing(spring, parameters["fracture_drift"])
+
+
 def _along(points):
     """Return the segments through points (x, f) with increasing x."""
     return [(x1, (f1 - f0) / (x1 - x0)) for (x0, f0), (x1, f1) in pairwise(points) if x1 > x0]
@@ -992,7 +1049,7 @@ class Flag(Multilinear):
             for points in self.points.values()
             for (d0, f0), (d1, f1) in pairwise([(0.0, 0.0), *points])
         )
-        self.k = parameters.get("stiffness", steepest)
+        self.elastic = parameters.get("stiffness", steepest)
 
     def path(self, x, f, reversed_here):
         s = self.side
@@ -1002,7 +1059,7 @@ class Flag(Multilinear):
         drift, force = self.points[s][-1]
         end = (_FAR, force + self.last_slopes[s] * (_FAR - drift))
         points = [*reversed(behind), (0.0, 0.0), *self.points[s], end]
-        return _limited(x, f, self.k, points)
+        return _limited(x, f, self.elastic, points)
 
 
 class Elastic(Multilinear):

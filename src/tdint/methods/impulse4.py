@@ -89,6 +89,9 @@ from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 # Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
 # drift at its end differs from the limit of the branch by no more than this tolerance.
 _LOCATION_TOLERANCE = 0.1
+# Fraction of the force of a story. A smaller change of the force at a branch change is rounding.
+_JUMP = 1e-6
+
 # Results of `_compare_with_event`
 _BEFORE_EVENT = -1.0
 _BEYOND_EVENT = 1.0
@@ -261,9 +264,12 @@ def _take_substeps(coefficients, scene, h, load, memory):
                     else:
                         # Change the branch at the start, without a substep, and solve again for the
                         # remaining step.
-                        _change_branch(
+                        if _change_branch(
                             linear_terms, law_parameters, state, law_state, story, column, event
-                        )
+                        ):
+                            _raise_peaks_after_jump(
+                                scene, load[rows.TIME] + elapsed, ground, memory
+                            )
                         branch_changes += 1
                         substep = h - elapsed
                         if HAS_CURVED_FORCE and is_shortened:
@@ -299,7 +305,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
             is_shortened = False
         elapsed += substep
         if HAS_NONLINEAR_FORCE and ends_at_event:
-            _change_branch(linear_terms, law_parameters, state, law_state, story, column, event)
+            if _change_branch(linear_terms, law_parameters, state, law_state, story, column, event):
+                _raise_peaks_after_jump(scene, span.t, span.ground_1, memory)
             branch_changes += 1
             ends_at_event = False
         substep = h - elapsed
@@ -398,6 +405,8 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
 
     `column` is the story or the element whose branch ends. At a reversal of a story with elements,
     it is the story, and all elements with its direction change their branches.
+
+    The result is True if the law has lost a part of its force.
     """
     force = law_state[rows.FORCE, story]
     slope = law_state[rows.SLOPE, story]
@@ -406,6 +415,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     else:
         _leave_branch(law_parameters, law_state, story, event)
     jump = law_state[rows.FORCE, story] - force
+    has_lost_force = abs(jump) > _JUMP * abs(force)
     # The force of tangent damping changes with the stiffness. Curved branches have the slope inf;
     # they change at reversals, where the rate is 0.
     if (
@@ -430,6 +440,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
                 linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, base]
             )
         tie(linear_terms, state, rows.ACCELERATION)
+    return has_lost_force
 
 
 @outlined
@@ -738,38 +749,57 @@ def _update_substep_peaks(scene, span, memory):
         if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
             previous = step_start(scene.flags)
             raise_located_peaks(scene, span, passage, law_state, previous, located)
-    total_shear = 0.0
-    for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
+    _raise_floor_peaks(scene, span.t, span.ground_1, ROW.END_ACCELERATION, scratch)
+    for i in range(scene.linear_terms.shape[1] - 1):
         drift = law_state[rows.DRIFT, i]
-        total_shear *= scene.linear_terms[rows.LINK, i + 1]
-        if TREE and is_tree(scene.linear_terms):
-            # The column of a link has no inertia.
-            scratch[momentum.FORCE_S, i] = 0.0
-            total_shear = above(scene.linear_terms, scratch, momentum.FORCE_S, i)
-        total_shear += scene.linear_terms[rows.MASS, i] * (
-            scratch[ROW.END_ACCELERATION, i] + span.ground_1
-        )
-        if FORCES:
-            for j in range(scene.forces.shape[0]):
-                if scene.forces[j, rows.FLOOR] == i:
-                    total_shear -= force_value(scene.forces, j, span.t)
-        if TREE and is_tree(scene.linear_terms):
-            scratch[momentum.FORCE_S, i] = total_shear
-        raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
         # The law is moved to the limit at which the substep ends, also if the drift is before it.
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift - scratch[ROW.END_EXCESS, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
-        acceleration = scratch[ROW.END_ACCELERATION, i] + span.ground_1
-        raise_peak(scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, acceleration)
         if FORCES:
+            acceleration = scratch[ROW.END_ACCELERATION, i] + span.ground_1
             keep_corner(scratch, ROW.PEAKS, i, acceleration, span.t)
         if HAS_ELEMENTS and scene.law_parameters[rows.CODE, i] <= rows.ELEMENTS:
             raise_element_peaks(
                 scene.law_parameters, law_state, i, rows.COMMITTED, scratch[ROW.END_EXCESS, i]
             )
+
+
+@outlined
+def _raise_floor_peaks(scene, t, ground, row, scratch):
+    """Update the peaks of the absolute accelerations and of the total shears with the relative
+    accelerations in a scratch row, m/s^2."""
+    total_shear = 0.0
+    for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
+        total_shear *= scene.linear_terms[rows.LINK, i + 1]
+        if TREE and is_tree(scene.linear_terms):
+            # The column of a link has no inertia.
+            scratch[momentum.FORCE_S, i] = 0.0
+            total_shear = above(scene.linear_terms, scratch, momentum.FORCE_S, i)
+        total_shear += scene.linear_terms[rows.MASS, i] * (scratch[row, i] + ground)
+        if FORCES:
+            for j in range(scene.forces.shape[0]):
+                if scene.forces[j, rows.FLOOR] == i:
+                    total_shear -= force_value(scene.forces, j, t)
+        if TREE and is_tree(scene.linear_terms):
+            scratch[momentum.FORCE_S, i] = total_shear
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, scratch[row, i] + ground)
+
+
+@outlined
+def _raise_peaks_after_jump(scene, t, ground, memory):
+    """Update the peaks with the accelerations after the force of a law has jumped to zero."""
+    state, _, scratch, step_status = memory
+    row = ROW.SUBSTEP_START + 2
+    for i in range(scene.linear_terms.shape[1] - 1):
+        scratch[row, i] = state[rows.ACCELERATION, i]
+    if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
+        add_reported_accelerations(scene.linear_terms, state, scratch, row)
+    _raise_floor_peaks(scene, t, ground, row, scratch)
+    step_status[rows.STEP_PEAKS] = ROW.PEAKS
 
 
 @outlined

@@ -314,27 +314,23 @@ def _functions() -> LawFunctions:
         law_state[trial + rows.FORCE, i] = (
             hardening * k * drift + (1.0 - hardening) * strength * side * w
         )
-        law_state[trial + rows.DISSIPATED, i] = energy - hysteretic_strain(
-            law_parameters, law_state, i, trial
-        )
         rate = 1.0
         if drift_change != 0.0:
             rate = general_rate(law_parameters, i, w, energy, side)
         return k * (hardening + (1.0 - hardening) * rate)
 
-    @inline
-    def hysteretic_strain(law_parameters, law_state, i, block):
-        """Return the stored energy of the hysteretic spring, (1 - a) Fy^2 w^2 eta / (2 k A), J.
-
-        k A / eta is its stiffness at w = 0 without pinching."""
-        z = law_parameters[_YIELD_FORCE, i] * law_state[block + rows.INTERNAL, i]  # Fy w
-        energy = 0.5 * (1.0 - law_parameters[_HARDENING, i]) * z * z
-        energy /= law_parameters[rows.STIFFNESS, i]
-        if is_general(law_parameters, i):
-            work = law_state[block + rows.WORK, i]
-            energy *= 1.0 + law_parameters[_STIFFNESS_RATE, i] * work
-            energy /= 1.0 - law_parameters[_AMPLITUDE, i] * work
-        return energy
+    @outlined
+    def general_strain(law_parameters, law_state, i):
+        """Return the energy that the hysteretic spring releases until w = 0, J."""
+        w = law_state[rows.INTERNAL, i]
+        if w == 0.0:
+            return 0.0
+        start = (-abs(w), law_state[rows.WORK, i])
+        length = _MAX_UNLOADING * max(abs(w), 1.0)
+        _, energy, _ = follow_general(
+            law_parameters, i, start, math.copysign(1.0, -w), length, True
+        )
+        return start[1] - energy
 
     # ---- Functions of the law
 
@@ -457,7 +453,18 @@ def _functions() -> LawFunctions:
         d = law_state[rows.DRIFT, i]
         k = law_parameters[rows.STIFFNESS, i]
         elastic = 0.5 * law_parameters[_HARDENING, i] * k * d * d
-        return elastic + hysteretic_strain(law_parameters, law_state, i, 0)
+        if is_general(law_parameters, i):
+            return elastic + general_strain(law_parameters, law_state, i)
+        z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]  # Fy w
+        return elastic + 0.5 * (1.0 - law_parameters[_HARDENING, i]) * z * z / k
+
+    @inline
+    def hysteretic_energy(law_parameters, law_state, i):
+        """Return the dissipated energy, J. With degradation, pinching or asymmetry, it is the
+        energy E minus its part that the hysteretic spring releases."""
+        if law_state[rows.INTERNAL, i] == _FAILED or not is_general(law_parameters, i):
+            return law_state[rows.DISSIPATED, i]
+        return law_state[rows.WORK, i] - general_strain(law_parameters, law_state, i)
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
@@ -574,6 +581,7 @@ def _functions() -> LawFunctions:
     return LawFunctions(
         force=force,
         strain_energy=strain_energy,
+        hysteretic_energy=hysteretic_energy,
         accumulate_dissipation=accumulate_dissipation,
         keep=keep,
         switch=switch,

@@ -26,6 +26,9 @@ _FRACTURED = 1e6
 """Value of row INTERNAL after the fracture of a law that cannot fail otherwise; larger than any
 value that a law stores there."""
 
+_AT_LIMIT = 1e-6
+"""Fraction of the drift of the fracture. A branch that ends within this distance has reached it."""
+
 
 @cache
 def fracturing(law: DriftLaw) -> DriftLaw:
@@ -55,7 +58,8 @@ def _functions(
     )
 
     inner = inner_functions()
-    stores_energy = inner.hysteretic_energy is None  # in row DISSIPATED
+    # In row DISSIPATED; other laws subtract the stored energy from the work.
+    stores_energy = inner.hysteretic_energy is None or inner.accumulate_dissipation is not None
     inner_force, inner_strain_energy = inner.force, inner.strain_energy
 
     @inline
@@ -75,6 +79,12 @@ def _functions(
         """Copy DISSIPATED: default of `accumulate_dissipation`."""
         law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
 
+    @inline
+    def stored_dissipation(law_parameters, law_state, i):
+        """Return DISSIPATED: default of `hysteretic_energy`."""
+        return law_state[rows.DISSIPATED, i]
+
+    inner_hysteretic = inner.hysteretic_energy or stored_dissipation
     inner_accumulate = inner.accumulate_dissipation or copy_dissipation
     inner_keep = inner.keep or do_nothing
     inner_enter = inner.enter or default_branch
@@ -128,9 +138,10 @@ def _functions(
             if block != rows.COMMITTED:
                 exchange(law_state, i, block)
             energy = inner_strain_energy(law_parameters, law_state, i)
+            energy += inner_hysteretic(law_parameters, law_state, i)
             if block != rows.COMMITTED:
                 exchange(law_state, i, block)
-            law_state[block + rows.DISSIPATED, i] += energy
+            law_state[block + rows.DISSIPATED, i] = energy
         fail(law_state, i, block, fractured)
 
     @outlined
@@ -170,6 +181,13 @@ def _functions(
         return inner_strain_energy(law_parameters, law_state, i)
 
     @inline
+    def hysteretic_energy(law_parameters, law_state, i):
+        """Return the dissipated energy, J."""
+        if law_state[rows.INTERNAL, i] == fractured:
+            return law_state[rows.DISSIPATED, i]
+        return inner_hysteretic(law_parameters, law_state, i)
+
+    @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
         """Add the dissipated energy; after the fracture, `force` has set it."""
         if not is_fractured(law_state, i, trial):
@@ -204,12 +222,17 @@ def _functions(
     @inline
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows: the fracture, or the next branch of the law."""
+        # A curved law can have passed its own limit at the commit of the state.
+        high, low = high_limit(law_parameters, i), low_limit(law_parameters, i)
+        drift = law_state[block + rows.DRIFT, i]
         is_at_limit = (
             (event == rows.ABOVE)
-            & (law_state[block + rows.UPPER, i] == high_limit(law_parameters, i))
+            & (law_state[block + rows.UPPER, i] == high)
+            & (drift >= (1.0 - _AT_LIMIT) * high)
         ) | (
             (event == rows.BELOW)
-            & (law_state[block + rows.LOWER, i] == low_limit(law_parameters, i))
+            & (law_state[block + rows.LOWER, i] == low)
+            & (drift <= (1.0 - _AT_LIMIT) * low)
         )
         if is_at_limit:
             fracture(law_parameters, law_state, i, block)
@@ -221,6 +244,7 @@ def _functions(
         inner,
         force=force,
         strain_energy=strain_energy,
+        hysteretic_energy=hysteretic_energy if stores_energy else inner.hysteretic_energy,
         accumulate_dissipation=accumulate_dissipation if stores_energy else None,
         keep=keep if inner.keep else None,
         enter=enter,

@@ -38,8 +38,8 @@ _CR1 = rows.FIRST_PARAMETER + 3
 _CR2 = rows.FIRST_PARAMETER + 4
 _A1 = rows.FIRST_PARAMETER + 5
 
-# Rows of a state: extremes of the reversals (HIGH_DRIFT, LOW_DRIFT, relative to dy and -dy), last
-# reversal d_r (m) and f_r (N), and two extra rows: d_0 - d_r (m) and R.
+# Rows of a state: work (DISSIPATED, J), extremes of the reversals (HIGH_DRIFT, LOW_DRIFT, relative
+# to dy and -dy), last reversal d_r (m) and f_r (N), and two extra rows: d_0 - d_r (m) and R.
 _FROM_DRIFT = rows.HIGH_FORCE
 _FROM_FORCE = rows.LOW_FORCE
 _EXTRA_ROWS = 2
@@ -49,6 +49,10 @@ _MIN_REACH = 1e-12
 _PANEL = 0.25
 """Length of the parts of the quadrature of the work in e; beyond e = 1, a fraction of e. With
 eight points in each part and R up to 20, the error of the work is below 1e-9 Fy dy."""
+_NO_FORCE = 1e-9
+"""Fraction of the yield force that is regarded as zero; the error of the stored energy is the
+square of this fraction."""
+_MAX_ITERATIONS = 60
 _USUAL_R0 = (10.0, 20.0)
 
 
@@ -62,14 +66,14 @@ def _functions() -> LawFunctions:
     nodes, weights = np.polynomial.legendre.leggauss(8)
 
     @inline
-    def on_curve(law_parameters, law_state, i, block, drift):
-        """Return force (N) and tangent (N/m) of the current curve at a drift."""
+    def on_curve(law_parameters, i, curve, drift):
+        """Return force (N) and tangent (N/m) at a drift of a curve: the tuple d_r (m), f_r (N),
+        d_0 - d_r (m) and R."""
+        from_drift, from_force, reach, power = curve
         k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[_HARDENING, i]
-        own = extra_rows(law_state, block)
-        change = drift - law_state[block + _FROM_DRIFT, i]
-        power = law_state[own + 1, i]
-        e = abs(change / law_state[own, i])
+        change = drift - from_drift
+        e = abs(change / reach)
         # (1 + e^R)^(1/R) without overflow for large e
         if e <= 1.0:
             ratio = e**power
@@ -79,43 +83,65 @@ def _functions() -> LawFunctions:
             ratio = (1.0 / e) ** power
             root = e * (1.0 + ratio) ** (1.0 / power)
             share = ratio / (1.0 + ratio)
-        force = law_state[block + _FROM_FORCE, i] + k * change * (b + (1.0 - b) / root)
+        force = from_force + k * change * (b + (1.0 - b) / root)
         return force, k * (b + (1.0 - b) * share / root)
 
+    @inline
+    def current_curve(law_state, i, block):
+        """Return the curve of a state."""
+        own = extra_rows(law_state, block)
+        return (
+            law_state[block + _FROM_DRIFT, i],
+            law_state[block + _FROM_FORCE, i],
+            law_state[own, i],
+            law_state[own + 1, i],
+        )
+
     @outlined
-    def start_curve(law_parameters, law_state, i, block, side):
-        """Start the curve towards a side at the current point."""
+    def curve_after_reversal(law_parameters, law_state, i, block, side):
+        """Return the extremes after a reversal towards a side at the current point, and d_0 - d_r
+        and R of the curve that starts there."""
         k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[_HARDENING, i]
         strength = law_parameters[_YIELD_FORCE, i]
         yield_drift = strength / k
         drift = law_state[block + rows.DRIFT, i]
-        force = law_state[block + rows.FORCE, i]
-        is_first = law_state[block + rows.RATE_SIGN, i] == 0.0
-        law_state[block + rows.RATE_SIGN, i] = side
-        law_state[block + _FROM_DRIFT, i] = drift
-        law_state[block + _FROM_FORCE, i] = force
-        reach = side * yield_drift - drift
-        power = law_parameters[_R0, i]
-        if not is_first:
-            # The rows contain the excess over the initial extremes dy and -dy.
-            high = max(law_state[block + rows.HIGH_DRIFT, i], drift - yield_drift)
-            low = min(law_state[block + rows.LOW_DRIFT, i], drift + yield_drift)
-            law_state[block + rows.HIGH_DRIFT, i] = high
-            law_state[block + rows.LOW_DRIFT, i] = low
-            first = _A1 + 2 if side > 0.0 else _A1
-            increase = law_parameters[first, i]
-            if increase > 0.0:
-                width = (high - low + 2.0 * yield_drift) / (
-                    2.0 * law_parameters[first + 1, i] * yield_drift
-                )
-                strength *= 1.0 + increase * width**0.8
-            reach = (side * strength * (1.0 - b) - force + b * k * drift) / (k * (1.0 - b))
-            farthest = high + yield_drift if side > 0.0 else low - yield_drift
-            xi = abs(farthest - drift - reach) / yield_drift
-            power *= 1.0 - law_parameters[_CR1, i] * xi / (law_parameters[_CR2, i] + xi)
+        # The rows contain the excess over the initial extremes dy and -dy.
+        high = max(law_state[block + rows.HIGH_DRIFT, i], drift - yield_drift)
+        low = min(law_state[block + rows.LOW_DRIFT, i], drift + yield_drift)
+        first = _A1 + 2 if side > 0.0 else _A1
+        increase = law_parameters[first, i]
+        if increase > 0.0:
+            width = (high - low + 2.0 * yield_drift) / (
+                2.0 * law_parameters[first + 1, i] * yield_drift
+            )
+            strength *= 1.0 + increase * width**0.8
+        reach = side * strength * (1.0 - b) - law_state[block + rows.FORCE, i] + b * k * drift
+        reach /= k * (1.0 - b)
+        farthest = high + yield_drift if side > 0.0 else low - yield_drift
+        xi = abs(farthest - drift - reach) / yield_drift
+        power = law_parameters[_R0, i] * (
+            1.0 - law_parameters[_CR1, i] * xi / (law_parameters[_CR2, i] + xi)
+        )
         if abs(reach) < _MIN_REACH * yield_drift:
             reach = _MIN_REACH * yield_drift
+        return high, low, reach, power
+
+    @outlined
+    def start_curve(law_parameters, law_state, i, block, side):
+        """Start the curve towards a side at the current point."""
+        drift = law_state[block + rows.DRIFT, i]
+        reach = side * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i] - drift
+        power = law_parameters[_R0, i]
+        if law_state[block + rows.RATE_SIGN, i] != 0.0:
+            high, low, reach, power = curve_after_reversal(
+                law_parameters, law_state, i, block, side
+            )
+            law_state[block + rows.HIGH_DRIFT, i] = high
+            law_state[block + rows.LOW_DRIFT, i] = low
+        law_state[block + rows.RATE_SIGN, i] = side
+        law_state[block + _FROM_DRIFT, i] = drift
+        law_state[block + _FROM_FORCE, i] = law_state[block + rows.FORCE, i]
         own = extra_rows(law_state, block)
         law_state[own, i] = reach
         law_state[own + 1, i] = power
@@ -141,42 +167,67 @@ def _functions() -> LawFunctions:
             law_state[trial + rows.FORCE, i] = law_state[previous + rows.FORCE, i]
             start_curve(law_parameters, law_state, i, trial, math.copysign(1.0, change))
             law_state[trial + rows.DRIFT, i] = drift
-        new_force, tangent = on_curve(law_parameters, law_state, i, trial, drift)
+        new_force, tangent = on_curve(law_parameters, i, current_curve(law_state, i, trial), drift)
         law_state[trial + rows.FORCE, i] = new_force
         return tangent
 
-    @inline
-    def strain_energy(law_parameters, law_state, i):
-        """Return the energy f^2 / (2 k) that unloading releases, J."""
-        force = law_state[rows.FORCE, i]
-        return 0.5 * force * force / law_parameters[rows.STIFFNESS, i]
-
     @outlined
-    def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Add the work on the current curve minus the increase of the stored energy."""
-        start = law_state[previous + rows.DRIFT, i]
-        end = law_state[trial + rows.DRIFT, i]
-        force_0 = law_state[previous + rows.FORCE, i]
-        force_1 = law_state[trial + rows.FORCE, i]
-        k = law_parameters[rows.STIFFNESS, i]
+    def work_along(law_parameters, i, curve, start, end):
+        """Return the work on a curve between two drifts, J."""
         work = 0.0
         while start != end:
-            reach = abs(law_state[extra_rows(law_state, trial), i])
-            panel = _PANEL * max(reach, abs(start - law_state[trial + _FROM_DRIFT, i]))
+            panel = _PANEL * max(abs(curve[2]), abs(start - curve[0]))
             half = 0.5 * min(panel, abs(end - start))
             step = math.copysign(half, end - start)
             for point in range(8):
                 drift = start + step * (1.0 + nodes[point])
-                work += (
-                    step
-                    * weights[point]
-                    * (on_curve(law_parameters, law_state, i, trial, drift)[0])
-                )
+                work += step * weights[point] * on_curve(law_parameters, i, curve, drift)[0]
             start = end if 2.0 * half >= abs(end - start) else start + 2.0 * step
-        law_state[trial + rows.DISSIPATED, i] = (
-            law_state[previous + rows.DISSIPATED, i]
-            + work
-            - 0.5 * (force_1 * force_1 - force_0 * force_0) / k
+        return work
+
+    @outlined
+    def strain_energy(law_parameters, law_state, i):
+        """Return the energy that unloading to zero force releases, J. During loading, it is the
+        area below the curve that a reversal would start.
+
+        A curve becomes softer with the distance from its start. Newton's method therefore
+        approaches the zero of its force from one side.
+        """
+        drift = law_state[rows.DRIFT, i]
+        force = law_state[rows.FORCE, i]
+        if force == 0.0:
+            return 0.0
+        curve = current_curve(law_state, i, rows.COMMITTED)
+        side = math.copysign(1.0, -force)
+        if side * law_state[rows.RATE_SIGN, i] <= 0.0:
+            _, _, reach, power = curve_after_reversal(law_parameters, law_state, i, 0, side)
+            curve = (drift, force, reach, power)
+        limit = _NO_FORCE * law_parameters[_YIELD_FORCE, i]
+        end = drift
+        for _ in range(_MAX_ITERATIONS):
+            force, tangent = on_curve(law_parameters, i, curve, end)
+            end -= force / tangent
+            if abs(force) <= limit:
+                break
+        return -work_along(law_parameters, i, curve, drift, end)
+
+    @inline
+    def hysteretic_energy(law_parameters, law_state, i):
+        """Return the work minus the stored energy, J."""
+        return law_state[rows.DISSIPATED, i] - strain_energy(law_parameters, law_state, i)
+
+    @outlined
+    def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
+        """Add the work on the current curve; the stored energy is subtracted when the dissipated
+        energy is requested."""
+        law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i] + (
+            work_along(
+                law_parameters,
+                i,
+                current_curve(law_state, i, trial),
+                law_state[previous + rows.DRIFT, i],
+                law_state[trial + rows.DRIFT, i],
+            )
         )
 
     @inline
@@ -198,6 +249,7 @@ def _functions() -> LawFunctions:
     return LawFunctions(
         force=force,
         strain_energy=strain_energy,
+        hysteretic_energy=hysteretic_energy,
         accumulate_dissipation=accumulate_dissipation,
         keep=keep,
         switch=switch,

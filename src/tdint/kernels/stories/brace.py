@@ -112,6 +112,8 @@ def _damper_force(linear_terms, i, rate):
     """Return the force of the damper of story `i` at a damper rate, N."""
     if rate == 0.0:
         return 0.0
+    if linear_terms[rows.BRACED_RELIEF, i] > 0.0:
+        return _damper_at(linear_terms, i, rate)[0]
     power = 0.5 * (linear_terms[rows.BRACED_EXPONENT, i] - 1.0)
     squared = rate * rate + linear_terms[rows.BRACED_THRESHOLD, i]
     return linear_terms[rows.BRACED_DAMPER, i] * rate * squared**power
