@@ -1,0 +1,132 @@
+"""No law creates energy in random parameter sets: the dissipated energy never decreases along a
+random path of drifts, and the stored energy is never negative."""
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.errors import ModelError
+from tdint.model.building import assemble
+from tdint.response.static.cyclic import follow_path
+
+STIFFNESS, STRENGTH = 4e7, 2e5  # N/m, N
+YIELD = STRENGTH / STIFFNESS  # m
+RATE = 1.0 / (STRENGTH * YIELD)  # per energy, 1/J
+
+
+def _curve(rng, least_slope, most_slope):
+    """Return one to three points and the slope after them."""
+    count = rng.integers(1, 4)
+    drifts = np.cumsum([1.0, *rng.uniform(0.5, 4.0, count - 1)])
+    slopes = rng.uniform(least_slope, most_slope, count)
+    forces = 1.0 + np.cumsum([0.0, *slopes[:-1] * np.diff(drifts)])
+    points = np.stack([YIELD * drifts, STRENGTH * np.maximum(forces, 0.2)], axis=1)
+    return points, float(STIFFNESS * slopes[-1])
+
+
+def _peak(rng):
+    """All keys of rule `peak`, with rising, falling and stiffening curves and slack."""
+    kind = rng.integers(5)
+    points, last = _curve(rng, -0.1 if kind == 0 else 0.0, 1.5 if kind == 1 else 0.2)
+    if kind == 2:
+        points = np.concatenate([[[0.4 * YIELD, 0.0]], points])
+    law = {"type": "multilinear", "rule": "peak", "backbone": points.tolist(), "last_slope": last}
+    law |= {"unloading": rng.uniform(0.0, 0.99), "reloading": rng.choice([0.0, rng.uniform()])}
+    law["pinching"] = {"drift": rng.uniform(), "force": rng.uniform()}
+    if rng.integers(4) == 0:
+        law["sides"] = str(rng.choice(["positive", "negative"]))
+    elif rng.integers(3) == 0:
+        law["damage"] = {"drift": rng.uniform(0.0, 0.02), "work": rng.uniform(0.0, 0.02)}
+    return law
+
+
+def _flag(rng):
+    """A lower curve below the upper one, or slack that closes."""
+    points, last = _curve(rng, 0.0, 0.99)
+    law = {"type": "multilinear", "rule": "flag", "backbone": points.tolist(), "last_slope": last}
+    law["return"] = (np.array([1.0, rng.uniform()]) * points).tolist()
+    law["return_slope"] = rng.uniform() * last
+    if rng.integers(2):
+        law |= {"return": [[float(rng.uniform(0.1, 1.0) * YIELD), 0.0]], "return_slope": 0.0}
+    # The lower curve must not exceed the upper one after its last point.
+    if law["return"][-1][1] > 0.0 and last < law["return_slope"]:
+        law["return_slope"] = last
+    return law | {"stiffness": float(rng.choice([1.0, 3.0]) * STIFFNESS)}
+
+
+def _bouc_wen(rng):
+    law = {"type": "bouc-wen", "yield_force": STRENGTH, "hardening": rng.uniform(0.0, 0.3)}
+    law |= {"exponent": rng.uniform(1.0, 6.0), "beta": rng.uniform(0.5, 1.0)}
+    if rng.integers(2):
+        rates = rng.uniform(0.0, 0.01, 3) * RATE
+        law["degradation"] = dict(zip(("amplitude", "strength", "stiffness"), rates, strict=True))
+    if rng.integers(2):
+        law["pinching"] = {
+            **{"slip": rng.uniform(0.0, 0.95), "rate": rng.uniform() * RATE},
+            **{"start": rng.uniform(0.0, 0.3), "size": rng.uniform(0.1, 1.0)},
+            **{"growth": rng.uniform(0.0, 0.05) * RATE, "severity": rng.uniform(0.1, 1.0)},
+        }
+    return law | {"asymmetry": rng.uniform(-0.4, 0.4) if rng.integers(2) else 0.0}
+
+
+def _steel(rng):
+    return {
+        **{"type": "steel", "yield_force": STRENGTH, "hardening": rng.uniform(0.0, 0.1)},
+        "transition": {
+            **{"R0": rng.uniform(10.0, 20.0), "cR1": rng.uniform(0.8, 0.95)},
+            "cR2": rng.uniform(0.1, 0.2),
+        },
+        "isotropic": {"a1": rng.uniform(0.0, 0.1), "a3": rng.uniform(0.0, 0.1)},
+    }
+
+
+# Random law, and the allowed decrease of the dissipated energy, a fraction of its largest value.
+# The law of Menegotto and Pinto starts a new, stiffer curve at a short reversal during unloading.
+LAWS = {"peak": (_peak, 1e-9), "flag": (_flag, 1e-9), "bouc-wen": (_bouc_wen, 1e-5)}
+LAWS["steel"] = (_steel, 0.01)
+
+
+def _energies(law, rng):
+    """Return the stored and the dissipated energy along a random path, J; None for a refused law.
+
+    The path has 14 reversals up to 2, 5 or 15 yield drifts, with growing or random amplitudes.
+    """
+    story = {"mass": 1e5, "law": law}
+    if law["type"] != "multilinear":
+        story["stiffness"] = STIFFNESS
+    try:
+        building = assemble(tdint.load_model({"stories": [story]}))
+    except ModelError:
+        assert law.get("rule") == "flag"
+        return None
+    reversals = rng.uniform(-1.0, 1.0, 14) * rng.choice([2.0, 5.0, 15.0]) * YIELD
+    reversals *= np.linspace(0.1, 1.0, 14) if rng.integers(2) else 1.0
+    path = np.interp(np.arange(14 * 8 + 1) / 8.0, np.arange(15), [0.0, *reversals])
+    result = follow_path(building, 1, path)
+    return result.strain_energy, result.hysteretic_energy
+
+
+def _check(name, seed):
+    random_law, tolerance = LAWS[name]
+    rng = np.random.default_rng(seed)
+    law = random_law(rng)
+    if energies := _energies(law, rng):
+        stored, dissipated = energies
+        size = max(np.max(dissipated), np.max(stored))
+        assert np.min(stored) >= -1e-9 * size, law
+        assert np.min(dissipated) >= -1e-9 * size, law
+        fall = np.maximum.accumulate(dissipated) - dissipated
+        assert np.max(fall) <= tolerance * size, law
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_few_laws(name):
+    for seed in range(4):
+        _check(name, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
+def test_many_laws(name):
+    for seed in range(2500):
+        _check(name, seed)
