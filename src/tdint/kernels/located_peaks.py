@@ -115,9 +115,8 @@ def _store_internal_forces(scene, span, passage, law_state, previous, s, located
             if BRACES and linear_terms[rows.BRACE, i] != 0.0:
                 motion = (u - link * u_below - story.u0, story.v0, v - link * v_below)
                 row = first + rows.LOCATED_BRACE
-                force += brace_force_at(
-                    linear_terms, i, s * span.h, motion, passage.state, table, row
-                )
+                force_0 = passage.state[rows.BRACE_START, i]
+                force += brace_force_at(linear_terms, i, s * span.h, motion, force_0, table, row)
             table[first + rows.LOCATED_DEVICE, i] = force
         below, u_below, v_below = floor, u, v
     internal_forces(

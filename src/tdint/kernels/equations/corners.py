@@ -36,7 +36,7 @@ from tdint.kernels.linear_terms import (
 from tdint.kernels.peaks_between_steps import keep_corner, raise_peak
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
-from tdint.kernels.stories.brace import brace_force_within
+from tdint.kernels.stories.brace import brace_force_at
 from tdint.kernels.stories.law_state import copy_step_start, restoring_force_outlined
 
 # Bound of the deviation of a story force from its linear least-squares fit over the step, divided
@@ -374,11 +374,15 @@ def _add_brace_forces(scene, h, memory, count):
     n = linear_terms.shape[1] - 1
     for i in range(n):
         if linear_terms[rows.BRACE, i] != 0.0:
-            force_0 = memory.state[rows.BRACE_FORCE, i]
+            force_0 = memory.state[rows.BRACE_REPORTED, i]
+            first_rate = _story_value(linear_terms, memory.state, rows.VELOCITY, i)
             for k in range(count):
-                t = scratch[ROW.NODE_FORCE + k, n]
-                scratch[ROW.NODE_FORCE + k, i] += brace_force_within(
-                    linear_terms, i, h, t, force_0, scratch, ROW.BRACE
+                rise = _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
+                rate = _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i) / h
+                duration = h * scratch[ROW.NODE_FORCE + k, n]
+                motion = (rise, first_rate, rate)
+                scratch[ROW.NODE_FORCE + k, i] += brace_force_at(
+                    linear_terms, i, duration, motion, force_0, scratch, ROW.NODE_BRACE
                 )
 
 

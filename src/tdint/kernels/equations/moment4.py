@@ -122,6 +122,7 @@ class _Rows(NamedTuple):
     # of elements, their forces on the parabola of the step, N
     NODE_DISPLACEMENT: int = _MAX_NODES
     NODE_VELOCITY: int = _MAX_NODES  # h times the velocities of the floors, m
+    NODE_BRACE: int = BRACE_RESULT_ROWS  # results of `follow_brace` until a node
     MODAL_FORCE: int = 1  # modal damping forces, N
     # Peaks of the run and of the step, then the corner of `keep_corner`
     PEAKS: int = 2 * rows.PEAK_ROWS + 2

@@ -270,20 +270,6 @@ def _is_stiff(linear_terms, i, h, force_0, scratch, row):
     return h * linear_terms[rows.BRACE, i] * slope > _STIFF
 
 
-@outlined
-def brace_force_within(linear_terms, i, h, t, force_0, scratch, row):
-    """Return the force of brace and damper at the fraction `t` of the step, N, from its results.
-
-    It is the parabola with the start, the end and the mean of the force, or the mean if the damper
-    is stiff.
-    """
-    mean, moment = scratch[row + MEAN, i], scratch[row + MOMENT, i]
-    if _is_stiff(linear_terms, i, h, force_0, scratch, row):
-        return mean
-    bulge = 12.0 * (force_0 + 0.5 * moment - mean)
-    return force_0 + moment * t + 0.5 * bulge * (t * t - t)
-
-
 @inline
 def _force_after_mean(linear_terms, i, h, mean, rate):
     """Return the force of a stiff damper at the end of a step with a drift rate, N, by an implicit
@@ -294,14 +280,16 @@ def _force_after_mean(linear_terms, i, h, mean, rate):
 
 
 @outlined
-def brace_force_at(linear_terms, i, duration, motion, state, scratch, row):
-    """Return the force of brace and damper at an instant inside the last step, N.
+def brace_force_at(linear_terms, i, duration, motion, force_0, scratch, row):
+    """Return the force of brace and damper at an instant inside a step, N.
 
     `duration` is the time since the start of the step, s, and `motion` contains the change of drift
-    until then (m) and the drift rates at the start and at the instant (m/s).
+    until then (m) and the drift rates at the start and at the instant (m/s). `force_0` is the
+    reported force at the start of the step, N.
     """
     rise, first_rate, rate = motion
-    force_0 = state[rows.BRACE_START, i]
+    if duration == 0.0:
+        return force_0
     bend = duration * (rate - first_rate)
     follow_brace(linear_terms, i, duration, rise, bend, force_0, scratch, row)
     if _is_stiff(linear_terms, i, duration, force_0, scratch, row):
