@@ -168,9 +168,9 @@ THIRD_TRIAL = 3 * LAW_STATE_ROWS
 # method with parabolic displacements has set STEP_PEAKS
 STEP_START = 4 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 5
-# The next rows are used only in the columns of elements. In the column of a story with elements,
-# the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and RATE_SIGN describe the sum of the
-# elements, and INTERNAL is 1 if all elements have failed.
+# The next rows are used in the columns of elements, the energies also in those of stories. In the
+# column of a story with elements, the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and
+# RATE_SIGN describe the sum of the elements, and INTERNAL is 1 if all elements have failed.
 # Value of INTERNAL after the failure; nan if the law cannot fail
 FAILED_INTERNAL = LAW_STATE_BLOCKS * LAW_STATE_ROWS
 PEAK_FORCE = FAILED_INTERNAL + 1  # maximum absolute force, N
@@ -274,7 +274,12 @@ DAMPING_ON = 43
 INERTIA_ON = 44
 BULGE_ON = 45
 FACTOR_ON = 46
-OBSERVER_ROWS = 47
+# Power of the dashpot of the story (W), its rate (W/s) and its work since the start (J), in the
+# variant `tree`
+DASHPOT_POWER = 47
+DASHPOT_RATE = 48
+DASHPOT_WORK = 49
+OBSERVER_ROWS = 50
 
 # Rows of a step or substep for the peaks inside it (`tdint.kernels.located_peaks`), relative to the
 # first row

@@ -20,10 +20,12 @@ from tdint.kernels.linear_terms import (
     DASHPOTS,
     MODAL,
     TANGENT_DAMPING,
+    TREE,
     add_modal_force,
     base_of,
     below_next,
     force_value,
+    is_tree,
     power_damper,
     tie,
 )
@@ -446,11 +448,14 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
             * jump
             * (observer_state[rows.VISCOUS_FACTOR, i] + observer_state[rows.MODAL_FORCE, i])
         )
-        totals[rows.RATE_DASHPOTS] += (
+        change = (
             2.0
             * observer_state[rows.DASHPOT_FACTOR, i]
             * (jump - linear_terms[rows.LINK, i] * below)
         )
+        totals[rows.RATE_DASHPOTS] += change
+        if TREE and is_tree(linear_terms):
+            observer_state[rows.DASHPOT_RATE, i] += change
     # START_FORCE contains the tables only. The harmonic forces are first.
     for j in range(forces.shape[0]):
         if forces[j, rows.POINTS] > 0.0:

@@ -96,7 +96,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
         state[rows.ACCELERATION, i] = seen.observer_state[rows.OBSERVED_ACCELERATION, i]
     memory.step_status[rows.STATE_GROUND] = ground
     update_law_energies(sum_law_energies, scene, memory, seen)
-    initialize_energies(scene.linear_terms, seen.totals)
+    initialize_energies(scene.linear_terms, memory.law_state, seen.totals)
     check_limits(sum_law_energies, scene, memory, 0, seen)
 
 

@@ -345,7 +345,7 @@ def observe(scene, span, slope, memory, seen):
 @outlined
 def _clear_tree_sums(observer_state, n):
     """Set the sums over the stories on each floor to zero (row FORCE_ON and the following rows)."""
-    for row in range(rows.FORCE_ON, rows.OBSERVER_ROWS):
+    for row in range(rows.FORCE_ON, rows.DASHPOT_POWER):
         for i in range(n):
             observer_state[row, i] = 0.0
 
@@ -518,11 +518,20 @@ def _observe_dashpots(span, linear_terms, state, seen):
         raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         linear_force = linear_terms[rows.DASHPOT, i] * rate
-        power += (linear_force + dashpot_force) * rate
+        story_power = (linear_force + dashpot_force) * rate
+        power += story_power
         # Half of the derivative of the power with respect to the drift rate: c v of the linear
         # dashpot, (F + F' v) / 2 of the power-law dashpot.
         half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
-        power_rate += 2.0 * half_derivative * drift_acceleration
+        story_power_rate = 2.0 * half_derivative * drift_acceleration
+        power_rate += story_power_rate
+        if TREE and is_tree(linear_terms):
+            change = observer_state[rows.DASHPOT_RATE, i] - story_power_rate
+            observer_state[rows.DASHPOT_WORK, i] += _work(
+                h, observer_state[rows.DASHPOT_POWER, i], story_power, change
+            )
+            observer_state[rows.DASHPOT_POWER, i] = story_power
+            observer_state[rows.DASHPOT_RATE, i] = story_power_rate
         observer_state[rows.DASHPOT_FACTOR, i] = half_derivative
         per_acceleration += (1.0 - link) * half_derivative
         u_below, v_below, a_below = u, v, a
@@ -771,6 +780,11 @@ def shift_ground(scene, load, shifts, memory, seen):
     # The rows *_PER_ACCELERATION contain half of the change of a rate per unit change of a.
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
+    if TREE and is_tree(linear_terms):
+        for i in range(n):
+            observer_state[rows.DASHPOT_RATE, i] += (
+                2.0 * shift * (1.0 - linear_terms[rows.LINK, i])
+            ) * observer_state[rows.DASHPOT_FACTOR, i]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         rate, half_viscous_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
         totals[rows.RATE_INPUT] += shift * rate
@@ -829,16 +843,18 @@ def _add_work(span, slope, current, totals):
 
 
 @inline
-def initialize_energies(linear_terms, totals):
+def initialize_energies(linear_terms, law_state, totals):
     """Store the initial energies (J) and the total mass of the building (kg) in `totals`.
 
     The kernel `sum_law_energies` must have stored the kinetic, strain and hysteretic energy of the
     initial state before. The energy that the laws have dissipated on the path to the initial
-    drifts, INITIAL_DISSIPATION, is subtracted from all later values of the hysteretic energy.
+    drifts, INITIAL_DISSIPATION (INITIAL_SPENT of a story), is subtracted from all later values of
+    the hysteretic energy.
     """
     totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
         totals[rows.TOTAL_MASS] += linear_terms[rows.MASS, i]
+        law_state[rows.INITIAL_SPENT, i] = law_state[rows.ENERGY_SPENT, i]
     totals[rows.INITIAL_DISSIPATION] = totals[rows.ENERGY_HYSTERETIC]
     totals[rows.ENERGY_HYSTERETIC] = 0.0
     totals[rows.ENERGY_INITIAL] = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_STRAIN]
@@ -977,7 +993,7 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
         start(law_parameters, law_state, i, drift)
         displacement_below = state[rows.DISPLACEMENT, i]
         if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
-            rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, max(i - 1, 0)]
+            rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base_of(linear_terms, i)]
             # The tangent in the direction of the motion, which can be opposite to the direction of
             # the path to the initial drift. A curved branch has no slope in its state.
             drift += math.copysign(_DRIFT_OF_TANGENT * drift, rate)
@@ -1011,7 +1027,9 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
             strain_energy(law_parameters, law_state, i)
             + 0.5 * linear_terms[rows.GEOMETRIC, i] * drift * drift
         )
-        hysteretic += hysteretic_energy(law_parameters, law_state, i)
+        spent = hysteretic_energy(law_parameters, law_state, i)
+        law_state[rows.ENERGY_SPENT, i] = spent - law_state[rows.INITIAL_SPENT, i]
+        hysteretic += spent
         if linear_terms[rows.BRACE, i] != 0.0:
             force = state[rows.BRACE_FORCE, i]
             braces += 0.5 * force * force / linear_terms[rows.BRACE, i]

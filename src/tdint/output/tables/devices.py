@@ -48,6 +48,17 @@ LINK_COLUMNS = tuple(
     for name, (column, meaning) in _OF_LINKS.items()
 )
 LINK_ERROR = error_columns(LINK_COLUMNS)
+ENERGY = (
+    Column(
+        "dissipated_energy_J",
+        "J",
+        "dissipated_energy",
+        "energy dissipated by spring and dashpot since the start",
+    ),
+)
+ENERGY_ERROR = tuple(
+    replace(column, value="dissipated_energy_error") for column in error_columns(ENERGY)
+)
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
     Column("floor", "1", "floor", "floor on which it stands, numbered from the ground"),
@@ -59,8 +70,8 @@ LINK_NAMES = (
 )
 
 COLUMNS = (
-    *(*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ATTACHMENT_ERROR),
-    *(*LINK_NAMES, *LINK_COLUMNS, *LINK_ERROR),
+    *(*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ENERGY, *ATTACHMENT_ERROR, *ENERGY_ERROR),
+    *(*LINK_NAMES, *LINK_COLUMNS, *ENERGY, *LINK_ERROR, *ENERGY_ERROR),
 )
 """All columns of both tables."""
 
@@ -122,9 +133,12 @@ def device_tables(response: Response) -> tuple[Table | None, Table | None]:
     )
     tables = []
     for names, labels, columns, errors, part in groups:
-        sources = [(columns, devices.stories)]
+        sources: list[tuple[tuple[Column, ...], object]] = [
+            (columns, devices.stories),
+            (ENERGY, devices),
+        ]
         if devices.errors:
-            sources.append((errors, devices.errors))  # type: ignore[arg-type]
+            sources += [(errors, devices.errors), (ENERGY_ERROR, devices)]
         values = zip(*(rows_of(group, source) for group, source in sources), strict=True)
         rows: list[tuple[Cell, ...]] = [
             (*label, *chain.from_iterable(row))

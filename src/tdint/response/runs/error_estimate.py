@@ -275,14 +275,22 @@ def with_error_estimate(
     errors = story_errors(
         _with_devices(response), _with_devices(other), factors(case.method), start=start
     )
-    if response.devices is not None:
+    if response.devices is not None and other.devices is not None:
         count = len(response.model.stories)
         parts = [
             {field.name: getattr(errors, field.name)[part] for field in fields(StoryErrors)}
             for part in (slice(count), slice(count, None))
         ]
         errors = StoryErrors(**parts[0])
-        devices = replace(response.devices, errors=StoryErrors(**parts[1]))
+        energy = response.devices.dissipated_energy
+        energy_error = _extrapolated(
+            energy, other.devices.dissipated_energy, np.abs(energy), factors(case.method)
+        )
+        devices = replace(
+            response.devices,
+            errors=StoryErrors(**parts[1]),
+            dissipated_energy_error=energy_error,
+        )
         response = replace(response, devices=devices)
     errors = with_growth(errors, response.stories, growth) if growth else errors
     if response.flexure is not None and other.flexure is not None:

@@ -71,7 +71,11 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     peaks = all_peaks(building, space)
     bounds = _interstep_errors(building, space, late, peaks)
     part = building.device_columns
-    return DevicePeaks(columns(peaks, part), columns(bounds, part))
+    dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
+    dissipated += space.law_state[rows.ENERGY_SPENT, part]
+    if np.any(building.linear_terms[rows.BRACE]):
+        dissipated += space.state[rows.BRACE_DISSIPATED, part]
+    return DevicePeaks(columns(peaks, part), columns(bounds, part), dissipated)
 
 
 def flexure_peaks(building: Building, space: Workspace) -> FlexurePeaks | None:

@@ -496,13 +496,19 @@ class DevicePeaks:
         the force of the spring. Displacement, velocity and acceleration are those of the mass.
     interstep_bound : StoryErrors
         As for a `Response`.
+    dissipated_energy : ndarray
+        Energies dissipated by spring and dashpot since the start, J.
     errors : StoryErrors | None
         Estimated errors.
+    dissipated_energy_error : ndarray | None
+        Estimated errors of the dissipated energies, J.
     """
 
     stories: StoryPeaks
     interstep_bound: StoryErrors
+    dissipated_energy: Array
     errors: StoryErrors | None = None
+    dissipated_energy_error: Array | None = None
 
 
 @dataclass(frozen=True)
