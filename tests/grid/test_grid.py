@@ -3,8 +3,6 @@ below strengths, or the value is a listed exception with its cause; errors decre
 order.
 """
 
-from itertools import product
-
 import numpy as np
 import pytest
 
@@ -58,8 +56,12 @@ def test_errors_are_within_twice_their_estimates(number):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(CASES)))
-def test_all_methods_and_steps(number):
-    assert_within_estimates(number, product(LABELS, STEPS))
+def test_all_methods(number):
+    """Each method runs with two of the four steps, which alternate from case to case."""
+    assert_within_estimates(
+        number,
+        ((label, step) for i, label in enumerate(LABELS) for step in STEPS[(number + i) % 2 :: 2]),
+    )
 
 
 # ---- Orders

@@ -107,7 +107,7 @@ def size_above(linear_terms, table, row, i):
     return linear_terms[rows.LINK, i + 1] * table[row, i + 1]
 
 
-@inline
+@outlined
 def _above(linear_terms, table, row, i, tied_sign):
     """Return the sum of a row over the springs on floor `i`, and with the sign `tied_sign` over the
     links below it."""
