@@ -89,8 +89,9 @@ from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 # Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
 # drift at its end differs from the limit of the branch by no more than this tolerance.
 _LOCATION_TOLERANCE = 0.1
-# Fraction of the force of a story. A smaller change of the force at a branch change is rounding.
-_JUMP = 1e-6
+# Fraction of the force of an elastic story at this drift. The tolerance of a located branch change
+# causes smaller changes of the force than a law that breaks.
+_JUMP = 5e-3
 
 # Results of `_compare_with_event`
 _BEFORE_EVENT = -1.0
@@ -415,7 +416,8 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     else:
         _leave_branch(law_parameters, law_state, story, event)
     jump = law_state[rows.FORCE, story] - force
-    has_lost_force = abs(jump) > _JUMP * abs(force)
+    elastic = law_parameters[rows.STIFFNESS, story] * law_state[rows.DRIFT, story]
+    has_lost_force = abs(jump) > _JUMP * abs(elastic)
     # The force of tangent damping changes with the stiffness. Curved branches have the slope inf;
     # they change at reversals, where the rate is 0.
     if (
