@@ -138,20 +138,35 @@ CASES = {
         "declare `curved=True`, or add `enter` and `switch`",
     ),
     "enter-missing": ("bilinear", {}, {"enter": None}, "set the ends of the branch"),
-    "kinks-as-curves": ("bilinear", {"curved": True, "kinked": False}, NO_BRANCHES, True),
+    "kinks-as-curves": (
+        "bilinear",
+        {"curved": True, "kinked": False},
+        NO_BRANCHES,
+        "declare `kinked=True`",
+    ),
     "curved-for-branches": ("bilinear", {"curved": True}, {}, True),
     "memory-curved-missing": ("bouc-wen", {"curved": False}, {}, "declare `curved=True`"),
     "memory-kinked-missing": ("bouc-wen", {"kinked": False}, {}, "declare `kinked=True`"),
-    "memory-switch-missing": ("bouc-wen", {"kinked": False}, {"switch": None}, True),
+    "memory-switch-missing": (
+        "bouc-wen",
+        {"kinked": False},
+        {"switch": None},
+        "declare `kinked=True`",
+    ),
     "settle-missing": (
         "bouc-wen",
         {},
-        {"accumulate_dissipation": None},
+        {"accumulate_dissipation": None, "hysteretic_energy": None},
         "neither `accumulate_dissipation` nor `hysteretic_energy`",
     ),
     "stop-enter-missing": ("gap", {}, {"enter": None}, "set the ends of the branch"),
     "stop-branches-missing": ("gap", {"kinked": False}, NO_BRANCHES, "declare `curved=True`"),
-    "stop-as-curve": ("gap", {"curved": True, "kinked": False}, NO_BRANCHES, True),
+    "stop-as-curve": (
+        "gap",
+        {"curved": True, "kinked": False},
+        NO_BRANCHES,
+        "declare `kinked=True`",
+    ),
     "stop-half-a-branch": (
         "gap",
         {},
@@ -245,10 +260,7 @@ def refusal_or_errors(name, methods=METHODS):
     return "", errors
 
 
-LONG = (
-    *("memory-switch-missing", "enter-missing", "curved-for-branches", "kinks-as-curves"),
-    *("too-few-points", "stop-as-curve"),
-)
+LONG = ("enter-missing", "curved-for-branches", "too-few-points")
 
 
 @pytest.mark.usefixtures("plain")
