@@ -232,10 +232,12 @@ def columns():
         "tdint run": responses.STORY_COLUMNS,
         "elements.csv of tdint run": (*responses.ELEMENT_COLUMNS, *responses.ELEMENT_ERROR),
         "attachments.csv of tdint run": (
-            *(*devices.ATTACHMENT_NAMES, *devices.ATTACHMENT_COLUMNS, *devices.ATTACHMENT_ERROR),
+            *(*devices.ATTACHMENT_NAMES, *devices.ATTACHMENT_COLUMNS, *devices.ENERGY),
+            *(*devices.ATTACHMENT_ERROR, *devices.ENERGY_ERROR),
         ),
         "links.csv of tdint run": (
-            *(*devices.LINK_NAMES, *devices.LINK_COLUMNS, *devices.LINK_ERROR),
+            *(*devices.LINK_NAMES, *devices.LINK_COLUMNS, *devices.ENERGY),
+            *(*devices.LINK_ERROR, *devices.ENERGY_ERROR),
         ),
         "rows.csv of tdint run": (matrices.ROW_NAME, *matrices.ROW_COLUMNS, *matrices.ROW_ERROR),
         "stories.csv of flexural stories by tdint run": (
