@@ -318,3 +318,31 @@ def test_devices_are_compared_with_their_purpose(warning, wrong, meant):
 def test_limits_of_drift_ratios_are_questioned(key, limit, count):
     text = f"stories: [{{mass: 2e5, height: 3, stiffness: 4e7}}]\nlimits: {{{key}: {limit}}}"
     assert len(warnings_of(text)) == count
+
+
+@pytest.mark.parametrize(
+    ("item", "key", "value", "warning"),
+    [
+        ("tank", "mass", 2000, "ratio of an attached mass"),
+        ("tank", "stiffness", 0.008, "period of an attachment"),
+        ("tank", "dashpot", 500, "ratio of the damper coefficient"),
+        ("tie", "stiffness", 1, "part of an element"),
+        ("tie", "dashpot", 1e6, "ratio of the damper coefficient"),
+    ],
+)
+def test_attachments_and_links_are_compared_with_their_purpose(item, key, value, warning):
+    """A unit that is wrong by a factor of 1000 causes a warning; the model as meant, none."""
+    tank = {"name": "tank", "floor": 2, "mass": 2, "stiffness": 80, "dashpot": 0.5}
+    tie = {"name": "tie", "from": "ground", "to": 2, "stiffness": 1000, "dashpot": 500}
+    for change in ({}, {key: value}):
+        model = load_model(
+            {
+                "units": {"length": "m", "force": "kN", "mass": "t"},
+                "stories": [{"repeat": 2, "mass": 100, "height": 3, "stiffness": 5e4}],
+                "damping": "5%",
+                "attachments": [tank | (change if item == "tank" else {})],
+                "links": [tie | (change if item == "tie" else {})],
+            }
+        )
+        texts = plausibility_warnings(model, assemble(model))
+        assert any(warning in text for text in texts) == bool(change), texts

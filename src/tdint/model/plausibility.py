@@ -234,6 +234,21 @@ ELEMENT = UsualRange(
     "such an element has no effect; check the unit of its stiffness, force/length",
 )
 
+ATTACHED_MASS = UsualRange(
+    "ratio of an attached mass to the mass of its floor",
+    1e-6,
+    10.0,
+    "{:.3g}",
+    "absorbers and tanks have 0.01 to 0.5; check the unit of mass",
+)
+ATTACHED_PERIOD = UsualRange(
+    "period of an attachment on a rigid floor",
+    0.01,
+    20.0,
+    _SECONDS,
+    "equipment has 0.03 to 0.5 s, the liquid of a tank up to 10 s; check the units of mass and "
+    "stiffness",
+)
 STRENGTH = UsualRange(
     "ratio of the yield force to the weight above",
     0.005,
@@ -334,8 +349,11 @@ def plausibility_warnings(
         True if the building is under a ground motion. Free vibration and forces on floors are
         often studied without damping.
     """
+    complete_model = model
     model, building = _without_devices(model, building)
     warnings = unusual_values(model, building, pga)
+    if complete_model.devices and not model.plausibility_off:
+        warnings += _unusual_attached(complete_model, building.approximate_first_mode[0])
     warnings += _damped_attached_stories(model)
     if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
         warnings.append(UNDAMPED)
@@ -699,6 +717,35 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
         warning
         for usual_range, name in zip(ranges, names, strict=True)
         for warning in unusual_stories(usual_range, values[name])
+    ]
+
+
+def _unusual_attached(model: Model, omega: float) -> list[str]:
+    """Return warnings about attachments and links that would have no effect, or far too much of it.
+
+    Links are compared with the stories between their ends in a vibration with the first circular
+    frequency of the building, `omega`, rad/s.
+    """
+    masses, periods, dampers, shares = (dict[str, float]() for _ in range(4))
+    for attachment in model.attachments:
+        name, spring = attachment.name, attachment.spring
+        masses[name] = spring.mass / model.stories[attachment.floor - 1].mass
+        frequency = math.sqrt(spring.stiffness / spring.mass)
+        if frequency > 0.0:
+            periods[name] = 2.0 * math.pi / frequency
+            dampers[name] = spring.dashpot / (2.0 * spring.mass * frequency) or math.nan
+    for link in model.links:
+        first, last = sorted(link.ends)
+        if last <= len(model.stories):
+            stiffness = 1.0 / sum(1.0 / story.stiffness for story in model.stories[first:last])
+            dampers[link.name] = link.spring.dashpot * omega / (2.0 * stiffness) or math.nan
+            # A link may be rigid.
+            shares[link.name] = min(link.spring.stiffness / stiffness, ELEMENT.high) or math.nan
+    return [
+        *unusual(ATTACHED_MASS, masses),
+        *unusual(ATTACHED_PERIOD, periods),
+        *unusual(DAMPER, dampers),
+        *unusual(ELEMENT, shares),
     ]
 
 

@@ -17,7 +17,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any
 
 from tdint.errors import OutputError
@@ -25,7 +25,15 @@ from tdint.files import is_there, remove_abandoned
 from tdint.response.runs.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.response.runs.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
 from tdint.studies.campaign.chunks import RunRow
-from tdint.system import file_system, is_at, is_special, lock_failure
+from tdint.system import (
+    file_system,
+    is_at,
+    is_running,
+    is_special,
+    lock_failure,
+    process_start,
+    this_host,
+)
 from tdint.units import Quantity
 
 # ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
@@ -187,6 +195,9 @@ def _begin_reading(
     return connection
 
 
+_COPY = "tdint-store"  # start of the names of temporary directories with a copy
+
+
 class _Copy(sqlite3.Connection):
     """Connection to a file in a temporary directory, which is removed with the connection."""
 
@@ -197,6 +208,14 @@ class _Copy(sqlite3.Connection):
         super().close()
         if self.folder:
             self.folder.cleanup()
+
+
+def _remove_abandoned_copies() -> None:
+    """Remove the copies of processes of this machine that were killed."""
+    for folder in Path(gettempdir()).glob(f"{_COPY}-{this_host()}-*-*-*"):
+        process, start = folder.name.split("-")[-3:-1]
+        if process.isdecimal() and start.isdecimal() and not is_running(int(process), int(start)):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Connection:
@@ -210,7 +229,10 @@ def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Con
     """
     logs = [path for path in additional if not _is_empty(path)]
     files = [file, *logs]
-    folder = TemporaryDirectory(prefix="tdint-store-")
+    _remove_abandoned_copies()
+    process = os.getpid()
+    writer = f"{this_host()}-{process}-{process_start(process)}"
+    folder = TemporaryDirectory(prefix=f"{_COPY}-{writer}-")
 
     def states() -> list[tuple[int, int]]:
         """Return the modification time, ns, and the size of each file."""
