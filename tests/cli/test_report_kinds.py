@@ -47,7 +47,8 @@ def test_pages_are_full(working_directory: Path, tdint: Command, drawn: None, na
     """On A4, each page except the last is full to 70 %, at most one of them to less than 80 %, and
     the last page to 20 %."""
     write_report(name, tdint)
-    check_fullness("page.html")
+    # The answer of a comparison is alone on the first page; tables of statistics are not divided.
+    check_fullness("page.html", *((0.4, 2) if name == "campaign" else ()))
 
 
 UNCHECKED = ("Assumptions", "Methods and assumptions", "Inputs", "Notes")
@@ -140,8 +141,10 @@ EXCEPTIONS = {
     "pushover": {"1998", "2.24"},  # number of the standard; ASCE 41-17, eq. 7-32
     "fragility": {"95"},  # confidence, %
     "fragility of ida": {"95", "1969", "2022"},  # also the years of publications
+    # means over the motions in the table of the answer
+    "campaign": {"3.644", "0.007579", "0.2518"},
     "compare": {"0.64", "1.52"},  # oscillation and displacement at the end, in messages
-    "matched": {"1.67", "0.342", "64"},  # displacements at the end, in the warnings of the match
+    "matched": {"1.57", "1.35", "0.331"},  # displacements at the end, in the warnings of the match
     "isolated": {"2.395", "0.0001"},  # period with the secant stiffness; "below 0.0001 %"
     "suite of isolated": {"5"},  # damping ratio of the spectra
     "transfer functions": {"0.9951"},  # first natural frequency, Hz
@@ -175,7 +178,7 @@ def test_numbers_equal_the_numbers_of_the_tables(
         and number[0].lstrip("-") not in EXCEPTIONS.get(name, ())
         and not (number[1] == "" and re.fullmatch(r"\d\d?", number[0]))
     ]
-    assert unknown == []
+    assert not unknown, str(unknown)
 
 
 def test_a_number_that_is_in_no_table_is_detected(working_directory: Path) -> None:

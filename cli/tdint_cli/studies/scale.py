@@ -160,8 +160,8 @@ class ScaleRequest(RecordsRequest):
     to: tuple[str, float] | None = options.option(
         type=_MeasureValue(),
         metavar="MEASURE=VALUE",
-        help="Scale to this intensity: sa=0.6g at the period --at, sa-avg=0.4g (geometric mean, 0.2 "
-        "to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, arias=2m/s, cav=9m/s, or a "
+        help="Scale to this intensity: sa=0.6g at the period --at, sa-avg=0.4g (geometric mean, "
+        "0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, arias=2m/s, cav=9m/s, or a "
         "measure of a plug-in.",
     )
     at: float | None = options.option(
