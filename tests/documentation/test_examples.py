@@ -113,8 +113,7 @@ def test_the_batches(checkout):
     }
     (east, _) = json.loads((folder / "filtered.json").read_text())["records"]
     assert [step.split(":")[0] for step in east["processing"][2:]] == [
-        "highpass 0.1 Hz",
-        "lowpass 25 Hz",
+        "highpass 0.1 Hz, lowpass 25 Hz"
     ]
     assert len(json.loads((folder / "records.json").read_text())["records"]) == 6
     assert (folder / "records.png").exists()
@@ -335,7 +334,7 @@ def test_the_studies_with_other_packages(checkout, name, package):
     the surrogate explains most of the variance."""
     pytest.importorskip(package)
     _, run = checkout
-    script = (readmes.ROOT / "tests" / "studies" / f"{name}.py").read_text()
+    script = (readmes.ROOT / "tests" / "external" / f"{name}.py").read_text()
     statements = [node for node in ast.walk(ast.parse(script)) if isinstance(node, ast.stmt)]
     assert len(statements) <= 45  # The example must be short.
     output, _ = run(shlex.join([sys.executable, "-c", script]))
