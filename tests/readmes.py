@@ -240,7 +240,7 @@ def columns():
             *(*devices.LINK_ERROR, *devices.ENERGY_ERROR),
         ),
         "rows.csv of tdint run": (matrices.ROW_NAME, *matrices.ROW_COLUMNS, *matrices.ROW_ERROR),
-        "stories.csv of flexural stories by tdint run": (
+        "stories.csv of tdint run, flexural": (
             *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),
             *(*matrices.FLEXURE_COLUMNS, *matrices.FLEXURE_ERROR),
         ),

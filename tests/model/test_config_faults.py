@@ -16,11 +16,12 @@ from tdint.model.story_laws import LAWS
 
 WORDS = {
     "<keys>": (
-        "name, units, stories, building, attachments, links, damping, p_delta, excitation, "
-        "initial, analysis, collapse_drift, plausibility, damage, limits, output_units, report"
+        "name, units, stories, building, stiffness_matrix, matrices, base, attachments, links, "
+        "damping, p_delta, excitation, initial, analysis, collapse_drift, plausibility, damage, "
+        "limits, output_units, report"
     ),
     "<story keys>": "mass, weight, height, stiffness, period, law, elements, dashpot, isolator, "
-    "rayleigh, p_delta, repeat",
+    "rayleigh, p_delta, flexural, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
     "<ratio>": "a number of at least 0 and below 1",
     "<laws>": ", ".join(LAWS),

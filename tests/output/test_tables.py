@@ -168,7 +168,22 @@ def test_history(monkeypatch, stories, rows_at_once):
     ]
 
 
-UNITS = ("m", "s", "m/s", "m/s^2", "N", "N*m", "N*s", "N/m", "m/N", "J", "kg", "Hz", "degree")
+UNITS = (
+    "m",
+    "s",
+    "m/s",
+    "m/s^2",
+    "N",
+    "N*m",
+    "N*s",
+    "N/m",
+    "m/N",
+    "J",
+    "kg",
+    "Hz",
+    "degree",
+    "rad",
+)
 
 
 def declared_columns():
