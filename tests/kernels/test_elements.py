@@ -13,7 +13,7 @@ import pytest
 from building_cases import noise
 from selection import every
 from small_buildings import BUILDINGS, LAWS, MASS, MOTION, STIFFNESS, STRENGTH, YIELD_DRIFT
-from tdint import load_model, run, run_many
+from tdint import load_model, make_record, run, run_many
 from tdint.errors import ModelError
 from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.model.building import assemble
@@ -296,3 +296,21 @@ def test_invalid_inclinations(keys, message):
     with pytest.raises(ModelError, match=message) as caught:
         building(FRAME, {**INCLINED[0][0], **keys})
     assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_the_story_of_a_fractured_element_reverses():
+    """The fractured element has no branch that a reversal of the story could change."""
+    first = {"type": "ramberg-osgood", "yield_force": 2e5, "alpha": 0.2, "exponent": 7.0}
+    elements = [
+        {"name": "first", **first, "stiffness": 4e7, "fracture_drift": 0.02},
+        {"name": "second", "type": "linear", "stiffness": 2e7},
+    ]
+    story = {"mass": 1e5, "height": 3.0, "elements": elements}
+    motion = make_record(6.0 * np.sin(8.0 * np.arange(0.0, 4.0, 0.02)), dt=0.02, units="m/s^2")
+    response = run(load_model({"stories": [story]}), motion, method="impulse4", check=False)
+    assert response.status == "done" and abs(response.energy.error) < 2e-3
+    (peak_drift,) = response.stories.peak_drift
+    assert peak_drift > 0.04
+    assert response.elements.peak_force[1] == pytest.approx(2e7 * peak_drift)
+    assert response.elements.peak_force[0] < 4e5

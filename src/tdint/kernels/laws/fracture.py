@@ -222,6 +222,9 @@ def _functions(
     @inline
     def switch(law_parameters, law_state, i, block, event):
         """Set the branch that follows: the fracture, or the next branch of the law."""
+        # At a reversal of a story, its fractured elements have no branch to change.
+        if law_state[block + rows.INTERNAL, i] == fractured:
+            return
         # A curved law can have passed its own limit at the commit of the state.
         high, low = high_limit(law_parameters, i), low_limit(law_parameters, i)
         drift = law_state[block + rows.DRIFT, i]
