@@ -23,9 +23,9 @@ from registered import compiled_truth, forget, forgotten, plain  # noqa: F401 (f
 from selection import every
 from separate_streams import runner
 from tdint.assessment.chart.problem import Problem, _cache_file
-from tdint.assessment.failures.failures import failures
+from tdint.assessment.failures.failures import problems
 from tdint.assessment.order import order as order_module
-from tdint.assessment.order.order import check_law, check_method, order
+from tdint.assessment.order.order import check_law, check_method
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import build
 from tdint.kernels.building.compilable import Variant
@@ -82,7 +82,7 @@ def test_method_of_readme_agrees_with_its_declarations(verlet, monkeypatch):
     assert math.isclose(measured.limit, 2.0, rel_tol=1e-6)
     assert abs(measured.order - 2.0) < 0.1
     # Yielding stories take longest and are tested above.
-    monkeypatch.setattr(order, "faults_with_yielding", lambda integrator: {})
+    monkeypatch.setattr(order_module, "faults_with_yielding", lambda integrator: {})
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
     order_fault, limit_fault = check_method(replace(integrator, method=false)).faults
     assert re.fullmatch(r"verlet: .*\b4\b.*\b2\.00", order_fault)
@@ -225,7 +225,7 @@ def test_energies_are_required_only_where_stories_dissipate(tmp_path, monkeypatc
     for laws in (("linear", "polynomial"), ("linear", "tanh")):
         compiled_steps.kernels(integrator, replace(features, laws=laws))
     # The problems of `failures` are elastic.
-    for problem in failures.problems().values():
+    for problem in problems().values():
         compiled_steps.kernels(integrator, PreparedBuilding.of(problem.model).variant)
     with pytest.raises(AnalysisError, match="the energies are not balanced"):
         compiled_steps.kernels(integrator, replace(features, laws=("linear", "bilinear")))
@@ -260,7 +260,7 @@ def half(law_state, i, block, slope, lower, upper, turn):
         "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8},
     }
     (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert "`enter`, `switch`, `advance`" in fault and "set_branch" in fault
+    assert "in `enter`" in fault and "set_branch" in fault
     unchanged = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
     assert check_law(unchanged, 1) == []
 

@@ -154,8 +154,8 @@ def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand
     result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--pair-demand", demand)
     assert f"{100.0 * expected:.3g} %" in result.stderr
     assert ("exceeded" in result.stderr) == (demand == "larger")
-    assert "pair_demand" not in result.stderr
-    # Without an explicit choice the larger component counts, which one line reports.
+    assert f"pair_demand: {demand}" in result.stderr
+    # Without an explicit choice the larger component counts.
     result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--require", code=5)
     (line,) = [line for line in result.stderr.splitlines() if "pair_demand" in line]
     assert "3 pairs" in line and "larger" in line

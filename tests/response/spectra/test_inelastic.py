@@ -126,6 +126,8 @@ def test_random_oscillators_are_independent_of_added_samples():
         noise = generator.normal(size=int(generator.integers(2, 200)))
         spikes = np.where(generator.random(noise.size) < 0.7, 0.0, noise)
         shape = (noise, np.round(noise), spikes, np.sign(noise), np.ones(noise.size))[trial % 5]
+        # The last sample is zero, because a motion falls to zero within a sampling interval.
+        shape = np.append(shape, 0.0)
         record = Record(shape, 10 ** generator.uniform(-3.0, -0.3), "", "", "", "")
         period = np.array([10 ** generator.uniform(-2.5, 1.3)])
         damping = float(generator.choice([0.0, 0.02, 0.3, 0.99]))

@@ -369,7 +369,10 @@ def test_unsupported_fit_parameters_are_refused(recorded_model):
                 recording(first=sensor("floor_1_m_s2", DISPLACEMENT)),
                 r"are units of acceleration, but .* specifies displacement.*one of m, cm",
             ),
-            (recording(first=sensor("floor_9_m_s2")), "no column floor_9_m_s2; rename the column"),
+            (
+                recording(first=sensor("floor_9_m_s2")),
+                "no column floor_9_m_s2 among 5 columns; rename the column",
+            ),
             (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
             (recording(roof=sensor("roof", ", units: g", "other.csv")), "does not overlap in time"),
             (recording(more="band: [0.5, 25]\n"), "Nyquist .* 25 Hz, got 25 Hz"),
