@@ -469,7 +469,7 @@ def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:
         found = {name: store.execute(f"SELECT * FROM {name}").fetchall() for name in names}
         found["chunks"] = store.execute("SELECT id, runs FROM chunks ORDER BY id").fetchall()
         found["meta"] = store.execute(
-            "SELECT * FROM meta WHERE key NOT IN ('seal', 'shards') ORDER BY key"
+            "SELECT * FROM meta WHERE key NOT IN ('seal', 'shard_runs') ORDER BY key"
         ).fetchall()
     return found
 

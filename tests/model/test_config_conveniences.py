@@ -98,11 +98,9 @@ def test_mapping_equals_model_file(path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert path.read_text().startswith("# ")
     assert file.excitation.record or file.excitation.has_forces or any(file.initial.displacement)
     assert mapping.source == "model" and mapping.text != file.text
-    assert (mapping.stories, mapping.damping, mapping.excitation) == (
-        file.stories,
-        file.damping,
-        file.excitation,
-    )
+    # Compared as text, because the stiffness of a story of a matrix model is nan.
+    assert repr(mapping.stories) == repr(file.stories)
+    assert (mapping.damping, mapping.excitation) == (file.damping, file.excitation)
     assert (mapping.initial, mapping.analysis, mapping.p_delta) == (
         file.initial,
         file.analysis,

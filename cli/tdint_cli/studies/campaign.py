@@ -252,7 +252,7 @@ def _status(request: CampaignRequest) -> None:
         name, all_runs = store.meta("name"), ""
         # The directory of a part of a campaign has the runs of this part only, unless the other
         # parts have been merged into it.
-        if (parts := store.shard_runs()) and done <= sum(parts.values()) < run_count:
+        if (parts := store.shards()) and done <= sum(parts.values()) < run_count:
             name += f", part {abbreviate(list(parts), 4)}"
             all_runs = f" ({run_count} in all parts)"
             run_count = sum(parts.values())

@@ -50,7 +50,7 @@ _MAX_TERMS = 44
 _MAX_EVENTS = 60  # maximum number of changes of branch within a step
 # Maximum number of steps of the free vibration after the ground motion. The length of a step is
 # one radian of the elastic vibration (1 / omega).
-_FREE_VIBRATION = 600
+_FREE_VIBRATION = 1_000_000
 
 
 class _Hysteretic(NamedTuple):

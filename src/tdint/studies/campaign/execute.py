@@ -130,7 +130,7 @@ def execute_plan(
     runs_after = runs_before + sum(map(plan.size, missing))
     advance = Advance(runs_before, runs_after, runs_before, 0.0)
     if shard is not None:
-        store.add_shard(shard.text, sum(map(plan.size, chunks)))
+        store.add_shards({shard.text: sum(map(plan.size, chunks))})
     # Compile before the clock starts: compilation is not part of the reported time per run.
     if missing:
         compile_for(plan)
@@ -446,8 +446,8 @@ class _Part:
         Values that must be equal in all parts of a campaign, by name.
     runs : int
         Number of runs of the complete campaign.
-    shards : list of str
-        Shards, K/N, with runs in the store.
+    shards : dict of str to int
+        Number of runs of each shard, K/N, in the store.
     chunks : dict of int to int
         Number of runs of each chunk that is complete and not corrupt, by the number of the chunk.
     time_loops : str or None
@@ -458,7 +458,7 @@ class _Part:
     name: str
     identity: dict[str, str]
     runs: int
-    shards: list[str]
+    shards: dict[str, int]
     chunks: dict[int, int]
     corrupt_count: int
     time_loops: str | None
@@ -600,12 +600,8 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
                 # `category` is `building` or `record`.
                 for category, reasons in source.unused().items():
                     target.add_unused((category, reason) for reason in reasons)
-        part_shards = [text for part in parts for text in part.shards]
-        shards = list(dict.fromkeys([*target.shards(), *part_shards]))  # without duplicates
-        if shards:
-            values = ("shards", json.dumps(shards))
-            target.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
         target.seal()
+    target.add_shards({text: runs for part in parts for text, runs in part.shards.items()})
 
 
 def _copy_chunks(source: Store, target: Store, intact: set[int]) -> None:

@@ -373,29 +373,22 @@ class Store:
             return []
         return sorted(json.loads(self._meta_or_none("files") or "{}").values())
 
-    def shards(self) -> list[str]:
-        """Return the shards, each as text K/N, that were written to this store; empty if the
-        campaign was not divided."""
-        return list(json.loads(self._meta_or_none("shards") or "[]"))
-
-    def shard_runs(self) -> dict[str, int]:
-        """Return the number of runs of each shard that was written to this store, by its text."""
+    def shards(self) -> dict[str, int]:
+        """Return the number of runs of each shard that was written to this store, by its text K/N;
+        empty if the campaign was not divided."""
         return self._optional_meta("shard_runs")
 
-    def add_shard(self, text: str, runs: int) -> None:
-        """Record that a shard is written to this store, so that `merge` can report missing shards,
-        and `status` the runs of the shard.
+    def add_shards(self, shard_runs: Mapping[str, int]) -> None:
+        """Record that shards are written to this store, so that `merge` can report missing shards,
+        and `status` the runs of the shards.
 
         Parameters
         ----------
-        text : str
-            Number of the shard and number of shards, for example `2/5`.
-        runs : int
-            Number of runs of the shard.
+        shard_runs : mapping of str to int
+            Number of runs of each shard, by its number and the number of shards, for example `2/5`.
         """
-        if text not in (shards := self.shards()):
-            self._write_meta("shards", json.dumps([*shards, text]))
-            self._write_meta("shard_runs", json.dumps(self.shard_runs() | {text: runs}))
+        if not shard_runs.keys() <= (known := self.shards()).keys():
+            self._write_meta("shard_runs", json.dumps(known | dict(shard_runs)))
 
     def grouped_by(self) -> str | None:
         """Return the column of the inventory by which losses are grouped; None without groups."""
