@@ -90,10 +90,10 @@ class _Transition:
             by_load = self.matrix[:, 2 * n :]
             end = load_0 @ by_load[:, :loads].T + load_1 @ by_load[:, loads:].T
             return np.asarray(end.reshape(*load_0.shape[:-1], 2, n))
-        modal_0, modal_1 = (load @ self.patterns.T for load in (load_0, load_1))
-        return np.asarray(
-            self.columns[2] * modal_0[..., None, :] + self.columns[3] * modal_1[..., None, :]
-        )
+        modal_0, modal_1 = ((load @ self.patterns.T)[..., None, :] for load in (load_0, load_1))
+        state = self.columns[2] * modal_0
+        state += self.columns[3] * modal_1
+        return np.asarray(state)
 
     def free(self, state: Array) -> Array:
         """Return the part of the state at the end due to the state at the start."""
@@ -101,7 +101,9 @@ class _Transition:
             n = len(self.patterns)
             flat = state.reshape(*state.shape[:-2], 2 * n)
             return np.asarray((flat @ self.matrix[:, : 2 * n].T).reshape(state.shape))
-        return np.asarray(self.columns[0] * state[..., :1, :] + self.columns[1] * state[..., 1:, :])
+        end = self.columns[0] * state[..., :1, :]
+        end += self.columns[1] * state[..., 1:, :]
+        return np.asarray(end)
 
 
 def _coupled_step(omega: Array, damping: Array, patterns: Array, h: float) -> Array:
@@ -227,28 +229,30 @@ class LinearLoop:
             forces = np.zeros((count + 1, self.building.stories))
             add_force_history(*self.loads, time, forces)
             loads[:, 1:] = forces[:, self.floors]
-        coarse, fine = transitions[0], transitions[-1]
         state = self.space.state[: rows.VELOCITY + 1, :-1] @ self.system.mass @ self.shapes
-        states = np.empty((count, parts, 2, self.omega.size))
+        all_states = np.empty((count * parts + 1, 2, self.omega.size))
+        states = all_states[:-1].reshape(count, parts, 2, -1)
+        coarse, fine = transitions[0], transitions[-1]
         forced = coarse.forced(loads[:-1], loads[1:])
-        for k in range(count):
-            states[k, 0] = state
-            state = coarse.free(state) + forced[k]
+        for at_start, by_loads in zip(states[:, 0], forced, strict=True):
+            at_start[:] = state
+            state = coarse.free(state)
+            state += by_loads
+        all_states[-1] = state
         share = np.arange(parts)[:, None] / parts
         between = loads[:-1, None] + share * np.diff(loads, axis=0)[:, None]
         for part in range(1, parts):
             states[:, part] = fine.free(states[:, part - 1]) + fine.forced(
                 between[:, part - 1], between[:, part]
             )
-        all_states = np.concatenate([states.reshape(count * parts, 2, -1), state[None]])
         all_loads = np.concatenate([between.reshape(count * parts, -1), loads[-1:]])
         return _Grid(all_states, self._accelerations(all_states, all_loads), all_loads)
 
     def _accelerations(self, states: Array, loads: Array) -> Array:
         """Return the modal accelerations, from equilibrium."""
-        return np.asarray(
-            loads @ self.patterns.T - self._internal(states[..., 0, :], states[..., 1, :])
-        )
+        acceleration = loads @ self.patterns.T
+        acceleration -= self._internal(states[..., 0, :], states[..., 1, :])
+        return np.asarray(acceleration)
 
     def _outputs(self) -> list[_Output]:
         """Return the quantities whose peaks the run reports."""
@@ -356,7 +360,8 @@ class LinearLoop:
             _dots(speed, loads), _dots(acceleration @ self.patterns, loads), interval
         ) + (interval**2 / 12.0 * kink)
         result[1:, rows.ENERGY_INPUT] = result[0, rows.ENERGY_INPUT] + np.cumsum(work)
-        force = self._damping_force(velocity)
+        # Equilibrium gives the damping forces without another product of matrices.
+        force = loads @ self.patterns.T - acceleration - self.omega**2 * displacement
         lost = _integral(_dots(velocity, force), 2.0 * _dots(acceleration, force), interval)
         result[1:, rows.ENERGY_VISCOUS] = result[0, rows.ENERGY_VISCOUS] + np.cumsum(lost)
         result[:, rows.ENERGY_KINETIC] = 0.5 * _dots(velocity, velocity)
@@ -400,7 +405,8 @@ class LinearLoop:
         np.copyto(output.peaks, top, where=~np.isnan(top))
         resolved = min(float(self.omega[-1]) * interval, 1.0)
         margin = resolved**2 / 8.0 + _SMALL
-        point, column = np.nonzero(size >= np.where(top > 0.0, (1.0 - margin) * top, np.inf))
+        is_large = size >= np.where(top > 0.0, (1.0 - margin) * top, np.inf)
+        point, column = np.divmod(np.flatnonzero(is_large), len(top))
         last, reach, tolerance = len(size) - 1, np.full(point.size, np.inf), margin
         if output.derivative < 2 or not self.floors.size:
             # The quantity has no kinks: only maxima of the grid count, and of displacements and
@@ -442,24 +448,30 @@ class LinearLoop:
         """Return the maximum absolute values of rows of a quantity (`column`) in intervals of the
         grid, which start at `point`: those of the polynomial through the values and the first three
         derivatives at both ends."""
-        matrix, load_matrix = output.matrix[column], output.loads[column]
+        points, at = np.unique(np.concatenate([point, point + 1]), return_inverse=True)
+        columns, at_column = np.unique(column, return_inverse=True)
         load_rate = (grid.loads[point + 1] - grid.loads[point]) / interval
-        modal_rate = load_rate @ self.patterns.T
+        # Modal displacements, velocities, accelerations and further derivatives: the part that is
+        # equal on both sides of a point, and the part per unit of the rate of each load
+        orders = [*np.moveaxis(grid.states[points], 1, 0), grid.accelerations[points]]
+        by_rate = [np.zeros_like(self.patterns.T)] * 3 + [self.patterns.T]
+        while len(orders) < output.derivative + 4:
+            orders.append(-self._internal(orders[-2], orders[-1]))
+        while len(by_rate) < len(orders):
+            by_rate.append(-self._internal(by_rate[-2], by_rate[-1]))
         # Derivatives of modes that the grid does not resolve would oscillate between its points.
-        is_resolved = self.omega * interval <= 1.0
-        data = []
-        for end in (point, point + 1):
-            orders = [*np.moveaxis(grid.states[end], 1, 0), grid.accelerations[end]]
-            orders.append(modal_rate - self._internal(orders[1], orders[2]))
-            while len(orders) < output.derivative + 4:
-                orders.append(-self._internal(orders[-2], orders[-1]))
-            for k, modal in enumerate(orders[output.derivative :][:4]):
-                used = modal if k == 0 else np.where(is_resolved, modal, 0.0)
-                value = np.einsum("ij,ij->i", matrix, used)
-                if k < 2:
-                    value += np.einsum("ij,ij->i", load_matrix, load_rate if k else grid.loads[end])
-                data.append(interval**k * value)
-        size = np.abs(_HERMITE @ np.array(data))
+        resolved = output.matrix[columns] * (self.omega * interval <= 1.0)
+        data = np.empty((2, 4, point.size))
+        for k, order in enumerate(range(output.derivative, output.derivative + 4)):
+            matrix = resolved if k else output.matrix[columns]
+            rates = matrix @ by_rate[order].T + (output.loads[columns] if k == 1 else 0.0)
+            values = orders[order] @ matrix.T
+            for end, at_point in enumerate(np.split(at, 2)):
+                value = values[at_point, at_column] + _dots(rates[at_column], load_rate)
+                if k == 0:
+                    value += _dots(output.loads[column], grid.loads[point + end])
+                data[end, k] = interval**k * value
+        size = np.abs(_HERMITE @ data.reshape(8, -1))
         top, index = size.argmax(axis=0), np.arange(len(point))
         middle = np.clip(top, 1, len(size) - 2)
         # The maximum may be between the first two points, or the last two.
@@ -468,7 +480,9 @@ class LinearLoop:
 
     def _internal(self, displacement: Array, velocity: Array) -> Array:
         """Return the internal modal forces per mass of displacements and velocities, m/s^2."""
-        return self._damping_force(velocity) + self.omega**2 * displacement
+        force = self._damping_force(velocity)
+        force += self.omega**2 * displacement
+        return force
 
     def _damping_force(self, velocity: Array) -> Array:
         """Return the modal damping forces per mass, m/s^2."""
