@@ -31,7 +31,7 @@ def forget():
     for name in list(story_laws.CODES)[OURS:]:
         del story_laws.CODES[name]
     del NUMBERED[OURS:]
-    for name in set(measures.MEASURES) - set(measures._BUILTIN_MEASURES):
+    for name in set(measures.MEASURES) - set(measures.BUILTIN_MEASURES):
         del measures.MEASURES[name]
     for cached in (methods._known, methods.catalogue, story_laws.laws, runs._parse_cached):
         cached.cache_clear()

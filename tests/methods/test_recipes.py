@@ -22,6 +22,7 @@ from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.methods.exact import oscillator
 from tdint.model.plugins import peers
+from tdint.output.tables.spectra import info_table, record_info
 from tdint.studies.fragility.measures import run_measure
 from tdint_cli.main import cli
 
@@ -205,6 +206,10 @@ def test_measure_of_readme_is_found_by_name(tmp_path):
     assert run_measure("bracketed").of(record, 1.0, math.nan) == 0.0
     assert run_measure("bracketed").of(record, 2.0, math.nan) == pytest.approx(0.5)
     assert run_measure("d5_75").column == run_measure("d5-75").column == "d5_75"
+    strong = tdint.make_record(2.0 * samples, dt=0.01, units="m/s^2")
+    table = info_table([record_info(strong)])
+    assert float(table.rows[0][table.columns.index("bracketed_s")]) == pytest.approx(0.5)
+    assert table.columns[-1] == "notes"
 
 
 def test_check_suggests_public_name_of_import(tmp_path):

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -114,6 +114,8 @@ class Measures:
         Number of zero samples at the start and at the end.
     notes : tuple of str
         Unusual properties of the record.
+    added : dict of str to float
+        Measures of plug-ins by name, in their units.
     """
 
     pga: float
@@ -131,6 +133,13 @@ class Measures:
     leading_zeros: int
     trailing_zeros: int
     notes: tuple[str, ...]
+    added: Mapping[str, float]
+
+    def value(self, name: str) -> float:
+        """Return a measure of `MEASURES` by its name, in its unit."""
+        if name in self.added:
+            return self.added[name]
+        return float(getattr(self, name.replace("-", "_")))
 
 
 def measure(record: Record) -> Measures:
@@ -159,7 +168,7 @@ def measure(record: Record) -> Measures:
         if stored_peak is not None
     ]
     return Measures(
-        **{name.replace("-", "_"): MEASURES[name].of(record) for name in _BUILTIN_MEASURES},
+        **{name.replace("-", "_"): MEASURES[name].of(record) for name in BUILTIN_MEASURES},
         mean_period=mean_period(record),
         a95=a95(record),
         bracketed_duration=bracketed_duration(record, BRACKET),
@@ -171,6 +180,11 @@ def measure(record: Record) -> Measures:
             *_zero_notes(record.acceleration.size, leading, trailing),
             *map(str, doubts),
         ),
+        added={
+            name: measure.of(record)
+            for name, measure in MEASURES.items()
+            if name not in BUILTIN_MEASURES
+        },
     )
 
 
@@ -599,8 +613,9 @@ MEASURES = {
 """Intensity measures of ground motions by name: the measures of tdint, then the measures of
 plug-ins (`tdint.load_plugin`)."""
 
-# Plug-ins add measures to MEASURES later; the class `Measures` has only the measures of tdint.
-_BUILTIN_MEASURES = tuple(MEASURES)
+BUILTIN_MEASURES = tuple(MEASURES)
+"""Names of the measures of tdint, which are attributes of `Measures`; plug-ins add others to
+`MEASURES` later."""
 
 
 def _peak(record: Record, column: int, name: str) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import (
+    BUILTIN_MEASURES,
     HOUSNER_PERIODS,
     MEASURES,
     Measures,
@@ -35,6 +36,13 @@ if TYPE_CHECKING:
     from tdint.response.spectra.target import SpectrumDifference
 
 
+def _measure_column(name: str) -> Column:
+    """Return the column of an intensity measure of `MEASURES` in the table of `tdint info`."""
+    intensity = MEASURES[name]
+    head = f"{intensity.head}{suffix(intensity.unit)}"
+    return Column(head, intensity.unit, lambda info: info.measures.value(name), intensity.meaning)
+
+
 INFO = (
     *RECORD_COLUMNS,
     Column(
@@ -53,15 +61,7 @@ INFO = (
         lambda info: f"{info.record.units} ({info.record.units_from})",
         "units of the samples in the file, and their source",
     ),
-    *(
-        Column(
-            f"{intensity.head}{suffix(intensity.unit)}",
-            intensity.unit,
-            f"measures.{name.replace('-', '_')}",
-            intensity.meaning,
-        )
-        for name, intensity in MEASURES.items()
-    ),
+    *map(_measure_column, BUILTIN_MEASURES),
     Column("housner_intensity_m", "m", "housner_intensity", "Housner spectrum intensity"),
     Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
     Column(
@@ -323,7 +323,7 @@ _PAIRED_MEASURES = ("pga", "pgv", "pgd", "arias", "d5-95")
 def _match_measure(index: int, name: str) -> Callable[[Any], Any]:
     """Return a function of a spectral match, which returns the intensity measure `name` of the
     matched ground motion (index 0) or of its scaled seed (index 1), shape (1,)."""
-    return lambda matched: np.array([getattr(matched.measures[index], name.replace("-", "_"))])
+    return lambda matched: np.array([matched.measures[index].value(name)])
 
 
 def _end_displacement(index: int) -> Callable[[Any], Any]:
@@ -374,7 +374,8 @@ MATCHED = (
 def info_table(infos: Iterable[RecordInfo]) -> Table:
     """Return the table of the properties and intensity measures of records, one row per record.
 
-    A note about all components of a file is listed only with the first component.
+    Measures of plug-ins have columns before the notes. A note about all components of a file is
+    listed only with the first component.
     """
     rows = list(infos)
     by_file: dict[str, list[RecordInfo]] = {}
@@ -385,7 +386,8 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
         first, *others = by_file[info.record.source]
         common = {text for text in first.notes if all(text in other.notes for other in others)}
         listed.append([text for text in info.notes if info is first or text not in common])
-    table = Table.of_results(INFO, rows)
+    added = [_measure_column(name) for name in MEASURES if name not in BUILTIN_MEASURES]
+    table = Table.of_results((*INFO[:-1], *added, INFO[-1]), rows)
     return replace(
         table,
         rows=[(*row[:-1], "; ".join(texts)) for row, texts in zip(table.rows, listed, strict=True)],
