@@ -201,6 +201,20 @@ def test_a_run_under_forces_and_a_diverged_run_write_a_summary(folder, tdint):
     assert summary["inputs"][0]["file"] == "forced.yaml"
 
 
+def test_a_story_without_initial_stiffness(folder, tdint):
+    """It has no first period; only free vibration until rest needs one."""
+    law = "{type: polynomial, coefficients: [0, 0, 4e9]}"
+    (folder / "cubic.yaml").write_text(f"stories: [{{mass: 1e5, height: 3, law: {law}}}]\n")
+    call = ("cubic.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNE")
+    (row,) = rows(tdint("run", *call, "--duration", 2, code=0).stdout)
+    drift = float(row["peak_drift_m"])
+    assert float(row["peak_shear_N"]) == pytest.approx(4e9 * drift**3, rel=1e-6)
+    (mode,) = rows(tdint("modes", "cubic.yaml", code=0).stdout)
+    (overview,) = rows(tdint("check", "cubic.yaml", code=0).stdout)
+    assert mode["period_s"] == overview["t1_s"] == "inf"
+    tdint.refused("no initial stiffness; give a duration", "run", *call, "--until-rest", code=3)
+
+
 @pytest.mark.parametrize("method", ["newmark-average", "moment4"])
 def test_a_run_reports_estimated_errors(folder, tdint, method):
     """By default and with --check, the errors of any method are estimated by one run of impulse4.

@@ -384,7 +384,7 @@ def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
 
     buildings = [assemble(load_model(file)) for file in request.building]
     # The first value of `first_mode` is the circular frequency, rad/s.
-    first_periods = [math.tau / building.first_mode()[0] for building in buildings]
+    first_periods = [building.first_period for building in buildings]
     return Grid(0.2 * min(first_periods), 2.0 * max(first_periods), 100)
 
 

@@ -461,7 +461,9 @@ class Building:
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :masses] * shape**2)
         if len(self.modal):
             modal_damping += np.add.reduce((self.modal[:, :masses] @ shape) ** 2)
-        return omega, float(modal_damping / (2.0 * omega)) if omega else math.inf
+        if omega:
+            return omega, float(modal_damping / (2.0 * omega))
+        return omega, math.inf if modal_damping else 0.0
 
     def modes(self) -> Modes:
         """Return the undamped modes of the initial stiffness, computed at the first call."""

@@ -108,7 +108,7 @@ class Modes(Tabular):
         # A small negative term is a rounding error of an undamped mode.
         is_rounding = diagonal >= -CLASSICAL * np.max(np.abs(diagonal))
         diagonal = np.where(is_rounding, np.maximum(diagonal, 0.0), diagonal)
-        return np.asarray(diagonal / (2.0 * self.omega))
+        return self._ratios(diagonal)
 
     def normalized(self, norm: str) -> Array:
         """Return the normalized shapes as columns, shape (n, n).
@@ -146,7 +146,13 @@ class Modes(Tabular):
         rounding = CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)
         if np.any(coupling > rounding):
             return None
-        return diagonal / (2.0 * self.omega)
+        return self._ratios(diagonal)
+
+    def _ratios(self, modal_damping: Array) -> Array:
+        """Return the damping ratios of a diagonal of the modal damping matrix (1/s); infinite, or
+        nan without damping, for a mode without stiffness."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(modal_damping / (2.0 * self.omega))
 
 
 @dataclass(frozen=True)

@@ -440,13 +440,13 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         return [*peak_warnings(pga)]
     model, building = _without_devices(model, building)
     omega, damping = building.approximate_first_mode
-    period = 2.0 * math.pi / omega
+    first_period = period(omega)
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
     # positive ratio indicates damping that does not act on the first mode.
     checked_damping = damping if damping > 0.0 else math.nan
     period_range = _period_range(building)
     checked_values = (
-        (period_range, period),
+        (period_range, first_period),
         (DAMPING, checked_damping),
         (COLLAPSE, model.collapse_drift),
         (BUILDING_HEIGHT, _usual_height(building)),
@@ -456,8 +456,8 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         for usual_range, value in checked_values
         if not usual_range.contains(value)
     ]
-    cause = _weights_as_masses(model, building, period, period_range)
-    is_period_unusual = not period_range.contains(period)
+    cause = _weights_as_masses(model, building, first_period, period_range)
+    is_period_unusual = not period_range.contains(first_period)
     if is_period_unusual:
         warnings[0] += cause
     warnings += peak_warnings(pga)
@@ -487,7 +487,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     return [
         *warnings,
         *unusual_stories(HEIGHT, building.heights),
-        *([] if is_period_unusual and cause else _unusual_floors(building, period)),
+        *([] if is_period_unusual and cause else _unusual_floors(building, first_period)),
         *unusual_strengths,
         *_unusual_neighbors(building),
         *_unusual_drifts(model, building),
@@ -688,14 +688,15 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
             strength = yield_strength(story)
             values["strength"][i] = strength / weight_above[i]
             if strength == strength:  # not nan
-                values["period"][i] = 2.0 * math.pi / rate_of_drift
+                values["period"][i] = period(rate_of_drift)
         height = story.drift_height or math.nan
         drift = _ISOLATOR_DRIFT if story.isolator else _REFERENCE_DRIFT * height
         coefficient = _linear_coefficient(story, rate_of_drift * drift)
         # The frequency of a building on isolators is not that of the dampers above them. Linear
         # dashpots without effect are the cause of an unusual damping ratio, which is reported.
         is_reported = not story.power_dashpot and damping < DAMPING.low
-        if coefficient > 0.0 and bool(building.isolators) == story.isolator and not is_reported:
+        is_compared = bool(building.isolators) == story.isolator and not is_reported
+        if coefficient > 0.0 and stiffness > 0.0 and is_compared:
             values["damper"][i] = coefficient * rate_of_drift / (2.0 * stiffness)
         if story.power_dashpot and story.power_dashpot.brace:
             brace = story.power_dashpot.brace * story.damper_factor**2
@@ -709,9 +710,9 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
             gap = spring.law.values.get(spring.law.name, math.nan)
             values["clearance"][i] = gap if math.isnan(height) else math.nan
             values["clearance ratio"][i] = gap / height
-            share = spring.law.values.get("stop_stiffness", spring.stiffness) / story.stiffness
-            if story.elements and 0.0 < share < ELEMENT.low:
-                values["element"][i] = share
+            stiffest = spring.law.values.get("stop_stiffness", spring.stiffness)
+            if story.elements and 0.0 < stiffest < ELEMENT.low * story.stiffness:
+                values["element"][i] = stiffest / story.stiffness
     ranges = (DAMPER, BRACE, ANGLE, ISOLATOR_STRENGTH, ISOLATOR_PERIOD, GAP, WIDE_GAP, ELEMENT)
     return [
         warning
@@ -736,8 +737,9 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
             dampers[name] = spring.dashpot / (2.0 * spring.mass * frequency) or math.nan
     for link in model.links:
         first, last = sorted(link.ends)
-        if last <= len(model.stories):
-            stiffness = 1.0 / sum(1.0 / story.stiffness for story in model.stories[first:last])
+        stiffnesses = [story.stiffness for story in model.stories[first:last]]
+        if last <= len(model.stories) and min(stiffnesses) > 0.0:
+            stiffness = 1.0 / sum(1.0 / stiffness for stiffness in stiffnesses)
             dampers[link.name] = link.spring.dashpot * omega / (2.0 * stiffness) or math.nan
             # A link may be rigid.
             shares[link.name] = min(link.spring.stiffness / stiffness, ELEMENT.high) or math.nan

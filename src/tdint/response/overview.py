@@ -11,7 +11,7 @@ from pathlib import Path
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import method_of, parse
-from tdint.model.building import assemble
+from tdint.model.building import assemble, period
 from tdint.model.config.model_file import load_with_checks
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
@@ -145,7 +145,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         and (record := model_record(model))
     ):
         pga, interval = record.pga, record.dt
-    period = 2.0 * math.pi / omega
+    first_period = period(omega)
     # The damped modes of taller buildings take seconds.
     has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES
     complex_modes = building.complex_modes() if has_complex_modes else None
@@ -162,7 +162,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
         model,
         float(building.mass.sum()),
         float(building.height_contributions.sum()),
-        period,
+        first_period,
         damping,
         warnings,
         *(

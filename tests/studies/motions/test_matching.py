@@ -142,6 +142,17 @@ def test_motion_is_matched_to_target(motion):
 
 
 @pytest.mark.long
+def test_peaks_after_the_end_of_a_seed_are_matched(motion, matched):
+    """A seed that is cut in its strong part gets zeros over half the longest period. Without them
+    the largest misfit is 1.5."""
+    cut = replace(motion, acceleration=motion.acceleration[:400])
+    result = tdint.match(cut, TARGET, periods=(0.2, 3.0))
+    assert result.largest_misfit < 0.02
+    assert result.record.acceleration.size == 551
+    assert "padded with zeros, 0 s before and 1.51 s after" in result.record.processing
+    assert matched.record.acceleration.size == motion.acceleration.size
+
+
 def test_pair_is_matched_in_rotd100(pair):
     """The maximum over all directions agrees at other periods, and both components have the same
     factor."""

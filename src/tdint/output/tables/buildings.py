@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.arrays import Array
+from tdint.model.building import period
 from tdint.model.story_laws import LAWS, default_numbers
 from tdint.output.tables.table import (
     FLOOR,
@@ -391,7 +392,7 @@ MODE = (
         lambda modes: np.arange(1, modes.omega.size + 1),
         "mode number, from the longest period",
     ),
-    Column("period_s", "s", lambda modes: 2.0 * math.pi / modes.omega, "natural period"),
+    Column("period_s", "s", lambda modes: np.array([*map(period, modes.omega)]), "natural period"),
     Column("frequency_hz", "Hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
 )
 MODE_END = (

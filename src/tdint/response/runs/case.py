@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.errors import UsageError
+from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.measures import baseline_notes, cut_off
 from tdint.ground_motion.record import Record, velocity_warnings
 from tdint.kernels import layout as rows
@@ -850,8 +850,18 @@ def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
     -------
     RestCriterion
         Steps per window, maximum number of windows, and limit of the velocities.
+
+    Raises
+    ------
+    ModelError
+        A story has no initial stiffness, so that there is no first period.
     """
     period = prepared.period
+    if not math.isfinite(period):
+        raise ModelError(
+            "free vibration until rest needs a first period, and a story has no initial stiffness; "
+            "give a duration instead"
+        )
     return RestCriterion(
         window=math.ceil(period / h),
         windows=round(REST_PERIODS),

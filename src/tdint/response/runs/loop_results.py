@@ -147,7 +147,8 @@ def possible_growth(
     """
     drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]
     reach = np.abs(drift - building.rest_distance(space.law_state)[0])
-    reach = reach + residual_oscillation(building, space, period / (2.0 * np.pi))
+    inverse_omega = period / (2.0 * np.pi) if np.isfinite(period) else None
+    reach = reach + residual_oscillation(building, space, inverse_omega)
     counts = peak > 0.0
     if not is_at_rest:
         rate = _drift_rates(building, space.state[rows.VELOCITY])

@@ -37,7 +37,7 @@ from tdint.methods.workspace import (
     state_jumps,
     workspace,
 )
-from tdint.model.building import Building, assemble, variant
+from tdint.model.building import Building, assemble, period, variant
 from tdint.model.definition import Model
 from tdint.model.force_arrays import load_arrays
 from tdint.model.topology import extended
@@ -377,8 +377,8 @@ class PreparedBuilding:
 
     @cached_property
     def period(self) -> float:
-        """First period of the initial stiffness, s."""
-        return 2.0 * math.pi / self.building.vibration.frequency(1)
+        """First period of the initial stiffness, s; infinite without initial stiffness."""
+        return period(self.building.vibration.frequency(1))
 
     def compile(
         self,

@@ -655,8 +655,9 @@ def first_mode(building: Building, record: Record | None) -> FirstMode:
     period.
     """
     period, damping, sa = building.first_period, building.first_mode()[1], None
-    if record is not None:
-        # Sa is unknown (None) if the period is too short for the sampling interval of the record.
+    # Sa is unknown (None) if the building has no period, or a period that is too short for the
+    # sampling interval of the record.
+    if record is not None and math.isfinite(period):
         with suppress(AnalysisError):
             sa = float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
     return FirstMode(period, damping, sa)

@@ -14,6 +14,7 @@ import numpy as np
 
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.measures import integrate
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.methods.catalogue import method_of
@@ -709,7 +710,10 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     yield_ratios = building.yield_drift[has_height] / heights
     limits = np.where(np.isfinite(yield_ratios), yield_ratios * _YIELD_FRACTION, math.inf)
     limits = np.minimum(limits, _MAX_FIRST_DRIFT * collapse_drift)
-    spectral_displacement = sa(2.0 * math.pi / omega).of(record) / omega**2
+    # Without initial stiffness the floors do not move with the ground.
+    spectral_displacement = (
+        sa(2.0 * math.pi / omega).of(record) / omega**2 if omega else integrate(record).pgd
+    )
     return float(np.min(limits / (unit_drift_ratios * spectral_displacement)))
 
 

@@ -27,13 +27,19 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
 from tdint.ground_motion.origin import MotionOrigin, change_text
+from tdint.ground_motion.processing_steps import pad
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
 from tdint.response.arguments import AnyMotion, damping_of, is_list, motion_of
-from tdint.response.spectra.elastic import SA_DAMPING, spectrum
+from tdint.response.spectra.elastic import SA_DAMPING, SAMPLES, spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 from tdint.response.spectra.target import TargetSpectrum, read_targets, source_of
-from tdint.studies.motions.matching_problem import SMALL_MISFIT, MatchingProblem, check_peaks
+from tdint.studies.motions.matching_problem import (
+    MAX_GROWING_FRACTION,
+    SMALL_MISFIT,
+    MatchingProblem,
+    check_peaks,
+)
 from tdint.tabular import Progress, Tabular, progress_reporter
 
 CHECKED = 1000
@@ -50,6 +56,11 @@ rounds of each stage, including the first."""
 _FIGURE_PERIODS, _SHORTEST_RESOLVED = 200, 5.0
 """Number of periods of a figure, and shortest period of a figure in sampling intervals. At shorter
 periods the spectrum depends on the interpolation of the motion between samples."""
+
+_COUNTED_INTERVALS, _LATER = 20.0, 1.02
+"""Shortest period in sampling intervals, and ratio of the maximum of the response to its maximum at
+the samples, for a maximum after the last sample. A maximum between the samples is at most 1.012
+times as large."""
 
 _MEAN_WEIGHT = 4.0
 """Weight of the mean misfit in the score by which the best motion is selected (`_score`). The
@@ -279,7 +290,8 @@ def match(
     RecordError
         The record is invalid or cannot be read.
     """
-    seed, match_target = motion_of(motion), _MatchTarget.of(target, periods, damping)
+    match_target = _MatchTarget.of(target, periods, damping)
+    seed = _continued(motion_of(motion), match_target)
     with progress_reporter(progress, _STAGES + 1, "stage") as report_progress:
         return _match_seed(
             seed,
@@ -324,8 +336,8 @@ def match_suite(
     """
     if not motions:
         raise UsageError("a suite must contain at least one motion")
-    seeds = [motion_of(motion) for motion in motions]
     match_target = _MatchTarget.of(target, periods, damping)
+    seeds = [_continued(motion_of(motion), match_target) for motion in motions]
     target_psa = match_target.at(match_target.checked)
     seed_psa = [_spectra(seed, match_target.checked, match_target.dampings) for seed in seeds]
     if factors is None:
@@ -448,6 +460,31 @@ def _spectra(motion: GroundMotion, periods: Array, dampings: Sequence[float]) ->
     if isinstance(motion, Record):
         return np.array([spectrum(motion, periods, ratio).psa for ratio in dampings])
     return np.array([rotated_spectrum(motion, periods, ratio, [100]).psa[0] for ratio in dampings])
+
+
+def _continued(seed: GroundMotion, match_target: _MatchTarget) -> GroundMotion:
+    """Return a seed with zeros over half the longest period after it if the response at some period
+    is largest after the last sample, so that the matching controls these peaks, too; otherwise the
+    seed itself.
+
+    At more than half of the periods, this is a trend of the motion, which `check_peaks` refuses.
+    """
+    first = components(seed)[0]
+    periods = match_target.checked[match_target.checked >= _COUNTED_INTERVALS * first.dt]
+    if not periods.size:
+        return seed
+    is_later = np.zeros(periods.size, dtype=bool)
+    for record in components(seed):
+        for ratio in match_target.dampings:
+            within = spectrum(record, periods, ratio, maxima=SAMPLES.name).psa
+            is_later |= spectrum(record, periods, ratio).psa > _LATER * within
+    if not is_later.any() or np.mean(is_later) > MAX_GROWING_FRACTION:
+        return seed
+    duration = 0.5 * match_target.checked[-1] + first.dt
+    padded = [pad(record, 0.0, duration) for record in components(seed)]
+    if isinstance(seed, Record):
+        return padded[0]
+    return replace(seed, first=padded[0], second=padded[1])
 
 
 def _match_seed(

@@ -68,7 +68,7 @@ _OSCILLATORS_AT_A_TIME = 16
 _BLOCK = 4096
 """Number of samples per block in the products of rows: 16 MB for 1000 rows."""
 
-_MAX_GROWING_FRACTION = 0.5
+MAX_GROWING_FRACTION = 0.5
 """Maximum fraction of periods without a peak of the response. Motions with a larger fraction are
 rejected; earthquakes have peaks at all periods up to about their duration."""
 
@@ -779,7 +779,7 @@ def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) ->
     level = np.minimum(_CONTROLLED_FRACTION * problem.wanted, 0.9999 * maxima[0])
     _, maxima = problem.extremes(samples, level)
     growing_count = int(np.sum(maxima[1] < 0.0))
-    if growing_count > _MAX_GROWING_FRACTION * problem.omega.size:
+    if growing_count > MAX_GROWING_FRACTION * problem.omega.size:
         raise RecordError(
             f"{seed.source} {seed.component}: cannot be matched: at {growing_count} of "
             f"{problem.omega.size} periods the response has no peak before the end of the record, "
