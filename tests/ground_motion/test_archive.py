@@ -55,6 +55,13 @@ def test_all_members_of_known_formats_are_read(path):
     )
 
 
+def test_a_member_outside_the_archive_is_read_as_if_it_were_inside(tmp_path):
+    """Nothing is written, so the member is a record like any other, and no name leaves the file."""
+    (tmp_path / "a.zip").write_bytes(packed({"../../up/./a.AT2": files.at2()}))
+    (record,) = read_records(tmp_path / "a.zip")
+    assert record.source == f"{tmp_path / 'a.zip'}/up/a.AT2"
+
+
 def test_single_member_is_selected_by_component(path):
     assert read_record(path, component="067").pga == pytest.approx(1.5 * 9.80665)
     refused(path, "choose one by `component`: 067, HNZ, HNE")

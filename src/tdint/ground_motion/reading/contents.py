@@ -183,7 +183,7 @@ def _archive_files(
                     f"{len(files)}; extract the files of the ground motion first"
                 )
             for entry in files:
-                name = f"{source}/{entry.filename[:_MAX_NAME_LENGTH]}"
+                name = "/".join([source, *_parts(entry)])[: len(source) + _MAX_NAME_LENGTH]
                 content = _read_archive_file(archive, entry, name, budget)
                 if is_zip(content) and depth < _MAX_ARCHIVE_DEPTH:
                     yield from _archive_files(content, name, budget, depth + 1)
@@ -212,8 +212,15 @@ def _is_visible_file(entry: ZipInfo) -> bool:
     Operating systems add hidden entries to archives: names that start with a dot, and the directory
     `__MACOSX`.
     """
-    parts = entry.filename.split("/")
-    return not entry.is_dir() and not any(part.startswith((".", "__MACOSX")) for part in parts)
+    return not entry.is_dir() and not any(
+        part.startswith((".", "__MACOSX")) for part in _parts(entry)
+    )
+
+
+def _parts(entry: ZipInfo) -> list[str]:
+    """Return the directories and the name of an entry. A path that leaves the archive is read as if
+    it did not, because nothing is written."""
+    return [part for part in entry.filename.split("/") if part not in ("", ".", "..")]
 
 
 def _read_archive_file(archive: ZipFile, entry: ZipInfo, name: str, budget: list[int]) -> bytes:
