@@ -1,4 +1,5 @@
-"""Loops that are compiled for a specific variant and for all variants agree to the last bit."""
+"""Loops that are compiled for a specific variant and for all variants agree to the last bit, except
+for total shears, which agree to rounding."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -24,6 +25,7 @@ RATES = [
     rows.PEAK_DRIFT_RATE,
     rows.PEAK_ROWS + rows.PEAK_DRIFT_RATE,
 ]  # of drift rates, for dashpots, which the building does not have
+TOTAL_SHEARS = [rows.PEAK_TOTAL_SHEAR, rows.PEAK_ROWS + rows.PEAK_TOTAL_SHEAR]
 METHODS = ("newmark-average", "impulse4", "moment4")
 
 SCENES = [(name,) for name in LAWS]
@@ -86,7 +88,11 @@ def test_specific_variant_and_general_variant_agree_to_last_bit(laws, methods, m
             EVERYTHING,
             step.required_variant(variant),
         } <= step._loaded.keys() and step.required_variant(variant) != EVERYTHING
+        # The sum of the forces at a located instant is compiled in another order.
+        np.testing.assert_allclose(
+            *(result["peaks"][TOTAL_SHEARS] for result in (own, everything)), rtol=4e-16
+        )
         for result in (own, everything):
-            result["peaks"] = np.delete(result["peaks"], RATES, axis=0)
+            result["peaks"] = np.delete(result["peaks"], RATES + TOTAL_SHEARS, axis=0)
         for name in ("state", "peaks", "totals", "history"):
             np.testing.assert_array_equal(own[name], everything[name], err_msg=f"{method}: {name}")
