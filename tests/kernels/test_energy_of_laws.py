@@ -1,5 +1,5 @@
-"""No law creates energy in random parameter sets: the dissipated energy never decreases along a
-random path of drifts, and the stored energy is never negative."""
+"""No law but `steel` creates energy in random parameter sets: the dissipated energy never decreases
+along a random path of drifts, and the stored energy is never negative."""
 
 import numpy as np
 import pytest
@@ -81,9 +81,10 @@ def _steel(rng):
 
 
 # Random law, and the allowed decrease of the dissipated energy, a fraction of its largest value.
-# The law of Menegotto and Pinto starts a new, stiffer curve at a short reversal during unloading.
+# The law of Menegotto and Pinto starts a new, stiffer curve at a short reversal during unloading:
+# this is not passive, by up to 4.3 % in these 2500 parameter sets.
 LAWS = {"peak": (_peak, 1e-9), "flag": (_flag, 1e-9), "bouc-wen": (_bouc_wen, 1e-5)}
-LAWS["steel"] = (_steel, 0.01)
+LAWS["steel"] = (_steel, 0.05)
 
 
 def _energies(law, rng):
@@ -114,7 +115,7 @@ def _check(name, seed):
         stored, dissipated = energies
         size = max(np.max(dissipated), np.max(stored))
         assert np.min(stored) >= -1e-8 * size, law
-        assert np.min(dissipated) >= -1e-8 * size, law
+        assert np.min(dissipated) >= -max(1e-8, 1e-4 * tolerance) * size, law
         fall = np.maximum.accumulate(dissipated) - dissipated
         assert np.max(fall) <= tolerance * size, law
 
