@@ -30,7 +30,8 @@ ELSEWHERE = {
     "openquake.hazardlib.imt": "OpenQuake", "psa_g": "column of a user",
     "rax": "register of a processor",
     "sd_cm": "column of a user", "session.run": "nox", "shear_kN": "column of a user",
-    "trio": "class of a page",
+    "trio": "class of a page", "Hysteretic": "OpenSees", "Steel02": "OpenSees",
+    "text.usetex": "matplotlib", "_figures": "suffix of modules", "p50": "percentile in a table",
 }  # fmt: skip
 """Names of other programs and of users, by the place in which they exist."""
 

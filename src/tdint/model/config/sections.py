@@ -109,7 +109,7 @@ def read_units(section: Section) -> ModelUnits:
 
     length, force = read_unit("length", units.LENGTH, "m"), read_unit("force", units.FORCE, "N")
     mass, has_mass_unit = read_unit("mass", units.MASS, "kg"), section.mentions("mass")
-    # If the file uses other units than m and N, its masses are rarely in kg. `_read_mass` of the
+    # If the file uses other units than m and N, its masses are rarely in kg. The reader of the
     # stories then requires the unit of mass.
     entries = [entry for name in ("length", "force") if (entry := section.get(name))]
     is_mass_ambiguous = any(

@@ -318,7 +318,7 @@ class LinearLoop:
         drift = displacement @ self.system.deformations.T
         space.state[rows.DISPLACEMENT, :n], space.state[rows.VELOCITY, :n] = displacement, velocity
         space.observer_state[rows.OBSERVED_ACCELERATION, :n] = acceleration
-        # The force that only this drift would need, as in `assemble_linear`
+        # The force that only this drift would need, as in `assemble`
         stiffness = self.building.initial_stiffness
         space.law_state[rows.DRIFT, :n] = drift
         space.law_state[rows.FORCE, :n] = stiffness * drift

@@ -530,7 +530,7 @@ class Store:
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per run, with the values of the columns of `store_schema.RUNS`, in the
+        """Yield one tuple per run, with the values of the columns of `schema.RUNS`, in the
         order of its key."""
         yield from self.connection.execute(schema.RUNS.select())
 
@@ -541,17 +541,17 @@ class Store:
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per story and run, with the values of the columns of
-        `store_schema.STORIES`, in the order of its key."""
+        `schema.STORIES`, in the order of its key."""
         yield from self.connection.execute(schema.STORIES.select())
 
     def elements(self) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per element and run, with the values of the columns of
-        `store_schema.ELEMENTS`, in the order of its key."""
+        `schema.ELEMENTS`, in the order of its key."""
         yield from self.connection.execute(schema.ELEMENTS.select())
 
     def shocks(self) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per event and run under a sequence of earthquakes, with the values of the
-        columns of `store_schema.SHOCKS`, in the order of its key."""
+        columns of `schema.SHOCKS`, in the order of its key."""
         yield from self.connection.execute(schema.SHOCKS.select())
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
