@@ -119,6 +119,25 @@ def test_an_interrupted_campaign_keeps_its_completed_runs(integrated, tdint):
     assert len(integrated) == 12 + 12 - (12 if count == 16 else count)
 
 
+def test_an_interrupted_change_keeps_the_earlier_campaign(integrated, tdint):
+    """Store and tables remain those of the earlier campaign until all runs of the changed one are
+    completed, and the next call continues."""
+    tdint("campaign", "study.yaml", "-o", "out", code=0)
+    earlier = {file: file.read_bytes() for file in Path("out").iterdir() if file.suffix != ".lock"}
+    Path("b.yaml").write_text(MODEL.format(stiffness="1.5e+5"))
+    call = ("campaign", "study.yaml", "-o", "out", "--changed")
+    integrated.clear()
+    error = tdint(*call, "--max-runs", "1", code=0).stderr
+    if len(integrated) < 8:  # otherwise the first chunk has all runs
+        assert "the earlier campaign remains" in error
+        assert {file: file.read_bytes() for file in earlier} == earlier
+        tdint(*call, code=0)
+    assert len(integrated) == 8
+    assert not Path("out/campaign.sqlite.new").exists()
+    tdint("campaign", "study.yaml", "-o", "new", code=0)
+    assert_same_tables("out", "new")
+
+
 def test_corrupt_results_are_not_kept(integrated, tdint):
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     with closing(sqlite3.connect("out/campaign.sqlite")) as store, store:

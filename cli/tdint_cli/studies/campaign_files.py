@@ -423,7 +423,9 @@ def execute_campaign(
             from tdint.studies.campaign.reuse import reuse_results
 
             reuse_note = reuse_results(folder, plan)
-        store, store_notes = _open_store(folder, plan, shard_buildings, overwrite=overwrite)
+        store, store_notes = _open_store(
+            folder, plan, shard_buildings, replaces=overwrite or request.changed
+        )
         warn_of_plan(plan)
         note_of_runs(*plan.notes, *store_notes, *filter(None, [reuse_note]))
         with store:
@@ -478,12 +480,12 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
 
 
 def _open_store(
-    folder: Path, plan: Plan, buildings: Sequence[int] | None, *, overwrite: bool
+    folder: Path, plan: Plan, buildings: Sequence[int] | None, *, replaces: bool
 ) -> tuple[Store, list[str]]:
     """Open the store of a campaign (for a shard, of some buildings), or create it, and return it
     with notes for the user.
 
-    With `overwrite`, the store of another campaign, or a store that cannot be used, remains with
+    With `replaces`, the store of another campaign, or a store that cannot be used, remains with
     its tables until the new campaign is complete. Otherwise another campaign is an
     AnotherStudyError.
     """
@@ -495,7 +497,7 @@ def _open_store(
     try:
         return open_store(folder, plan, buildings)
     except (UntrustedStoreError, AnotherStudyError):
-        if not overwrite:
+        if not replaces:
             raise
         refuse_protected(folder / name for name in (*_WRITTEN_FILES, FILE))
         return open_replacement(folder / FILE, Identity.of(plan, buildings))

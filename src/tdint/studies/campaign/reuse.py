@@ -17,18 +17,14 @@ from tdint.studies.campaign.chunks import ChunkResult, Rows, Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.store import schema
 from tdint.studies.store.identity import Identity, stored_text
-from tdint.studies.store.opening import (
-    obstacle_to_reuse,
-    open_or_create,
-    open_written,
-    remove_store,
-)
+from tdint.studies.store.opening import obstacle_to_reuse, open_replacement, open_written
 from tdint.studies.store.result_store import FILE, Store, is_empty
 
 
 def reuse_results(folder: Path, plan: Plan) -> str:
-    """Replace the store in a directory by a store of a changed campaign, which contains the results
-    of the unchanged runs. The caller has locked the directory.
+    """Create the store of a changed campaign that will replace the store in a directory
+    (`open_replacement`), with the results of the unchanged runs. The caller has locked the
+    directory.
 
     Rows of chunks with some unchanged runs are kept in `plan.kept`, until the other runs of the
     chunk are integrated.
@@ -55,9 +51,6 @@ def reuse_results(folder: Path, plan: Plan) -> str:
     if not is_there(file):
         return ""
     identity = Identity.of(plan, None)
-    # The new store is complete before it replaces the earlier store, so that no result is lost if
-    # the process is killed.
-    new_file = file.with_name(f"{FILE}.new")
     with open_written(file) as old:
         if is_empty(old) or identity.fingerprint == old.meta("fingerprint"):
             return ""
@@ -67,15 +60,12 @@ def reuse_results(folder: Path, plan: Plan) -> str:
                 "with -o, or --overwrite to start again"
             )
         old.remove_invalid_chunks()
-        remove_store(new_file)
-        new, _ = open_or_create(new_file, identity)
+        new, _ = open_replacement(file, identity)
         with new:
             kept = _copy_results(old, new, plan, identity)
-            written = old.written()
+            written = sorted(old.written())
             with schema.transaction(new.connection, new.name):
-                new.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(written))
-    remove_store(file)
-    new_file.replace(file)
+                new.connection.executemany("INSERT OR IGNORE INTO written VALUES(?, ?)", written)
     return (
         f"{file}: the results of {kept} of {pluralize(plan.runs, 'run')} are kept, because their "
         "record and building are unchanged"
@@ -97,7 +87,8 @@ def _copy_results(old: Store, new: Store, plan: Plan, identity: Identity) -> int
             for motion in identity.motions
         ),
     )
-    count = 0
+    # An interrupted call can have completed further chunks.
+    count, completed = 0, new.completed_chunks()
     for number in range(plan.chunks):
         rows = Rows()
         for part in plan.chunk(number).buildings:
@@ -106,6 +97,8 @@ def _copy_results(old: Store, new: Store, plan: Plan, identity: Identity) -> int
                     old_key = (buildings[part.number], motions[run.motion], run.scale, run.sample)
                     rows.extend(_rows_of(old, old_key, part.number, run))
         count += len(rows.runs)
+        if number in completed:
+            continue
         if len(rows.runs) == plan.size(number):
             new.add(ChunkResult(number, rows, 0.0))
         elif rows.runs:
