@@ -135,7 +135,7 @@ def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: i
     """
     row_count = len(columns[0])
     name_width = max(map(len, names))
-    # A shortened text of 8 characters still has five letters before its three dots.
+    # A shortened text of 8 characters still has five characters before its three dots.
     max_width = max(8, (width - name_width) // row_count - len(_GAP))
     # The values of a single row are not shortened.
     value_widths = [
@@ -186,8 +186,7 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
         *error_word,
         *([unit] if unit_suffix else []),
     ]
-    # The words of the header are wrapped to the width of the cells. A longer word has a separate
-    # line.
+    # The header is wrapped to the width of the cells. A longer word has a separate line.
     cells = _shortened(cells, [limit] * len(cells))
     max_width = max(_MIN_HEADER_WIDTH, *map(len, cells), 0)
     header = [""]
@@ -206,7 +205,7 @@ def _shortened(texts: Sequence[str], widths: Sequence[int | None]) -> list[str]:
     """Shorten each text to its number of characters in `widths` (None: unlimited).
 
     The end of each text is removed. If this makes two different texts equal, for example file names
-    with different last letters, the middle of each text is removed instead.
+    with different last characters, the middle of each text is removed instead.
     """
     pairs = list(zip(texts, widths, strict=True))
     short = [
@@ -249,7 +248,7 @@ def _side_by_side(
     # Keep each error column in the same block as its value column.
     blocks = [list(key_columns)]
     for i in range(len(key_columns), len(columns)):
-        # A value column needs room for the error column that follows it.
+        # A value column needs space for the error column that follows it.
         used = sum(widths[k] + len(_GAP) for k in blocks[-1])
         needed_width = widths[i] + (len(_GAP) + widths[i + 1] if i + 1 in errors else 0)
         if i not in errors and used + needed_width > width and len(blocks[-1]) > len(key_columns):

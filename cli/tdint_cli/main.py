@@ -85,7 +85,7 @@ COMMANDS = {
 class LazyGroup(HelpAsData, click.Group):
     """A group of commands that imports only the module of the requested command.
 
-    The modules are in `tdint_cli.commands`. Importing all of them would delay each command.
+    The modules are in `tdint_cli.commands`. Importing all modules would delay each command.
     """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -215,8 +215,8 @@ _ALLOCATIONS = 200_000
 def use_one_thread() -> None:
     """Limit linear algebra to a single thread, unless the environment specifies the number.
 
-    The matrices are small: starting threads takes longer than they save, and on a busy machine the
-    threads wait for each other.
+    The matrices are small: starting threads needs more time than they save, and on a busy machine
+    the threads wait for each other.
     """
     for library in ("OPENBLAS", "OMP", "MKL", "VECLIB", "BLIS"):
         # Apple's vecLib reads a variable with another ending than the other libraries.
@@ -228,7 +228,7 @@ def main() -> None:
     """Run the command line of the process and exit (entry point of the program `tdint`).
 
     Imported modules remain in memory. Repeated garbage collection of their objects, also at exit,
-    would take a fifth of the time of a short command.
+    would need a fifth of the time of a short command.
     """
     gc.set_threshold(_ALLOCATIONS)
     use_one_thread()

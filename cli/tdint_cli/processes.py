@@ -1,11 +1,11 @@
 """Apply a function to each record, in this process or in several; results keep the order of the
 tasks.
 
-Reading, tables and figures of records hold the global interpreter lock: two threads needed 1.1 to
+Reading, tables and figures of records keep the global interpreter lock: two threads needed 1.1 to
 1.5 times the time of two processes for elastic spectra of 40 records. Time loops of buildings
 release the lock and run on threads (`tdint.system.on_threads`).
 
-Each worker process handles one task at a time, so a lost process loses only its own task. A worker
+Each worker process handles one task at a time, so a lost process loses only this task. A worker
 never outlives the process that started it: Linux sends SIGKILL to the worker, and on other systems
 a thread of the worker waits for the end of the first process.
 """
@@ -121,7 +121,7 @@ class Workers(Generic[Result]):
         """Start a worker process that waits for tasks, and return it with its pipe."""
         local_end, worker_end = self._context.Pipe()
         with warnings.catch_warnings():
-            # The only threads are those of NumPy, which are safe to fork.
+            # The only threads are the threads of NumPy, which are safe to fork.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             process = self._context.Process(
                 target=_work, args=(self._function, worker_end, os.getpid()), daemon=True
@@ -279,7 +279,7 @@ def _shared(
     """Yield the outcomes of the workers (result, or error of the record) in the order of the tasks.
 
     If a process ends unexpectedly, only the outcome of its record is an error. A task that reads
-    standard input is done in this process.
+    standard input is executed in this process.
     """
     stdin_tasks = [
         task_index for task_index, task in enumerate(tasks) if task.source == STDIN

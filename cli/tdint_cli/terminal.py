@@ -307,8 +307,8 @@ def is_terminal(stream: object) -> bool:
 # ---- This part converts errors to one line per problem on standard error and an exit code, and
 # ends the command without delay after Ctrl-C, SIGTERM and similar signals.
 #
-# Python handles a signal only between two of its own instructions; the handler raises an exception.
-# If a library call takes longer, a thread that the system notifies of the signal ends the process.
+# Python handles a signal only between two Python instructions; the handler raises an exception.
+# If a library call lasts longer, a thread that the system notifies of the signal ends the process.
 # The thread removes temporary files and ends the worker processes.
 
 BUG = 1
@@ -372,7 +372,7 @@ def _lines_of_errors(errors: Sequence[TdintError]) -> list[str]:
     for error in errors:
         if isinstance(error, IncompleteRecord):
             file, message = _file_and_message(str(error))
-            # Files whose likely units differ have a common message.
+            # Files with different likely units have a common message.
             key = message, replace(error.missing, units="")
             incomplete.setdefault(key, []).append((file, error.missing))
     for (message, _), found in incomplete.items():
@@ -400,7 +400,7 @@ def _line_with(missing: Missing, files: Sequence[str]) -> str:
     if all(word in settings.options for word in words if word.startswith("--")):
         line = shlex.join(["tdint", *arguments, *words])
     else:
-        # The command takes the properties from a description of the records.
+        # The command reads the properties from a description of the records.
         named = [word for word in arguments[1:] if word in files or is_folder(word)] or files[:1]
         first = arguments.index(named[0]) if named[0] in arguments else len(arguments)
         rest = [word for word in arguments if word not in named]
@@ -445,7 +445,7 @@ def _report_error(error: BaseException, settings: Settings) -> int:
     """Print the message of an exception that ended a command, and return the exit code.
 
     Errors of click and of tdint, insufficient memory, a limit of threads, a full disk and a missing
-    package have their own messages. Any other exception is reported as a bug, with exit code 1.
+    package have separate messages. Any other exception is reported as a bug, with exit code 1.
     """
     # The exception is raised again, so that its type selects one of the following clauses.
     try:
@@ -535,8 +535,8 @@ def _signals_as_exception(received: list[int]) -> Iterator[None]:
     def end(number: int, _: Any) -> None:
         """Handle a signal: store its number, ignore further signals and raise `Ended`."""
         received.append(number)
-        # In a finalizer, Python prints the exception `Ended` instead of raising it. Print nothing:
-        # the thread that `end_in_time` has started ends the process.
+        # In a finalizer, Python prints the exception `Ended` instead of raising it. Print no
+        # message: the thread that `end_in_time` has started ends the process.
         sys.unraisablehook = lambda _: None
         for ending in handled:
             signal.signal(ending, signal.SIG_IGN)
@@ -604,7 +604,7 @@ def _notes_of_library() -> Iterator[None]:
         return
     before, propagates = logger.level, logger.propagate
     # Omit the assumptions that are made when a record is read. The command reports them from the
-    # record itself, because the log messages of a worker process do not reach this process.
+    # record, because the log messages of a worker process do not reach this process.
     handler.addFilter(lambda record: record.name != "tdint.assumptions")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

@@ -326,7 +326,7 @@ def _chart_many(request: Request) -> None:
             progress=progress,
         )
     # A reference with a gap (uncertainty) above the smallest tolerance, 1e-4, cannot assess errors
-    # of this size, so that a note lists the problem.
+    # as small as this tolerance, so that a note lists the problem.
     notes = [f"not solved within 10 %: {text}" for text in chart.unsolved()]
     for case in chart.measured:
         if uncertain := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
@@ -425,7 +425,7 @@ def _chart(
             else default_steps(problem, len(integrators), request.repeat)
         )
     problem = ending_together(problem, steps)
-    # The methods of tdint take about a fifth of the time if other programs also run.
+    # The methods of tdint need about a fifth of the time if other programs also run.
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
@@ -614,7 +614,7 @@ def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
         )
     text = f"{goal}{best.line} with dt {best.dt:.6g} s, {_cost_text(best, target)}"
     if advice.estimated_error < math.inf:
-        # `tdint run` does not know the true error and reports its estimate.
+        # `tdint run` does not have the true error and reports its estimate.
         text += f" (`tdint run` will estimate {100.0 * advice.estimated_error:.2g} %)"
     alternatives = [("next best", next_best)]
     # The common choice is an alternative if it meets the tolerance and takes at least as long.

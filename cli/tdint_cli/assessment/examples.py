@@ -135,7 +135,7 @@ def command(request: Request) -> None:
         for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())
     ]
     folder = Path(request.output) if request.output else None
-    # Check the file names before the runs, which take some time.
+    # Check the file names before the runs, which need some time.
     if folder:
         suffix = f".{request.picture_format}"
         options.output.check_picture(Path(f"figure{suffix}"))
@@ -336,7 +336,7 @@ def _report_example(example: Example, runs: list[ExampleRun], reference: str, re
         f"Displacement errors with dt {dt:g} s over {over}, m, relative to "
         f"{_exact(example, dt, reference)}:"
     )
-    # The paper shows the error of one floor, which may be small where others are large.
+    # The paper shows the error of one floor, which may be small where other errors are large.
     (drawn_floor,) = (figure.floor for figure in example.figures if figure.is_error)
     norms: list[tuple[str, str, int | None]] = [(norm, norm, None) for norm in NORMS]
     if floors > 1:

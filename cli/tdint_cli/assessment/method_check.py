@@ -33,8 +33,8 @@ def check_methods(plugins: tuple[str, ...]) -> None:
 def law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
     """Return the errors of the plug-in laws that a model uses.
 
-    Each law with its parameters is tested once, in the last story that has it. The list is empty
-    without plug-ins, and for a model on standard input, which can be read only once.
+    Each law with its parameters is tested one time, in the last story that has it. The list is
+    empty without plug-ins, and for a model on standard input, which can be read only once.
     """
     if not plugins or file == "-":
         return []

@@ -97,7 +97,7 @@ def command(
     failures: list[TdintError] = []
     # The times of analysis that a campaign specifies are not missing in its models.
     waiting_files = deque((file, tuple[str, ...]()) for file in models)
-    # A campaign may list a model many times. Every model is read once.
+    # A campaign may list a model many times. Every model is read only one time.
     read_files: set[str] = set()
     while waiting_files:
         file, given_times = waiting_files.popleft()

@@ -211,7 +211,7 @@ def _export(
         text = description_text(request.records, choice, file.parent)
         contents[file] = text.encode()
     else:
-        # In a directory, each record has a file; records that failed have none.
+        # In a directory, each record has a file; records that failed have no file.
         groups = [[product] for product in products] if is_per_record else [products]
         for group in groups:
             pair = files[sources.index(group[0].source)] if is_per_record else files[0]

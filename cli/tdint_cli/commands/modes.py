@@ -212,7 +212,7 @@ def _transfer_sentence(result: TransferFunction, units: OutputUnits) -> str:
             f"roof displacement {units.text(roof.amplitude, 'm/N')} per force on floor "
             f"{result.source}"
         )
-    # The first period is that of the undamped building without the braces of dampers.
+    # The first period is the period of the undamped building without the braces of dampers.
     from tdint.model.building import assemble
 
     frequency = 1.0 / assemble(result.model).first_period

@@ -76,7 +76,7 @@ def command(
     options.analysis.warn_of(loaded)
     units = outputs.shown_units
     # With a target the table lists target displacements; the curve is only in the figure. If the
-    # target is beyond the end of the curve, the curve is the result, and the error follows.
+    # target is after the end of the curve, the curve is the result, and the error follows.
     targets: tuple[TargetDisplacement, ...] = ()
     beyond: AnalysisError | None = None
     if target is not None:
@@ -139,7 +139,7 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
             f"{method_name(target.method)}: target displacement of the roof "
             f"{shown_units.text(target.roof_displacement, 'm')}"
         )
-        # A note begins with the method, which the sentence already contains. A target displacement
+        # A note starts with the method, which the sentence already contains. A target displacement
         # with a note is not valid.
         reasons = (note.partition(": ")[2] for note in target.notes)
         sentences = [roof, *(f"{reason[:1].upper()}{reason[1:]}" for reason in reasons)]

@@ -121,7 +121,7 @@ def command(request: Request) -> None:
             f"--method {method}` to compare methods, or call `tdint run` once for each method "
             "(with --history to compare histories)"
         )
-    # In a sequence, each event has its own factor; otherwise equal factors are the same run.
+    # In a sequence, each event has a separate factor; otherwise equal factors are the same run.
     events = records if request.sequence else ()
     scale = request.scale if events else tuple(dict.fromkeys(request.scale or ())) or None
     request = replace(request, record=records[0] if records else None, scale=scale, shocks=events)
@@ -436,7 +436,7 @@ def _report_page(
     # A collapse is the headline of the report, before the limit and the maximum demands.
     if response.collapse:
         verdict.insert(0, (False, _collapse_sentence(response, response.collapse)))
-    # A building that collapses meets no limit, whatever its demand.
+    # A building that collapses meets no limit, regardless of its demand.
     reasons = {} if response.status == "done" else {"": f"status {response.status}"}
     page_text = PageText(
         sentences=[line for line in lines if line not in verdict_texts],

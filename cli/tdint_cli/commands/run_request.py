@@ -147,7 +147,7 @@ class Request(BuildingRequest, SuiteRequest):
     def check_sequence(self) -> None:
         """Raise UsageError if the records or the factors of --sequence are invalid.
 
-        A sequence requires at least two files, and one factor for all events or one per event.
+        A sequence requires at least two files, and one factor for all events or a factor per event.
         """
         count, factors = len(self.shocks), len(self.scale or (1.0,))
         if count < 2:
@@ -181,7 +181,7 @@ class Request(BuildingRequest, SuiteRequest):
         if picture:
             check_picture(picture)
         report = Path(self.report) if self.report else None
-        # Check all possible files, not only those that this run writes. Otherwise files of an
+        # Check all possible files, not only the files that this run writes. Otherwise files of an
         # earlier run, such as its history, would remain next to results that do not match them.
         # `check_outputs` refuses a file that is named twice. The files of --history and --plot
         # replace their names in `ALL_FILES`, which are the defaults of these options.
@@ -207,7 +207,7 @@ class Request(BuildingRequest, SuiteRequest):
         Raises
         ------
         UsageError
-            Neither a file nor a directory is given, or the suffix is not .csv or .csv.gz.
+            No file and no directory are given, or the suffix is not .csv or .csv.gz.
         """
         if self.history is None:
             return None

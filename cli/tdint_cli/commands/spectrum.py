@@ -44,7 +44,7 @@ class RecordTable:
     results : tuple
         Result objects; kept only for a figure of several records.
     picture : bytes | None
-        The figure of the record, if each record has its own figure.
+        The figure of the record, if each record has a separate figure.
     """
 
     text: bytes
@@ -349,7 +349,7 @@ def _write_target(request: SpectrumRequest) -> None:
     outputs = Outputs.checked(
         request.output, request.plot, request.overwrite, units=request.output_units
     )
-    # Use the requested periods, or else the periods of the target. A formula also has a value at
+    # Use the requested periods, otherwise the periods of the target. A formula also has a value at
     # the period 0.
     if request.periods is not None:
         periods = request.chosen_periods()

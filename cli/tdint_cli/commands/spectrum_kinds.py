@@ -560,7 +560,7 @@ class Rotated(_OscillatorSpectra):
         """Group the files by ground motion: files with equal names except for the component.
 
         The order is the order of the first file of each ground motion. If only two files are given
-        and each has a single horizontal component, they are one ground motion, whatever their
+        and each has a single horizontal component, they are one ground motion, regardless of their
         names.
         """
         from tdint.ground_motion.horizontals import USUAL, files_of_motions
@@ -583,7 +583,7 @@ class Rotated(_OscillatorSpectra):
         Parameters
         ----------
         records : sequence of Record
-            Components of a single ground motion, two of which are horizontal.
+            Components of a single ground motion; two components are horizontal.
         """
         from tdint.ground_motion.horizontals import find_horizontals, with_component
         from tdint.response.spectra.rotated import rotated_spectrum

@@ -347,7 +347,7 @@ def with_motion(model: Model, request: BuildingRequest) -> Model:
     Raises
     ------
     UsageError
-        Record options are given, but neither the command line nor the model specifies a record.
+        Record options are given, but the command line and the model specify no record.
     """
     return replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
 
@@ -389,8 +389,8 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
 
     choice = source.choice
     if "units" in specified or "inventory" in specified:
-        # `units` and `inventory` exclude each other: if the command line specifies one of them,
-        # the other value of the model does not apply.
+        # `units` and `inventory` exclude each other: if the command line specifies one value, the
+        # other value of the model does not apply.
         choice = replace(choice, units=None, inventory=None)
     choice = replace(
         choice,

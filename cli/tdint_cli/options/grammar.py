@@ -147,7 +147,7 @@ def option(
     needs : str
         The options that it requires: an option (`--history`), one of several options (`--ductility
         or --strength`), or an option with one of several values (`--im sa or sa-avg`), which its
-        default value also fulfills. Without them, the option is refused.
+        default value also fulfills. Without these options, the option is refused.
     recorded : bool
         True if the JSON file of a result records the option. An option that specifies where or how
         a command runs, without effect on results, is not recorded.
@@ -156,7 +156,8 @@ def option(
     value_type = settings.get("type")
     if type(value_type) is ListOf:
         settings |= {"multiple": True, "callback": value_type.joined}
-    # In the help, brackets enclose what may be omitted. One of several values must be given.
+    # In the help, brackets enclose the parts that may be omitted. One of several values must be
+    # given.
     if isinstance(value_type, click.Choice) and "metavar" not in settings:
         settings["metavar"] = "|".join(map(str, value_type.choices))
     settings |= {"cls": HeadedOption, "heading": heading, "needs": needs, "rare": rare}
@@ -253,7 +254,7 @@ def with_named_files(
     Users may omit the value of these two options, which click does not support: `--plot` becomes
     `--plot=VALUE`. The value is the next word if it is empty or a file name with a suffix that fits
     the option. Otherwise it is the constant `BESIDE`, which requests the default file name. Words
-    that are none of `options` are not changed.
+    that are not in `options` are not changed.
     """
     result: list[str] = []
     remaining = iter(enumerate(arguments))
@@ -344,7 +345,7 @@ def shown_when_asked(
 
     def show(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
         """Write the text and exit if the flag is set."""
-        # During the completion of a command line, nothing is written.
+        # During the completion of a command line, no output is written.
         if is_set and not ctx.resilient_parsing:
             emit(f"{text(ctx)}\n".encode("utf-8", "replace"))
             ctx.exit()

@@ -359,7 +359,7 @@ class Name(ValueType):
     Parameters
     ----------
     names : callable
-        Returns the names. It is called only for completion, because loading can take time. By
+        Returns the names. It is called only for completion, because loading can be slow. By
         default there are no names.
     """
 

@@ -46,8 +46,8 @@ def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
     Parameters
     ----------
     metavar : str
-        FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes
-        either of them.
+        FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes a
+        file or a directory.
     """
     file_type = FileName(folder=metavar == "DIR", written=True)
     return option(
@@ -204,7 +204,7 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
     Parameters
     ----------
     text : str
-        First words of the help text, which end with the default number, such as "Number of threads;
+        Start of the help text, which ends with the default number, such as "Number of threads;
         one per processor". The words "by default" follow.
     heading : str
         Heading above the option in the help of the command; by default the options of the command.
@@ -364,7 +364,7 @@ def to_files(
     text : str
         The help text of -o.
     picture : str, optional
-        The help text of --plot; without it the command has no --plot.
+        The help text of --plot; without this text the command has no --plot.
     in_units : bool
         True (the default) if the command has --output-units.
     page : bool

@@ -49,7 +49,7 @@ class RecordRequest:
     layout : TextLayout
         Columns, header lines and sampling interval of text tables.
     described : tuple of (str, RecordChoice)
-        Files, patterns and directories with options of their own, from descriptions of records.
+        Files, patterns and directories with separate options, from descriptions of records.
     """
 
     units: SampleUnits | None

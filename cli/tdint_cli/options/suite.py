@@ -62,7 +62,7 @@ class SuiteRequest:
     require : bool
         Exit with code 5 if a limit is exceeded.
     jobs : int | None
-        Number of threads; None: as many as processors.
+        Number of threads; None: one thread per processor.
     baseline : str | None
         Reference building: ratios of the demands of the other buildings to its demands are written.
         None for no ratios.

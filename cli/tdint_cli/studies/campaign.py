@@ -250,7 +250,7 @@ def _status(request: CampaignRequest) -> None:
         statuses, run_count = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
         name, all_runs = store.meta("name"), ""
-        # The directory of a part of a campaign has the runs of this part only, unless the other
+        # The directory of a part of a campaign has only the runs of the part, unless the other
         # parts have been merged into it.
         if (parts := store.shards()) and done <= sum(parts.values()) < run_count:
             name += f", part {abbreviate(list(parts), 4)}"
@@ -304,7 +304,8 @@ def _merge(request: CampaignRequest) -> None:
     from tdint.studies.store.schema import locked
 
     target = Path(request.output)
-    # Lock the directory, so that no other process writes to it while the stores are copied.
+    # Lock the directory, so that no other process writes to the directory while the stores are
+    # copied.
     with locked(target):
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)

@@ -56,7 +56,7 @@ def _models_of(campaign: CampaignFile) -> tuple[str, ...]:
 def _times_given_by(campaign: CampaignFile) -> tuple[str, ...]:
     """Return `dt` and `duration` if the runs of a campaign have them without their models.
 
-    Both are those of the ground motions. Load cases have the time step of their table only.
+    Both are values of the ground motions. Load cases have the time step of their table only.
     """
     from tdint.studies.campaign.load_cases import LoadFiles
 

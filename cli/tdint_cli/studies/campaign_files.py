@@ -292,8 +292,8 @@ class Profiles:
             if limit
             else "the limits of the models are"
         )
-        # The limit cannot be checked before all runs are done, because the building may exceed it
-        # or collapse under the remaining motions.
+        # The limit cannot be checked before all runs are completed, because the building may exceed
+        # it or collapse under the remaining motions.
         if progress := unfinished(self.store):
             if limit is None and not self.request.require:
                 note(
@@ -333,7 +333,7 @@ class Profiles:
         unmet: list[str] = []
         for profile, verdict in self.limits.verdicts(self.units):
             say(self.limits.named(profile, verdict.text))
-            # `met` is neither True nor False for a sentence about isolators without a limit.
+            # `met` is not True and not False for a sentence about isolators without a limit.
             # `limits.building` returns an empty name if there is only a single profile.
             if verdict.met is False:
                 unmet.append(self.limits.building(profile) or profile.building)
@@ -405,7 +405,7 @@ def execute_campaign(
         or is in use by another process.
     Failures
         Some records could not be read, a building is too far from any site, or the drift limit is
-        not met. Raised after all other work is done.
+        not met. Raised after all other work is completed.
     """
     from tdint.studies.store.schema import locked, refuse_network
 
@@ -759,8 +759,8 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     Raises
     ------
     UsageError
-        A map is requested, but the buildings have no coordinates, not all runs are done, an event
-        or a column is unknown, or there are no losses for a map of districts.
+        A map is requested, but the buildings have no coordinates, not all runs are completed, an
+        event or a column is unknown, or there are no losses for a map of districts.
     """
     from tdint.output.summary import files_read, merged_inputs, stored_summary
 

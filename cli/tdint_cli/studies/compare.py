@@ -112,7 +112,7 @@ class Request:
         """Return the path of the output file `name`.
 
         If -o is a directory, the file is in this directory. If -o is a table such as `OUT.csv`, the
-        file is next to it and is named `OUT-name`; the table itself has the name of -o.
+        file is next to this table and is named `OUT-name`; the table has the name of -o.
         """
         output = Path(self.output or "")
         if output.suffix.lower() != ".csv":

@@ -92,8 +92,8 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     """Return the plan of the runs of a building under several records, as a campaign with a single
     building, but without a campaign file.
 
-    Without records, those of the table of --factors are used, or the record of the model
-    (UsageError if there is none).
+    Without records, the records of the table of --factors are used, or the record of the model
+    (UsageError if it has no record).
     """
     from tdint.response.runs.settings import settings_from
     from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales

@@ -78,7 +78,7 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
     by : str | None
         Column of the districts; None without a map of districts.
     complete : bool
-        True if all runs are done.
+        True if all runs are completed.
     """
     from tdint.studies.fragility.damage_tables import check_column
     from tdint.studies.regions.maps import check_events, is_mapped

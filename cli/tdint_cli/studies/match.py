@@ -213,7 +213,7 @@ def _origins(request: MatchRequest, matches: Sequence[Match]) -> list[MotionOrig
         warnings += _change_warnings(matched)
         texts = [text.partition(": ")[2] for text in warnings]
         for part in matched.parts:
-            # The change and the misfits of a pair are those of both components together.
+            # The change and the misfits of a pair are values of both components together.
             origin = part.origin()
             pair = matched.origin(texts)
             origins.append(replace(pair, seed=origin.seed, seed_component=origin.seed_component))

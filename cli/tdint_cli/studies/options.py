@@ -75,7 +75,7 @@ def read_table_of_factors(
     Raises
     ------
     UsageError
-        Neither records nor a table are specified, or both; or a component is specified together
+        No records and no table are specified, or both; or a component is specified together
         with pairs.
     ModelError
         The table cannot be used.

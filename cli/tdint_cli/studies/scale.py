@@ -287,7 +287,7 @@ def command(request: ScaleRequest) -> None:
     scale_suite = _scale_function(request)
     suite = read_suite(request.records, request.choice, request.pair_wish)
     # Factors that depend on the complete set are invalid if a record is missing.
-    # A selection is complete without them.
+    # A selection is complete without the missing records.
     if suite.failures and not request.select and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(suite.failures)
     scaling = scale_suite(suite.motions)

@@ -157,7 +157,8 @@ class _Flow:
     and to reduce figures to the available space.
 
     CSS rules alone keep headings with their content, but do not postpone a figure or reduce it to
-    the space that remains. With them, two of 18 types of reports ended with a nearly blank page.
+    the space that remains. With such rules, two of 18 types of reports ended with a nearly blank
+    page.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ class _Flow:
     blank : float
         Height of the largest blank area at the end of a page, mm.
     separated_rows : int
-        Number of tables of which only the last one or two rows are on a new page.
+        Number of tables that have only the last one or two rows on a new page.
     postponed : list of (str, str, float)
         Figures that did not fit: attributes of the image, caption, height divided by width.
     """
@@ -376,7 +377,7 @@ def _lay_out(
 
     `images` contains the attributes of the HTML image and ratio of height to width of each figure,
     by the identity (`id`) of its `Picture`. New figures are added, so that further layouts do not
-    draw them again.
+    plot the figures again.
     """
     flow.text("h1", escape(title), height=_LINE)
     if page_text.head:
@@ -393,7 +394,7 @@ def _lay_out(
         _add(flow, part, images)
     for text in once(page_text.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
-    # The chapter Inputs lists each file once, also if several runs have read it.
+    # The chapter Inputs lists each file one time, also if several runs have read it.
     files: list[tuple[Cell, ...]] = list(
         dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
     )
@@ -427,7 +428,7 @@ def _introduces_table(part: Part) -> bool:
 def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
     """Add a paragraph, a table, a figure or a list of points to a flow.
 
-    `images`: figures that are already drawn, as in `_lay_out`; a new figure is added.
+    `images`: figures that are already plotted, as in `_lay_out`; a new figure is added.
     """
     if isinstance(part, str):
         css_class = ""
@@ -633,7 +634,7 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
         row = ""
         line_count = 1
         for column, cell in zip(columns, cells, strict=True):
-            # Only long words may be divided: otherwise browsers divide the words of headings, too.
+            # Only long words may be divided: otherwise browsers also divide words in headings.
             is_long = column.is_text and max(map(len, cell.split()), default=0) > _MAX_WORD
             css_class = _LONG_TEXT_CLASS if is_long else column.css_class
             row += f"<td{css_class}>{escape(_keep_units(cell))}</td>"

@@ -52,12 +52,12 @@ def plot(
         Result of `run`, `spectrum`, `stability`, `ida`, `fragility` or another function; a record;
         or a sequence of results that can share a figure, such as spectra or curves of methods.
     ax : matplotlib.axes.Axes, optional
-        Axes on which only the main panel is drawn: pseudo-accelerations of spectra, peak drifts of
-        a run, the spectral radius of methods, ...
+        Axes for the main panel only: pseudo-accelerations of spectra, peak drifts of a run, the
+        spectral radius of methods, ...
     units : str
         Units instead of SI, such as `kip,in,g`.
     file : str or Path, optional
-        File to which the figure is also written: .png, .pdf (with TrueType fonts) or .svg.
+        The figure is also written to this file: .png, .pdf (with TrueType fonts) or .svg.
     width : float or str, optional
         Printed width in m, or with its unit (`90mm`). Font sizes are 6 to 8 pt and mathematical
         symbols are used.

@@ -271,14 +271,14 @@ def _device_parts(response: Response, units: OutputUnits) -> tuple[Part, ...]:
 def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) -> list[Part]:
     """Return the content of the chapter on limits: their table and a hysteresis loop.
 
-    The loop is that of the story with the highest ratio of demand to limit. It is omitted if the
-    figure of the run already contains it, or if the run has no response history.
+    The loop is the loop of the story with the highest ratio of demand to limit. It is omitted if
+    the figure of the run already contains it, or if the run has no response history.
     """
     parts: list[Part] = [page_text.limits] if page_text.limits else []
     story = page_text.governing_story
     if story is None or response.history is None:
         return parts
-    # The first value of `loop_story` is the index of the story whose loop the figure shows.
+    # The first value of `loop_story` is the index of the story with the loop that the figure shows.
     if story != figures.runs.loop_story(response)[0] + 1:
         parts.append(
             Picture(
@@ -344,7 +344,7 @@ def motion_chapter(
     Parameters
     ----------
     scaled : sequence of Part
-        Description of the scaling. If it contains a figure, the spectra are not drawn again.
+        Description of the scaling. If it contains a figure, the spectra are not plotted again.
     periods : sequence of (str, float)
         Names and first periods of the buildings, s, which the spectra mark; none by default.
     drawn : bool
@@ -353,7 +353,7 @@ def motion_chapter(
     parts: list[Part] = list(scaled)
     drawn = drawn or any(isinstance(part, Picture) for part in scaled)
     for number, level in enumerate(levels[:_MAX_LEVELS], start=1):
-        # A factor that all ground motions share is stated once.
+        # A factor that all ground motions share is stated only one time.
         records = [record.scaled(factor) for record, factor in level]
         factors = {factor for _, factor in level}
         times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its scale factor"

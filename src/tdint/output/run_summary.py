@@ -306,7 +306,7 @@ def _number_keys(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield the keys of numbers and of lists of numbers, at any depth."""
     for key, value in content.items():
         items = value if isinstance(value, list) else [value]
-        # Events and outcomes can have different keys, so all of them are searched.
+        # Events and outcomes can have different keys, so all events and outcomes are searched.
         if items and isinstance(items[0], Mapping):
             for item in items:
                 yield from _number_keys(item)

@@ -132,7 +132,7 @@ def _text(
 ) -> str:
     """Return a number with the unit of the limited quantity as text; ratios in percent.
 
-    `unlike` is the number from which the text must differ, SI units.
+    `unlike` is a number, SI units; the text must differ from this number.
     """
     unit = QUANTITIES[check.quantity].unit
     factor, name = (0.01, "%") if unit == "1" else (units.unit(unit)[1], units.unit(unit)[0])

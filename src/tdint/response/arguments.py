@@ -56,7 +56,7 @@ def model_of(argument: Any) -> Model:
 
     if isinstance(argument, Model):
         return argument
-    # Imported here, because loading YAML takes time and is not needed for an existing model.
+    # Imported here, because loading YAML needs time and is not needed for an existing model.
     from tdint.model.config.model_file import load_model
 
     return load_model(argument)
@@ -74,7 +74,7 @@ def record_of(argument: Any) -> Record:
     """
     if isinstance(argument, Record):
         return argument
-    # Imported here, because loading ObsPy takes time and is not needed for an existing record.
+    # Imported here, because loading ObsPy needs time and is not needed for an existing record.
     from tdint.ground_motion.reading.read import make_record, read_record
 
     if isinstance(argument, str | os.PathLike):
@@ -154,7 +154,7 @@ def number_of(argument: Any, name: str) -> float | None:
     Raises
     ------
     UsageError
-        The argument is neither a number nor None; texts of numbers are not accepted.
+        The argument is not a number and not None; texts of numbers are not accepted.
     """
     if argument is None:
         return None
@@ -257,7 +257,7 @@ def drift_of(argument: Any) -> DriftSize:
     Raises
     ------
     UsageError
-        The argument is neither such a text nor a number.
+        The argument is not such a text and not a number.
     """
     if isinstance(argument, DriftSize):
         return argument
@@ -290,7 +290,7 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
     try:
         yield
     except UsageError as error:
-        # nan is not equal to itself, so the second condition finds an invalid nan. Every nan is
+        # nan differs from nan, so the second condition detects an invalid nan. Every nan is
         # invalid, and the first nan in `numbers` fails before any later value is checked.
         position = next(
             i

@@ -146,7 +146,7 @@ def overview_in_campaign(source: str | Path, given_times: Collection[str] = ()) 
     ):
         pga, interval = record.pga, record.dt
     first_period = period(omega)
-    # The damped modes of taller buildings take seconds.
+    # The damped modes of taller buildings need seconds.
     has_complex_modes = building.damped_by_devices and building.stories <= _MAX_COMPLEX_STORIES
     complex_modes = building.complex_modes() if has_complex_modes else None
     warnings = (

@@ -59,8 +59,8 @@ class RunsRequest:
         """Return the building with index `model` and the parameter values of sample `draw`."""
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
-        # A value of nan leaves the parameter unchanged: neighbors of a run
-        # (`gradient.neighbor_samples`) differ in a single parameter each.
+        # A value of nan does not change the parameter: neighbors of a run
+        # (`gradient.neighbor_samples`) each differ in a single parameter.
         return Subject(
             subject.model.changed(
                 {name: number for name, number in numbers.items() if not math.isnan(number)}

@@ -35,10 +35,10 @@ class Steps:
     done : int
         Number of steps that are already completed.
     continues : bool
-        True if the run continues after its end as long as a peak could still be exceeded; False if
+        True if the run continues after its end while a peak could still be exceeded; False if
         the user has requested the end.
     note : str
-        Reason of a time step that neither the user nor a record has determined; otherwise empty.
+        Reason of a time step that was not determined by the user or by a record; otherwise empty.
     """
 
     h: float
@@ -71,14 +71,14 @@ def choose_steps(
 ) -> Steps:
     """Return the time steps for a requested dt and duration.
 
-    A time step divides the sampling interval of the record or is an integer multiple of it. The
-    last step ends at the duration or after it. Without a requested duration, a run continues after
-    the record if necessary.
+    A time step divides the sampling interval of the record or is an integer multiple of this
+    interval. The last step ends at the duration or after it. Without a requested duration, a run
+    continues after the record if necessary.
 
     Parameters
     ----------
     dt, duration : float | None
-        Requested time step and duration, s; by default those of the record.
+        Requested time step and duration, s; by default the values of the record.
     record_dt : float | None
         Sampling interval of the record, s; None without a record.
     interval_name : str
@@ -112,8 +112,9 @@ def choose_steps(
     if dt is None:
         count = _count(duration, record_dt)
         return Steps(record_dt, count, end=duration, continues=continues)
-    # If the time step divides the sampling interval or is a multiple of it, except for rounding, it
-    # is computed from the sampling interval, so that steps and samples coincide exactly.
+    # If the time step divides the sampling interval or is a multiple of the interval, except for
+    # rounding, the time step is computed from the sampling interval, so that steps and samples
+    # coincide exactly.
     for ratio, divides in ((record_dt / dt, True), (dt / record_dt, False)):
         factor = round(ratio)
         if factor >= 1 and abs(ratio - factor) <= _STEP_TOLERANCE * factor:

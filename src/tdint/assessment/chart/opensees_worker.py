@@ -189,8 +189,9 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
 def _load_floors(ops: Any, problem: Content) -> None:
     """Define the harmonic forces of the problem in OpenSees.
 
-    OpenSees' series Trig is factor sin(omega t + shift). A cosine is thus a sine with the shift pi
-    / 2. A force with omega = 0 is the constant factor sin(shift), because Trig needs a period.
+    OpenSees' series Trig is factor sin(omega t + shift). A cosine is therefore a sine with the
+    shift pi / 2. A force with omega = 0 is the constant factor sin(shift), because Trig needs a
+    period.
     """
     tag = 2  # the ground motion has the tag 1
     # The remaining columns of a row belong to forces from tables, which OpenSees does not run.
@@ -213,11 +214,11 @@ def _load_floors(ops: Any, problem: Content) -> None:
 def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     """Integrate the model that `_build` defined step by step, and return the results by name.
 
-    Accelerations satisfy equilibrium at the end of each step, as those of tdint do. They are
-    computed from OpenSees' displacements, velocities and story forces. OpenSees' own accelerations
-    differ if the integrator weights the equation of motion (HHT, generalized-alpha). Total shears
-    are the inertia forces of the masses above; they are nan with forces on floors. `motion` is
-    relative to the ground, at the samples; peaks are the maxima over all steps.
+    Accelerations satisfy equilibrium at the end of each step, as the accelerations of tdint do.
+    They are computed from OpenSees' displacements, velocities and story forces. OpenSees' own
+    accelerations differ if the integrator weights the equation of motion (HHT, generalized-alpha).
+    Total shears are the inertia forces of the masses above; they are nan with forces on floors.
+    `motion` is relative to the ground, at the samples; peaks are the maxima over all steps.
     """
     node_values, story_force, iterations = _run_steps(ops, problem, run)
     if not node_values:
@@ -257,7 +258,7 @@ def _run_steps(ops: Any, problem: Content, run: Content) -> tuple[list[Any], Any
     and the number of iterations.
 
     The model in OpenSees is deleted afterwards. OpenSees writes the motion of the nodes to files,
-    because queries from Python take more time than the steps.
+    because queries from Python need more time than the steps.
     """
     floors = problem["mass"].size
     stories = range(1, floors + 1)

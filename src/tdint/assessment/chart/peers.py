@@ -1,7 +1,7 @@
 """Other programs in the same chart.
 
 OpenSeesPy is used if it is installed. The methods RK45, Radau and LSODA of SciPy (solve_ivp) choose
-their own time steps.
+the time steps automatically.
 """
 
 from __future__ import annotations
@@ -509,8 +509,8 @@ def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
     elastic-perfectly plastic spring, of each story.
 
     The elastic spring has the stiffness after yield, and includes P-delta. For a linear story, the
-    second spring has the stiffness 0 and the strength inf. None is the result if a story is neither
-    linear nor bilinear with equal strengths.
+    second spring has the stiffness 0 and the strength inf. None is the result if a story is not
+    linear and not bilinear with equal strengths.
     """
     law_parameters = problem.building.story_laws
     is_bilinear = law_parameters[rows.CODE] == CODES["bilinear"]

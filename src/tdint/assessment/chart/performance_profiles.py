@@ -108,8 +108,8 @@ _NEAR = 1.5  # points with a cost up to this multiple of the minimum are timed a
 # Fraction of the smallest tolerance. After two time steps with errors below it, no smaller time
 # step is run
 _FAR_BELOW = 0.25
-# Fraction of the time limit of OpenSees for a problem; with the full time, OpenSees would take
-# longer than all methods of tdint in many problems
+# Fraction of the time limit of OpenSees for a problem; with the full time, OpenSees would need more
+# time than all methods of tdint in many problems
 _SHARE = 0.3
 # Number of times that a point is timed. The cost is the minimum time, because disturbances by other
 # processes only increase times
@@ -248,7 +248,7 @@ class Leaders(NamedTuple):
     Attributes
     ----------
     overall, coarse : str
-        Method with low costs for all tolerances, and for tolerances of 3 % and more.
+        Method with low costs for all tolerances, and for tolerances of at least 3 %.
     safest : str
         Method with the fewest failures.
     """
@@ -447,7 +447,7 @@ def measure_problem(
         Number of times that these points are timed.
     tolerances : sequence of float
         Relative tolerances of peak drifts. For each tolerance, points of moment4 and impulse4 with
-        steps chosen for it are added, if these methods are selected.
+        steps chosen for this tolerance are added, if these methods are selected.
     peers : bool
         True to include OpenSeesPy, if it is installed and supports the building.
 
@@ -662,8 +662,8 @@ def performance_profiles(
     Parameters
     ----------
     models, records : optional
-        One building or several buildings, each under each of the ground motions, as in `run`.
-        Without records, each building is used with the record of its model.
+        One building or several buildings; each building is run under each ground motion, as in
+        `run`. Without records, each building is used with the record of its model.
     problems : str or Path, optional
         Instead of models: `standard` (twelve buildings with three records each), or a YAML file of
         problems.
@@ -686,7 +686,7 @@ def performance_profiles(
     Raises
     ------
     UsageError
-        Neither problems nor models are specified, or both; or a method is unknown.
+        No problems and no models are specified, or both; or a method is unknown.
     ModelError, RecordError
         A model, a record or the file of problems is invalid.
     AnalysisError
@@ -875,7 +875,7 @@ def _read_problem(
         entry.get("reason"),
     )
     label = name.text() if name else None
-    # The model is part of the file or a separate file. Its own record is ignored.
+    # The model is part of the file or a separate file. The record of the model is ignored.
     model: Model | str | None = None
     if model_value is not None:
         model_origin = replace(origin, name=label or origin.name)

@@ -130,7 +130,7 @@ class Problem:
     def forces(self) -> Array:
         """Forces on floors, one row per force.
 
-        The columns are those of `tdint.kernels.layout`, for harmonic forces `FLOOR` (number of the
+        The columns are as in `tdint.kernels.layout`, for harmonic forces `FLOOR` (number of the
         floor from 0), `COSINE` (N), `SINE` (N) and `OMEGA` (rad/s).
         """
         return self.prepared.forces
@@ -537,8 +537,8 @@ def _solve(problem: Problem, samples: int) -> Reference:
         steps_per_interval *= 2
     start_time = time.monotonic()
     best = _solve_once(problem, samples, method, confirming_method, steps_per_interval)
-    # The next solution has half the step, so it takes about two times the time spent so far, and
-    # would end at three times this time.
+    # The next solution has half the step, so it needs about two times the time that was spent
+    # before, and would end at three times this time.
     while (
         best.gap.worst > target_gap and 3.0 * (time.monotonic() - start_time) < _REFINEMENT_SECONDS
     ):
@@ -616,8 +616,8 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     building = problem.building
     digest = hashlib.sha256(Path(__file__).read_bytes() + digest_of_all().encode())
     digest.update(repr((problem.interval, samples)).encode())
-    # The number of a law of a plug-in depends on the order in which laws are loaded. The digest
-    # therefore contains the names and the sources of these laws.
+    # The number of a law of a plug-in depends on the order of loading. The digest therefore
+    # contains the names and the sources of these laws.
     laws = {
         name
         for name, code in CODES.items()

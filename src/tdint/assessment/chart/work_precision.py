@@ -237,7 +237,7 @@ class Chart(Tabular):
     points : tuple of Point
         Points, sorted by method and by decreasing time step.
     reference : Reference
-        Reference solution of the errors, with an estimate of its own error.
+        Reference solution of the errors, with an estimate of the error of this solution.
     usual : Point
         Point of average acceleration with the interval as time step. It is measured even if it is
         not included in `points`.
@@ -277,7 +277,7 @@ def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[fl
     halvings = HALVINGS
     # The cost is inversely proportional to the time step. The smallest step is COARSEST /
     # 2**halvings intervals, and all runs with repeatedly halved steps cost together about two times
-    # as much as the run with the smallest step. The intermediate steps multiply the cost by
+    # the cost of the run with the smallest step. The intermediate steps multiply the cost by
     # `_INTERMEDIATE_RATIO`. At least three halvings end at a single interval.
     while (
         halvings > 3
@@ -326,7 +326,7 @@ def measure(
     """Measure the errors, then the times of a problem with methods that can integrate the building
     (`suited`), at several time steps.
 
-    The points are timed alternately, so that disturbances affect all of them. Compilation is not
+    The points are timed alternately, so that disturbances affect all points. Compilation is not
     timed. Each step is the interval of the problem divided or multiplied by a whole number. With
     `cached`, the reference is read from the cache, if available, and stored.
 
@@ -584,9 +584,9 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
 def alternative(points: Sequence[Point], quantity: str, limit: float, best: Point) -> Point | None:
     """Return the cheapest point of another line that meets the tolerance, or None.
 
-    Points of the same line with smaller steps must meet the tolerance also. The alternative costs
-    at least as much as the recommended point: a cheaper point was not recommended, because it is
-    less accurate and its cost is not measurably lower.
+    Points of the same line with smaller steps must meet the tolerance also. The cost of the
+    alternative is at least the cost of the recommended point: a cheaper point was not recommended,
+    because it is less accurate and its cost is not measurably lower.
     """
     lines = dict.fromkeys(point.line for point in points if point.line != best.line)
     meeting = [point for line in lines for point in within(points, line, quantity, limit)]
@@ -602,7 +602,7 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
     Parameters
     ----------
     points : iterable of Point
-        Points of all lines; those of a line are sorted by decreasing time step.
+        Points of all lines; the points of a line are sorted by decreasing time step.
     """
     line_points = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(line_points)))

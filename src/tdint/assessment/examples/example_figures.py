@@ -34,7 +34,7 @@ def example_picture(
     Parameters
     ----------
     runs : sequence of ExampleRun
-        Runs of a single example and one time step, of which at least one is completed. Variants are
+        Runs of a single example and one time step; at least one run is completed. Variants are
         omitted.
     exact : str
         Label of the exact solution in the legend.
@@ -97,8 +97,8 @@ def example_picture(
 def row_picture(title: str, model: Model) -> Figure:
     """Draw a building as a row of masses, springs and dashpots between a wall and a free end.
 
-    Only the first and the last masses of a long row are drawn, with three dots between them. In the
-    coordinates of the figure, the distance between masses is 1 and the row is at the height 0.
+    Only the first and the last masses of a long row are plotted, with three dots between them. In
+    the coordinates of the figure, the distance between masses is 1 and the row is at the height 0.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ def row_picture(title: str, model: Model) -> Figure:
             )
         _draw_link(axes, left - (1.0 - _SIDE), left)
         _draw_mass(axes, model, index, left)
-    # The hysteretic laws are polynomials of the drift d. A law that all links have is written once,
-    # without the number of a link.
+    # The hysteretic laws are polynomials of the drift d. A law that all links have is written one
+    # time, without the number of a link.
     laws: list[str] = []
     for story in model.stories:
         powers = zip(story.law.parameters, ("d", "d²", "d³"), strict=False)

@@ -206,7 +206,7 @@ def ordered_methods(
     """Return groups of methods in the order of their displacement errors.
 
     The errors in a group exceed the smallest of the group by at most `EQUAL_ERRORS`. Variants and
-    incomplete runs are omitted. The other arguments are those of `ExampleRun.error`.
+    incomplete runs are omitted. The other arguments are the arguments of `ExampleRun.error`.
     """
     errors = {
         run.method: run.error("displacement", reference, norm, floor)
@@ -324,7 +324,8 @@ def examples() -> Mapping[int, Example]:
 def exact_steps(example: Example, dt: float) -> int:
     """Return the number of time steps of the exact solution of the paper in one time step dt (s).
 
-    The time step of that solution is `Example.exact_dt` if it divides dt, otherwise it is smaller.
+    The time step of the exact solution is `Example.exact_dt` if it divides dt, otherwise it is
+    smaller.
     """
     return math.ceil(dt / example.exact_dt - 1e-9)
 

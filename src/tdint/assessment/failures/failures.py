@@ -70,7 +70,7 @@ class HardProblem:
     name, about, source : str
         Name on the command line, description in a sentence, and publication.
     steps : tuple of (float, int)
-        Time steps (s) and the number of steps for each.
+        Time steps (s), each with the number of steps.
     energy : callable
         Function of a history that returns the energy at its times, J, shape (steps + 1,).
     energy_scale : float
@@ -654,7 +654,7 @@ def failures(
 def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) -> None:
     """Load the compiled time loops of all trials; loops that are not in the cache are compiled.
 
-    They are compiled together, so that progress is reported once.
+    They are compiled together, so that progress is reported one time.
     """
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:
@@ -696,8 +696,8 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         return trial
     steps = case.steps(dt, dt * count)
     # A run with an unstable time step ends with an error that states the largest stable time step.
-    # Computing this step takes longer than most runs. The stability is therefore checked here, and
-    # no run with an unstable step is started.
+    # Computing this step needs more time than most runs. The stability is therefore checked here,
+    # and no run with an unstable step is started.
     outcome = UNSTABLE
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)

@@ -137,8 +137,8 @@ class OrderProblem:
     load, law : str
         An element of `LOADS` and a key of `STORY_LAWS`.
     frequency_ratio : float
-        Ratio of the circular frequency of the load to that of the oscillator; nan for a load
-        without a frequency.
+        Ratio of the circular frequency of the load to the circular frequency of the oscillator; nan
+        for a load without a frequency.
     prepared : PreparedBuilding
         Oscillator with its force and its initial state.
     ground : ndarray, shape (samples,)
@@ -237,8 +237,8 @@ def order_problem(
     law : str
         A key of `STORY_LAWS`.
     frequency_ratio : float
-        r, the ratio of the circular frequency of the load to that of the oscillator, from 0.01 to
-        10.
+        r, the ratio of the circular frequency of the load to the circular frequency of the
+        oscillator, from 0.01 to 10.
     stride : int
         Number of sampling intervals of the record in the coarsest step, a power of 2.
 
@@ -408,7 +408,7 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
         return driving - 2.0 * _XI * _OMEGA * v - resistance
 
     # A record has a kink at each sample. An integration across kinks would reduce the order of
-    # DOP853, so the integration is restarted there.
+    # DOP853, so the integration is restarted at each sample.
     states = [np.array(_START)]
     for first, end in pairwise(times) if load == "record" else [(times[0], times[-1])]:
         solution = solve_ivp(

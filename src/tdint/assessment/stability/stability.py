@@ -49,7 +49,7 @@ class StabilityCurve(Tabular):
 
     Period error, numerical damping and amplitude decay are nan if the principal roots are real, for
     time steps longer than half the damped period (from which no period can be determined), and for
-    damping ratios of 1 and more.
+    damping ratios of at least 1.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
     dt_over_t : ndarray, shape (k,)
         Time steps divided by the undamped period, increasing.
     damping : float, default 0
-        Damping ratio, 0 or more.
+        Damping ratio, at least 0.
 
     Returns
     -------
@@ -199,9 +199,9 @@ def _track_principal_root(
     """Return the principal root at each of k increasing time steps, with a positive imaginary part
     if it is complex, and the maximum modulus of the roots other than this root and its conjugate.
 
-    The principal root is the root nearest to that of the preceding time step. At the first time
-    step (`first` is its product with the circular frequency, rad), it is the root nearest to the
-    exact root.
+    The principal root is the root nearest to the principal root of the preceding time step. At the
+    first time step (`first` is its product with the circular frequency, rad), it is the root
+    nearest to the exact root.
     """
     # Exact root exp((-xi + sqrt(xi^2 - 1)) omega h); complex below critical damping
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
@@ -446,7 +446,7 @@ def overshoot(
     steps : int, default 10
         Number of time steps.
     damping : float, default 0
-        Damping ratio, 0 or more; for a nonlinear law, that of small vibrations.
+        Damping ratio, at least 0; for a nonlinear law, the ratio of small vibrations.
     law : str, default "linear"
         One of `LAWS`.
 
@@ -550,7 +550,7 @@ def _nonlinear_overshoot(
     """Integrate the hardening or the softening oscillator of `tdint.assessment.failures.failures`
     over a few large time steps. UsageError is raised if the method supports only linear buildings.
 
-    The initial condition is the displacement of that problem, or the velocity with the same energy.
+    The initial condition is the displacement of the problem, or the velocity with the same energy.
     """
     if method.family.linear_only:
         raise UsageError(

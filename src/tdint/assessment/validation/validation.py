@@ -331,8 +331,8 @@ def _bathe(method: str) -> Array:
     Equations: 2 u1'' + 6 u1 - 2 u2 = 0 and u2'' - 2 u1 + 4 u2 = 10.
     """
     model = {
-        # The spring from the second mass to the wall is a story below a mass that is so large that
-        # it does not move.
+        # The spring from the second mass to the wall is a story below a mass that is too large to
+        # move.
         "stories": [
             {"mass": 2, "stiffness": 4},
             {"mass": 1, "stiffness": 2},

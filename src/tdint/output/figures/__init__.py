@@ -1,7 +1,7 @@
 """Figures. Only this package imports matplotlib, and only when a figure is drawn.
 
 A figure is the same on every machine: matplotlib would read settings from a file `matplotlibrc` in
-the working directory or in the home directory, and some of these settings start other programs
+the working directory or in the home directory, and some settings start other programs
 (`text.usetex`). Therefore, the defaults of matplotlib are used.
 """
 

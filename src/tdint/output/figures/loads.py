@@ -55,14 +55,14 @@ def draw_loads(axes: Any, excitation: Excitation, end: float, units: OutputUnits
     Parameters
     ----------
     excitation : Excitation
-        Forces, at least one of which is a table.
+        Forces; at least one force is a table.
     """
     # Equal forces, from the top of the building to its bottom.
     groups: dict[tuple[LoadTable, int, float, float], list[TableForce]] = {}
     for force in sorted(excitation.tables, key=lambda force: -force.floor):
         same = (force.table, force.column, force.factor, force.start)
         groups.setdefault(same, []).append(force)
-    # The largest forces are the most important ones for the legend.
+    # The largest forces are the most important forces for the legend.
     peaks = {same: float(np.max(np.abs(forces[0].values))) for same, forces in groups.items()}
     largest = sorted(groups, key=lambda same: -peaks[same])[:_MAX_LINES]
     named = [same for same in groups if same in largest]

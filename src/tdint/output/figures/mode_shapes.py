@@ -167,7 +167,7 @@ def transfer_picture(result: TransferFunction, units: OutputUnits = SI) -> Figur
         label = "roof" if floor == floors else f"floor {floor}"
         style = line_style(number)
         amplitude.plot(result.frequency, values[:, floor - 1], label=label, **style)
-        # A jump from -180 to 180 degrees is not drawn as a line.
+        # A jump from -180 to 180 degrees is not plotted as a line.
         degrees = result.phase[:, floor - 1].copy()
         degrees[1:][np.abs(np.diff(degrees)) > 180.0] = math.nan
         phase.plot(result.frequency, degrees, **style)

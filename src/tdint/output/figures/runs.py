@@ -95,7 +95,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         draw_loads(upper[-1], response.model.excitation, history.time[-1], units)
     roof = figure.add_subplot(grid[1 + more] if upper else grid[:2])
     for panel in upper:
-        # A short pulse has a time axis of its own.
+        # A short pulse has a separate time axis.
         if panel.get_xlim() == (0.0, history.time[-1]):
             panel.sharex(roof)
             panel.tick_params(labelbottom=False)
@@ -338,7 +338,7 @@ def _draw_loop(
     """
     stories = response.stories
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
-    # In models of matrices, the force of a story depends on the drifts of other stories, too.
+    # In models of matrices, the force of a story also depends on the drifts of other stories.
     if np.isnan(stories.ductility[story]) and response.model.matrices is None:
         # The force of a law without yielding is a function of the drift. Points in the order of
         # their drifts show this curve; in the order of time, long lines would connect them.

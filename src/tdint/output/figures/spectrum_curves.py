@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 # and acceleration over displacement (ADRS).
 
 _MIN_UNMARKED_PERIODS = 8  # lines with fewer periods have a marker at each period
-_MIN_SUITE = 7  # number of ground motions from which median and fractiles are drawn
+_MIN_SUITE = 7  # minimum number of ground motions for median and fractiles
 GRAY = "0.75"
 """Color of the line of a single ground motion in a suite."""
 
@@ -87,10 +87,10 @@ def draw_over_periods(
 ) -> Figure:
     """Plot results over the period in two panels above each other, without a title.
 
-    Each result has a line. Many ground motions are drawn as a suite: gray lines, with median and
+    Each result has a line. Many ground motions are plotted as a suite: gray lines, with median and
     fractiles of each variant. A panel is its label and the function that returns the values of a
     result. `variants` distinguishes lines of the same component; by default it is the damping
-    ratio. `columns` is the title of the column of panels in which each result is drawn; by default
+    ratio. `columns` contains the title of the column of panels for each result; by default
     there is a single column without title.
     """
     variants = [result.damping for result in results] if variants is None else variants
@@ -516,7 +516,7 @@ def spectrum_picture(
         (pseudo-velocity over the period, with scales of the other two), or `adrs`
         (pseudo-acceleration over displacement).
     target : TargetSpectrum, optional
-        Target spectrum, drawn if `axes` is `periods`.
+        Target spectrum, plotted if `axes` is `periods`.
     """
     units = units.in_figures
     figure = DRAWN[axes](spectra, line_labels(spectra), units)

@@ -280,8 +280,8 @@ def _draw_profile(
 ) -> None:
     """Plot story drifts over the stories; drift ratios if the heights of all stories are known.
 
-    By default, the drifts (m, number of color, label) are those at the maximum base shear (dashed)
-    and at the end.
+    By default, the drifts (m, number of color, label) are the drifts at the maximum base shear
+    (dashed) and at the end.
     """
     heights = [story.drift_height for story in result.model.stories]
     has_ratios = all(height is not None for height in heights)
@@ -417,7 +417,7 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
 def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     """Plot acceleration, velocity, displacement and Husid plot of a record over the time.
 
-    `info`: record with its intensity measures, whose values are written in the panels.
+    `info`: record with its intensity measures; their values are written in the panels.
     """
     record, measures = info.record, info.measures
     motion = integrate(record)

@@ -184,7 +184,7 @@ def method_styles(methods: Iterable[str], highlight: str = "") -> dict[str, dict
 
     Methods of the catalogue and of other programs have fixed styles. Plug-ins and methods with
     parameters use the remaining styles in their order. The method to highlight, or all plug-ins
-    without a method to highlight, have a wider line in front of the others.
+    without a method to highlight, have a wider line in front of the remaining lines.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def picture_format(suffix: str) -> str:
     Raises
     ------
     OutputError
-        The suffix is none of the three.
+        The suffix is not one of the three.
     """
     file_format = suffix.lower().lstrip(".")
     if file_format not in _METADATA:
@@ -238,7 +238,7 @@ def picture_format(suffix: str) -> str:
 def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     """Return an object that draws a figure and writes it to a binary stream.
 
-    The print settings of the command are checked now, before the figure is drawn.
+    The print settings of the command are checked now, before the figure is plotted.
 
     Parameters
     ----------
@@ -407,7 +407,7 @@ def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
 
 def _replace_texts(figure: Figure, printed: PrintedAs) -> None:
     """Replace ASCII words in the texts of a figure by symbols, and set font sizes for print."""
-    # Tick labels exist only after the figure has been drawn. They do not depend on the layout,
+    # Tick labels exist only after the figure has been plotted. They do not depend on the layout,
     # which would need time.
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
@@ -416,8 +416,8 @@ def _replace_texts(figure: Figure, printed: PrintedAs) -> None:
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         tick_labels = [text.get_text() for text in axis.get_ticklabels()]
         if isinstance(axis.get_major_locator(), FixedLocator) and any(tick_labels):
-            # Matplotlib restores fixed tick labels whenever it draws the figure, so that they must
-            # be replaced in the axis.
+            # Matplotlib restores fixed tick labels every time it plots the figure, so that they
+            # must be replaced in the axis.
             axis.set_ticklabels(list(map(in_print, tick_labels)))
     for text in figure.findobj(Text):
         text.set_text(in_print(text.get_text()))

@@ -528,7 +528,8 @@ def _law_words(law: Law, units: OutputUnits) -> str:
         # Omit a parameter with its default, or with the value that has no effect (`without`).
         if values in (default, (parameter.without,)):
             continue
-        # The value is a list of backbone points (force at drift), a list of numbers, or one number.
+        # The value is a list of backbone points (force at drift), a list of numbers, or a single
+        # number.
         if parameter.points:
             points = [
                 point

@@ -93,7 +93,7 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
 )
 """Last columns of a response history with error estimates."""
 
-_ROWS_AT_ONCE = 256  # rows formatted together, which takes 1 MB for a hundred columns
+_ROWS_AT_ONCE = 256  # rows formatted together, which needs 1 MB for a hundred columns
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:

@@ -3,10 +3,10 @@
 CSV files are UTF-8 with LF line ends and a header. Numbers have 12 significant digits, Booleans are
 true or false, and a missing value is an empty cell.
 
-Every column is declared once, in the module of its subject, with its name, unit, value and meaning.
-The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute quantities
-contain "absolute"; all other quantities are relative to the ground or to the floor below. The
-estimated error of a column is called `<column>_error`.
+Every column is declared one time, in the module of its subject, with its name, unit, value and
+meaning. The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute
+quantities contain "absolute"; all other quantities are relative to the ground or to the floor
+below. The estimated error of a column is called `<column>_error`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Column:
         SI unit; 1 for a dimensionless number, `text` for text.
     value : str, callable or ndarray
         Source of the cells: the attribute of a result (dots select attributes of attributes), a
-        function of the result, or the cells themselves. An array gives one cell per row; any other
+        function of the result, or the cells. An array gives one cell per row; any other
         value applies to all rows of the result.
     meaning : str
         Description for users.
@@ -161,7 +161,7 @@ def converted(value: Cell, factor: float) -> Cell:
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
     """Return the rows of a result in a table, each with a single cell per column.
 
-    The number of rows is the common length of the arrays among the values of the columns; without
+    The number of rows is the common length of the arrays in the values of the columns; without
     arrays, there is one row.
     """
     values = [column.of(result) for column in columns]
@@ -379,7 +379,7 @@ def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
     """
     text = io.StringIO()
     # A carriage return at the end of a cell makes the writer quote the cell. Harmless cells contain
-    # no carriage returns, so all of them can be removed from the result.
+    # no carriage returns, so all carriage returns can be removed from the result.
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerows(
         [

@@ -67,8 +67,8 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
 
     Another process compiles the loops at the same time
     (`tdint.kernels.building.load_or_compile.interpret_while_compiling`). The result is always False
-    with power-law dashpots, braces of dampers and tangent damping, because their iterations take
-    fifteen times as long.
+    with power-law dashpots, braces of dampers and tangent damping, because their iterations need
+    fifteen times the time.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Runs of one building with one time step in a batch.
 
 Only this module integrates and evaluates many runs. The result of a run that reaches its end
-without collapse is that of the compiled call. All other runs are evaluated by
+without collapse is the result of the compiled call. All other runs are evaluated by
 `tdint.response.runs.case.Case`, like a single run. Runs with error estimates are integrated
 individually.
 
@@ -139,13 +139,13 @@ class Outcomes:
     energy_error, steps : ndarray, shape (runs,)
         Energy imbalance divided by the maximum input energy; number of completed time steps.
     at_rest : list of int | None
-        1 if the run came to rest, 0 if not; None if rest was not requested or the run did not reach
+        1 if the run reached rest, 0 if not; None if rest was not requested or the run did not reach
         its end.
     responses : mapping of int to Response
         Individual runs by their index, with errors and history if requested.
     collapses, failures : mapping of int to Collapse and to FailedRun
-        Runs by their index whose status is not `done`. A run that continued after its collapse is
-        also in `responses`.
+        Runs by their index with a status other than `done`. A run that continued after its collapse
+        is also in `responses`.
     """
 
     stories: StoryPeaks
@@ -164,8 +164,8 @@ class Outcomes:
         Parameters
         ----------
         building : Building
-            Building of the runs. If each run has its own building, the first axis of its arrays is
-            the run.
+            Building of the runs. If each run has a separate building, the first axis of its arrays
+            is the run.
         to_rest : bool
             True if the runs continue until free vibration has decayed.
         """
@@ -402,7 +402,7 @@ def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     Raises
     ------
     UsageError
-        A value is not a number, or the numbers of values are different.
+        A value is not a number, or names have different numbers of values.
     """
     arrays = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
     if product:

@@ -130,8 +130,8 @@ class Case:
     method : Integrator
         Method with its parameters.
     allow_unstable : bool
-        Run a method above its stability limit, and accept a response whose energy was produced by
-        the method.
+        Run a method above its stability limit, and accept a response with energy that was produced
+        by the method.
     remarks : tuple of str
         Notes on the preparation of the case, one sentence each; they are included in the notes of
         its runs.
@@ -290,7 +290,7 @@ class Case:
         Returns
         -------
         Response
-            Peaks, energies, warnings and notes; its status is "done", or that of a collapse.
+            Peaks, energies, warnings and notes; its status is "done", or the status of a collapse.
 
         Raises
         ------
@@ -390,7 +390,7 @@ class Case:
             return self._divergence(steps, space)
         residual = float(space.step_status[rows.RESIDUAL])
         reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
-        # The equation of an attachment or a link is reported as that of the roof.
+        # The equation of an attachment or a link is reported as the equation of the roof.
         story = min(int(space.step_status[rows.WORST_STORY]), self.building.floors - 1) + 1
         event = (
             f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: the "
@@ -571,9 +571,9 @@ class Case:
             else None
         )
         warnings = (
-            # Warnings on the input are first, because all results depend on it. A warning of an
-            # unusual ductility precedes that of the energy imbalance, because it may be due to a
-            # wrong unit, which a smaller step would not correct.
+            # Warnings on the input are first, because all results depend on the input. A warning of
+            # an unusual ductility precedes the warning of the energy imbalance, because it may be
+            # due to a wrong unit, which a smaller step would not correct.
             *self.plausibility_warnings,
             *self._long_step_warnings(steps),
             *self._demand_warnings(stories),
@@ -737,7 +737,7 @@ class Case:
             if unit == "m"
             else f"{amplitude[i] / metres_per_unit:.2g} {unit}"
         )
-        # The first period takes time to compute: evaluated only if the run continued after the
+        # The first period needs time to compute: evaluated only if the run continued after the
         # record.
         reached_limit = (
             free_vibration > 0.0 and free_vibration >= REST_PERIODS * self.prepared.period
@@ -884,7 +884,7 @@ def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     steps : Steps
         Time steps until rest; if the run fails, they include the step of the failure.
     is_at_rest : bool
-        True if the building comes to rest before the limit `REST_PERIODS`.
+        True if the building reaches rest before the limit `REST_PERIODS`.
     """
     steps = until_forces_end(case.model, steps)
     criterion = rest_criterion(case.prepared, steps.h)

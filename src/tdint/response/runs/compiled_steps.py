@@ -57,8 +57,8 @@ def validate_plugin_step(integrator: Integrator, variant: Variant = LINEAR_OSCIL
 
     An invalid compiled step could write outside its arrays or lose the state of a story without an
     error. The energies are checked only for a variant with a law that accumulates its dissipated
-    energy, because all other results do not depend on them. Steps of tdint are not checked, nor any
-    step if the kernels run in plain Python.
+    energy, because all other results do not depend on the energies. Steps of tdint are not checked.
+    If the kernels run in plain Python, no step is checked.
 
     Raises
     ------
@@ -206,7 +206,8 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
     Returns
     -------
     ndarray, shape (k, m, m)
-        Matrices; m is the number of memory rows of the method family. Units are those of the state.
+        Matrices; m is the number of memory rows of the method family. Units are the units of the
+        state.
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     # If the coefficients of the method belong to the complete building, limit the number of
@@ -341,7 +342,7 @@ def largest_stable(stable: Callable[[float], bool], h: float) -> float:
     """
     low, high = 0.0, h
     # Some methods are unstable at intermediate time steps and stable again above them. Searching in
-    # steps of h / 200 finds the first stable interval.
+    # steps of h / 200 locates the first stable interval.
     for part in range(1, 201):
         candidate = h * part / 200
         if not stable(candidate):

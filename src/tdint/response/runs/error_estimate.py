@@ -203,7 +203,7 @@ def default_reference(case: Case) -> Case:
     """Return the same case with the method that estimates the errors of most methods.
 
     This method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
-    forces on floors. The errors of `exact` are then those of the peaks between time steps.
+    forces on floors. The errors of `exact` are then the errors of the peaks between time steps.
     """
     is_own_reference = case.model.matrices is not None or (
         case.method.label == EXACT and not case.model.excitation.forces
@@ -215,8 +215,8 @@ def default_reference(case: Case) -> Case:
 def reference_steps(case: Case, steps: Steps) -> Steps:
     """Return the time steps of the run that estimates the errors of a run over `steps`.
 
-    With a record, `shorter_steps` computes them. Without a record they are half as long, or shorter
-    if the step is long in relation to the first period (`_LONG_OF_PERIOD`).
+    With a record, `shorter_steps` computes them. Without a record they have half the length, or
+    less if the step is long in relation to the first period (`_LONG_OF_PERIOD`).
     """
     if case.record is not None:
         return shorter_steps(steps)
@@ -232,7 +232,7 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
 def shorter_steps(steps: Steps) -> Steps:
     """Return the time steps of the run that estimates the errors of a run under a record.
 
-    They are half as long as `steps`, or one sampling interval long if a step covers at least
+    Their length is half the length of `steps`, or a sampling interval if a step covers at least
     `_LONG_STEP` sampling intervals.
     """
     if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
@@ -262,7 +262,8 @@ def with_error_estimate(
     steps = replace(steps, count=response.steps, continues=False)
     shorter = reference_steps(case, steps)
     if response.substeps:
-        # Half of a step is a step of the additional run, which would have the same error there.
+        # Half of a step is a step of the additional run, which would have the same error at this
+        # point.
         shorter = finer(shorter)
     other = attempt(reference(case), shorter)
     if isinstance(other, FailedRun):
@@ -339,7 +340,7 @@ class _AllPeaks:
 def _with_devices(response: Response) -> Response | _AllPeaks:
     """Return the peaks of a response with those of its attachments and links, if there are any.
 
-    The minima of the errors are common to all of them.
+    The minima of the errors are common to all these peaks.
     """
     devices = response.devices
     if devices is None:
@@ -369,9 +370,9 @@ def start_peaks(case: Case, steps: Steps, last: int | None = None) -> StoryPeaks
 
     P2 is the larger of two values: the peak in the first `_START` steps, by a short run with much
     shorter steps, and the estimate of the later peak by `_later_peaks`. The short run is necessary
-    because an initial motion starts with all modes at once, also with those that the step does not
-    resolve. An acceleration can have its maximum between the start and the end of the first step.
-    Both runs then report the value at the start, and their difference is zero.
+    because an initial motion starts with all modes simultaneously, also with the modes that the
+    step does not resolve. An acceleration can have its maximum between the start and the end of the
+    first step. Both runs then report the value at the start, and their difference is zero.
 
     Parameters
     ----------
@@ -406,8 +407,8 @@ def _later_peaks(case: Case, steps: Steps, start: StoryPeaks) -> StoryErrors | N
     """Return upper estimates of the peaks after the first step; None if all are far below the peaks
     `start` (`_NEAR_START`), or a run fails or has only the first step.
 
-    A maximum at the start is exact in all runs and hides a later maximum that both runs find too
-    small. Two runs by the method of the additional run, with the time steps of the run and of the
+    A maximum at the start is exact in all runs and hides a later maximum that is too small in both
+    runs. Two runs by the method of the additional run, with the time steps of the run and of the
     additional run, therefore omit the first step. The estimate is the peak of the second run plus
     its error (`_LATER_FACTOR`).
     """
@@ -585,9 +586,9 @@ def _remaining_motion(case: Case, response: Response) -> Array:
     """Return the amplitudes of the drifts that remain at the end of a run until rest, m.
 
     The stiffness at the end, from which `residual_oscillation` follows, is too large if a story
-    goes on to a softer branch after its force has changed its sign, or if a damper holds a force.
-    The drifts of a building that is not linear are therefore compared with those of a run that is
-    longer by half.
+    continues to a softer branch after its force has changed its sign, or if a damper keeps a force.
+    The drifts of a building that is not linear are therefore compared with the drifts of a run that
+    is longer by half.
     """
     amplitude = response.residual_oscillation
     # The drifts of a collapsed building grow without bound, so that a longer run measures no motion

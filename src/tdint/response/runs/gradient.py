@@ -121,7 +121,7 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     """Return two values near the value x of a parameter (name as in `vary`, SI units), at which
     runs are compared with it.
 
-    The two values are x - d and x + d. If one of them is out of range, both values are on the other
+    The two values are x - d and x + d. If one value is out of range, both values are on the other
     side: x + d and x + 2 d, or x - d and x - 2 d. The distance d is `SIZE` times |x|. For x = 0 it
     is `SIZE` for a dimensionless parameter, and `SIZE` times sqrt(stiffness * mass) of the story
     for a dashpot coefficient.

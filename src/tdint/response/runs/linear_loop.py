@@ -1,10 +1,11 @@
 """Exact response of models of matrices, in place of the compiled time loop.
 
 The load is linear within each interval, which is a sampling interval of the ground motion or a time
-step, whichever is shorter. The modes are therefore integrated exactly (`tdint.methods.exact`) with
-any time step. Between the intervals, the response is computed on a grid that resolves the highest
-mode, and around each maximum of the grid by a polynomial with the derivatives at both ends of an
-interval, which the modes determine. The peaks are thus those of the continuous response.
+step (the shorter of the two). The modes are therefore integrated exactly (`tdint.methods.exact`)
+with any time step. Between the intervals, the response is computed on a grid that resolves the
+highest mode, and around each maximum of the grid by a polynomial with the derivatives at both
+endpoints of an interval, which the modes determine. The peaks are therefore the peaks of the
+continuous response.
 """
 
 from __future__ import annotations
@@ -182,7 +183,7 @@ class LinearLoop:
         self.ratios = modes.damping_ratios(self.system.damping)
         self.floors = np.unique(loads[0][:, rows.FLOOR].astype(int))
         n = building.stories
-        # The first load is the ground acceleration, the others are the forces on floors.
+        # The first load is the ground acceleration, the remaining loads are the forces on floors.
         self.applied = np.zeros((n, 1 + self.floors.size))
         self.applied[:, 0] = -self.system.mass @ self.system.influence
         self.applied[self.floors, 1 + np.arange(self.floors.size)] = 1.0
@@ -410,7 +411,7 @@ class LinearLoop:
         last, reach, tolerance = len(size) - 1, np.full(point.size, np.inf), margin
         if output.derivative < 2 or not self.floors.size:
             # The quantity has no kinks: only maxima of the grid count, and of displacements and
-            # velocities only those whose parabola reaches the largest one.
+            # velocities only the maxima with a parabola that reaches the largest maximum.
             before, here, after = (
                 size[np.clip(point + shift, 0, last), column] for shift in (-1, 0, 1)
             )
@@ -422,7 +423,7 @@ class LinearLoop:
             )
             kept = kept[np.argsort(-reach[kept], kind="stable")]
             point, column, reach = point[kept], column[kept], reach[kept]
-        # The largest maximum of each row excludes most of the others.
+        # The largest maximum of each row excludes most of the other maxima.
         first = np.unique(column, return_index=True)[1]
         self._refine(output, grid, interval, point[first], column[first])
         others = reach >= (1.0 - tolerance) * output.peaks[column]

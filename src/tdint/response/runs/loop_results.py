@@ -142,7 +142,7 @@ def possible_growth(
 
     The drift of a story in free vibration is at most its distance from zero without a force plus
     its amplitude (`residual_oscillation`) with the first period of the building (s). If the ground
-    moves at the end (`is_at_rest` is False), only stories count whose drift is the peak and
+    moves at the end (`is_at_rest` is False), only stories count with a drift that is the peak and
     increases.
     """
     drift, peak = space.law_state[rows.DRIFT, : building.stories], space.peaks[rows.PEAK_DRIFT]

@@ -77,8 +77,8 @@ class Runs(Tabular):
     failures : mapping of int to str
         Messages of the runs without a result, by their index.
     errors, corrected : StoryErrors and StoryPeaks, or None
-        Estimated errors of the peaks, and the peaks of the additional runs from which they are
-        estimated, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan
+        Estimated errors of the peaks, and the peaks of the additional runs that determine these
+        estimates, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan
         without an estimate.
     varied : mapping of str to ndarray, shape (runs,)
         Values of the varied parameters by name; `models` contains the buildings as given.
@@ -224,9 +224,9 @@ class Runs(Tabular):
         dict of str to list
             Columns of a table with one row per quantity and story: `building`, `record`, `scale`,
             `quantity`, `story` (from 1), `unit`, `samples` (number of completed runs), `failed`
-            (number of other runs), `mean`, `std` (n - 1 in the denominator, nan for one sample)
-            and `p16`, `p50`, ... All values are in SI units. Runs that are not completed are not
-            part of the statistics.
+            (number of other runs), `mean`, `std` (n - 1 in the denominator, nan for a single
+            sample) and `p16`, `p50`, ... All values are in SI units. Runs that are not completed
+            are not part of the statistics.
 
         Raises
         ------

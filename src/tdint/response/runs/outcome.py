@@ -154,9 +154,9 @@ class StoryPeaks(Tabular, StoryValues):
     each substep between two located branch changes (`tdint.kernels.peaks_between_steps`). A shear
     is the force of the law at the extreme drift, or at the end of the step. The extrema of
     accelerations and total shears are located on the deviation of the quintic from the straight
-    line between their endpoint values, with a weight that falls to zero where it is unreliable;
-    their values satisfy the equations of motion (`tdint.kernels.located_peaks`). Some methods
-    compute peaks from their own paths (`tdint.kernels.equations.corners`). Two extrema of a
+    line between their endpoint values, with a weight that falls to zero where the deviation is
+    unreliable; their values satisfy the equations of motion (`tdint.kernels.located_peaks`). Some
+    methods compute peaks from separate paths (`tdint.kernels.equations.corners`). Two extrema of a
     quantity in one step, and motion that the step does not resolve, are not included.
 
     Attributes
@@ -249,7 +249,7 @@ class Gradient(Tabular, StoryValues):
     """Derivatives of the peaks of a run.
 
     The derivatives have the names of the attributes of `StoryPeaks`, and the units of the peaks
-    divided by those of the parameters.
+    divided by the units of the parameters.
 
     The first axis of the arrays is the parameter: shape (parameters, n), or (runs, parameters, n)
     for many runs. Values are nan if a neighboring run has no result.
@@ -259,7 +259,7 @@ class Gradient(Tabular, StoryValues):
     parameters : tuple of str
         Names of the parameters as requested.
     values : ndarray, shape (parameters,) or (runs, parameters)
-        Parameter values at which the derivatives are computed, SI units; 1 for factors.
+        Parameter values of the derivatives, SI units; 1 for factors.
     kink : StoryErrors
         Half the difference of the one-sided derivatives: rounding and curvature if the peak is
         smooth, the jump at a kink. An indication, not a bound.
@@ -493,7 +493,7 @@ class DevicePeaks:
     ----------
     stories : StoryPeaks
         Peaks, as of stories: the drift is the deformation (the stroke of an attachment), the shear
-        the force of the spring. Displacement, velocity and acceleration are those of the mass.
+        the force of the spring. Displacement, velocity and acceleration are motions of the mass.
     interstep_bound : StoryErrors
         As for a `Response`.
     dissipated_energy : ndarray
@@ -612,7 +612,7 @@ class History(Tabular):
     element_labels : tuple of str
         Story and name of each of these elements, such as `story_1_moat_wall`.
     devices : DeviceHistory or None
-        Histories of attachments and links; None without them.
+        Histories of attachments and links; None without attachments and links.
     rows : tuple of str
         Names of rows that are not floors, in columns; empty for a building.
     """
@@ -800,12 +800,12 @@ class Response(Tabular):
     warnings : tuple of str
         Warnings that affect the meaning of the results.
     events : tuple of EventResponse
-        For a sequence: the response to each event up to the event in which the run ended. `record`
-        and `stories` are those of the complete sequence.
+        For a sequence: the response to each event up to the event where the run ended. `record`
+        and `stories` are the values of the complete sequence.
     gradient : Gradient | None
         Derivatives of the peaks, if requested (`tdint.response.runs.gradient`).
     devices : DevicePeaks | None
-        Peaks of attachments and links; None without them.
+        Peaks of attachments and links; None without attachments and links.
     flexure : FlexurePeaks | None
         Moments, rotations and parts of the drifts of flexural stories; None for other stories.
     elements : ElementPeaks | None
@@ -934,7 +934,7 @@ class FailedRun(AnalysisError):
     energy : float | None
         If the motion grew without bound: kinetic energy at the last time, J, if it is finite.
     largest_stable_dt : float | None
-        If the time step was rejected: largest stable time step, s; 0 if there is none.
+        If the time step was rejected: largest stable time step, s; 0 if it does not exist.
     notes : tuple of str
         Information on the run for the user.
     """

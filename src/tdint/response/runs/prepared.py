@@ -53,7 +53,7 @@ from tdint.response.time_steps import Steps
 if TYPE_CHECKING:
     from tdint.model.building_samples import DrawnBuildings
 
-# Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
+# Dimensionless. Upper bound of omega dt of the highest mode: up to this bound, the time step is
 # considered to resolve all modes.
 MAX_RESOLVED_OMEGA_DT = 2.5
 _CALL_SECONDS = 0.1  # s; approximate duration of a single call of the time loop
@@ -633,7 +633,7 @@ class PreparedBuilding:
         times.
 
         `size` is the maximum number of samples of a ground motion. All runs share the arrays of
-        `space` and one list of arguments. The function (ground acceleration, `RunSpec`,
+        `space` and a single list of arguments. The function (ground acceleration, `RunSpec`,
         `BatchResult`, index, `RestCriterion`) stores the results of the run in the row `index` of
         the `BatchResult`. Without a criterion, the run ends with its last step.
         """
@@ -781,7 +781,8 @@ class PreparedBuilding:
         validate_plugin_step(integrator, self.variant)
         moments = integrator.family.moments
         columns = moments(self.building, h) if moments and self.points.size else 0
-        # The kernels continue from these arrays, so that each run has its own copy of the forces.
+        # The kernels continue from these arrays, so that each run has a separate copy of the
+        # forces.
         forces = np.pad(self.forces, ((0, 0), (0, columns))) if columns else self.forces
         space = workspace(self.building, integrator, row_count, self.collapse_drift, forces)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement

@@ -101,19 +101,19 @@ def run(
         and contain one component.
     method, dt, duration : optional
         Method specification such as `hht:alpha=-0.1`, time step (s) and duration (s). By default
-        those of the model's analysis section; otherwise the method is
+        the values of the model's analysis section; otherwise the method is
         `tdint.methods.catalogue.DEFAULT_METHOD` (reported in a note), and time step and duration
-        are those of the record. A list of methods or time steps returns a `ResultList` with the
-        responses of each method with each time step.
+        are the values of the record. A list of methods or time steps returns a `ResultList` with
+        the responses of each method with each time step.
     history : bool, default False
         Keep the response history in addition to the peaks.
     allow_unstable : bool, default False
-        Run a conditionally stable method above its stability limit, and accept a response whose
-        energy was produced by the method.
+        Run a conditionally stable method above its stability limit, and accept a response with
+        energy that was produced by the method.
     check : bool or None, default None
         Estimate the errors of the peaks (`Response.check`) by an additional run of impulse4 with
         half the time step. If this run fails, the errors are unknown. True estimates the errors of
-        the history also. False omits the estimates; the run then takes about one third of the time.
+        the history also. False omits the estimates; the run then needs about one third of the time.
     tolerance : float or str, optional
         Choose a time step for which the estimated error of every peak drift, divided by that drift,
         does not exceed this value. The search starts with four sampling intervals of the record
@@ -123,7 +123,7 @@ def run(
         (`tdint.response.runs.step_choice`).
     until_rest : bool, default False
         Continue with the ground at rest until free vibration has decayed
-        (`tdint.response.runs.case`), so that residual drifts are those at rest.
+        (`tdint.response.runs.case`), so that residual drifts are the drifts at rest.
     gradient : str or sequence of str
         Names of parameters as in `vary` of `run_many`: `stories[1].stiffness`, `damping`,
         `record.scale`. `Response.gradient` contains the derivatives of the peaks, and of the

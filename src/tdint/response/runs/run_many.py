@@ -159,27 +159,28 @@ def run_many(
         second, and so on. The sequences must have the same length or a single item, which applies
         to all runs.
     method, dt, duration : optional
-        Values that replace those of each model, as in `run`; dt and duration in s. A list of
+        Values that replace the values of each model, as in `run`; dt and duration in s. A list of
         methods or time steps returns a `ResultList` with the runs of each method with each time
         step.
     history : bool, str or sequence of str
         Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
         and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
-        `total_shear` of the stories. True keeps all of them.
+        `total_shear` of the stories. True keeps all quantities.
     every : int, default 1
         Keep every N-th step, from the start.
     out : ndarray or mapping of str to ndarray, or str or Path, optional
         Arrays for the histories, shape (runs, rows, stories), of any floating-point type, or
-        memory-mapped files (`numpy.lib.format.open_memmap`). The number of rows is that of the
-        longest run, the number of stories that of the tallest building. A single array is for a
-        single quantity. By default, arrays of float64 are allocated. A path NAME.parquet is the
-        file for the table of the runs (`Runs.to_parquet`).
+        memory-mapped files (`numpy.lib.format.open_memmap`). The arrays have the rows of the
+        longest run and the stories of the tallest building. A single array is for a single
+        quantity. By default, arrays of float64 are allocated. A path NAME.parquet is the file for
+        the table of the runs (`Runs.to_parquet`).
     jobs : int, optional
-        Number of threads; by default the number of processors. The result does not depend on it.
+        Number of threads; by default the number of processors. The result does not depend on the
+        number of threads.
     check : bool, default False
         Estimate the errors of the peaks as `run` does: by an additional run of `impulse4` for each
         run (of `exact` if the method is `exact` and no forces act on floors), with half the time
-        step, or with the sampling interval if a step covers five or more of them.
+        step, or with the sampling interval if a step covers at least five intervals.
     vary : mapping of str to array, optional
         Parameters of the buildings to change, in SI units, with a single value per sample; all
         arrays have the same length. Names: `damping`, `mass_factor`, `stiffness_factor`,
@@ -196,11 +197,11 @@ def run_many(
         True shows a progress bar by tqdm on a terminal or in a notebook. A callable receives the
         number of completed runs and the total number.
     partial : bool, default False
-        After an interrupt (Ctrl-C), return the completed runs; the status of the others is
+        After an interrupt (Ctrl-C), return the completed runs; the status of the other runs is
         `interrupted`. The result is empty if no run was planned before the interrupt.
     gradient : str or sequence of str
         Names as in `vary`: parameters for derivatives of the peaks, and of the histories that are
-        kept, of each run at its own sample (`Runs.gradient`); factors have the value 1. Each name
+        kept, of each run at its sample (`Runs.gradient`); factors have the value 1. Each name
         needs two additional runs per run. With `check`, an additional set of runs with half the
         time step estimates the errors of the derivatives (`Gradient.errors`).
     errors : str, default "raise"
@@ -290,7 +291,7 @@ def _requested(
 
     The tuples contain arguments of `run_many`: `models`, `records`, `scales`, `zip_records`;
     `method`, `dt`, `duration`, `check`; `vary`, `product`, `errors`; `history`, `every`, `out`. The
-    result contains the checked arguments, the runs to integrate (without those of an invalid
+    result contains the checked arguments, the runs to integrate (without the runs of an invalid
     sample), the result with a row for each run, the number of threads, and the Parquet file for the
     table or None. Only the rows of invalid samples are complete: their status is `OUT_OF_RANGE`,
     and their failure states the reason.
@@ -379,7 +380,7 @@ def _integrate_plan(
     def integrate_part(part: Sequence[RunSpec]) -> int:
         """Integrate some runs, unless an interrupt has occurred, and return their number."""
         # The semaphore counts the parts that are running; after an interrupt, the main thread waits
-        # for them.
+        # for these parts.
         with running:
             if not stop.is_set():
                 _integrate_part(request, result, part)
@@ -415,7 +416,7 @@ def _empty_result(
 ) -> Runs:
     """Return a result whose arrays contain nan, 0 or "interrupted" until threads fill their rows.
 
-    `plan` contains all runs, one row for each.
+    `plan` contains all runs, one row per run.
     """
     peaks, errors, corrected = (
         {
@@ -452,7 +453,7 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
     """Integrate some runs in batches of one building and one time step, and write their results to
     their rows of `result`.
     """
-    # `individual` is the sample of a run that needs its own assembled building, otherwise -1.
+    # `individual` is the sample of a run that needs a separate assembled building, otherwise -1.
     for (model, _, individual), group in groupby(
         part,
         key=lambda run: (

@@ -40,7 +40,7 @@ class EventSequence:
     starts : tuple of int
         Sample of the joined record where each event starts.
     restless : tuple of int
-        Numbers, from 1, of the events after which the building did not come to rest.
+        Numbers, from 1, of the events after which the building did not reach rest.
     """
 
     records: tuple[Record, ...]

@@ -21,7 +21,7 @@ class RunSettings:
         of the record.
     until_rest : bool
         Continue with the ground at rest until free vibration has decayed
-        (`tdint.response.runs.case`), so that residual drifts are those at rest.
+        (`tdint.response.runs.case`), so that residual drifts are the drifts at rest.
     check : bool
         Estimate the errors of the peaks.
     """

@@ -138,8 +138,8 @@ def step_within(
     case, tolerance, dt, duration
         As for `choose_step`.
     largest : float
-        Maximum time step, s; by default unlimited. The search starts at the first time step that is
-        not longer.
+        Maximum time step, s; by default unlimited. The search starts at the first time step that
+        does not exceed this maximum.
 
     Raises
     ------
@@ -162,7 +162,7 @@ class _Search:
     coarsest : Steps
         Time steps of level 0.
     power : int
-        Level whose time step is the sampling interval, or the requested time step.
+        Level with a time step equal to the sampling interval, or the requested time step.
     runs : dict
         Response or failure of each level that has been run.
     count : int
@@ -202,7 +202,7 @@ class _Search:
         """Return the time steps of a level.
 
         Halving doubles the number of steps. If the steps of level 0 end after the requested end, a
-        shorter step needs fewer of them, so the number is computed again.
+        shorter step needs fewer steps, so the number is computed again.
         """
         steps = self.coarsest
         for _ in range(level):
@@ -294,7 +294,7 @@ class _Search:
         """Predict the number of halvings from a level that does not meet the tolerance to a level
         that meets it, and store the estimated error of the level.
 
-        The prediction uses the order that the errors of this level and of the previous level show.
+        The prediction uses the order that the errors at this level and at the previous level show.
         Jumps are shorter if runs are compared with the previous run, because the time steps of the
         two runs should be similar.
         """
@@ -343,8 +343,8 @@ class _Search:
         if not self.pairs:
             return _FIRST_PAIR / richardson
         earlier_difference, earlier_halvings = self.pairs[-1]
-        # Convert the decrease of the differences since the earlier pair to the halvings of this
-        # pair.
+        # Convert the decrease of the differences since the earlier pair to the halvings of the
+        # present pair.
         decrease = math.pow(
             earlier_difference / max(difference, float(np.finfo(float).tiny)),
             halvings / earlier_halvings,

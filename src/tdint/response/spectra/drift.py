@@ -156,7 +156,7 @@ def drift_spectrum(
     The buildings are linear. They have equal masses, story stiffnesses and story heights, and the
     same damping ratio in all modes. Their response is the sum of the modal responses, which are
     exact for a ground motion that is linear between its samples. Maxima between the samples are
-    included, and those of the free vibration after the last sample as long as it can exceed them,
+    included, and the maxima of the free vibration after the last sample while it can exceed them,
     without damping for ten fundamental periods.
 
     Parameters
@@ -174,7 +174,7 @@ def drift_spectrum(
         Approximate story height, m, if `stories` is None. The number of stories is the height of
         the building divided by this value, rounded, at least 1. All stories have equal heights.
     height_period : HeightPeriod
-        Relation from which the height of a building follows from its period.
+        Relation that determines the height of a building from its period.
     beam : bool, default False
         True for the drift at the base of a continuous shear beam (Iwan 1997) instead of stories,
         with the same damping ratio in all modes. Without damping, this is Iwan's sum of waves,
@@ -255,7 +255,8 @@ class _Stories:
     """Building with n equal stories.
 
     The ordinate of mode j at floor s is sin(s theta_j), with theta_j = (2j - 1) pi / (2n + 1). The
-    modes are computed on access, because the modes of all buildings together need too much memory.
+    modes are computed on access, because the modes of all buildings together would need an
+    excessive amount of memory.
 
     Attributes
     ----------
@@ -380,8 +381,8 @@ def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: fl
     ]
     steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
     boundaries = np.cumsum([omega.size for omega in omegas])[:-1]  # between the buildings
-    # Compute the table of modes for all buildings together, because one call for each building
-    # takes longer.
+    # Compute the table of modes for all buildings together, because one call for each building is
+    # slower.
     omega = np.concatenate(omegas)
     all_modes = recursion_table(omega, np.concatenate(steps), damping, more=2)
     all_modes[drifts.OMEGA], all_modes[drifts.DAMPING] = omega, damping

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
 
 
-# ---- Maximum response of many oscillators to one ground motion, by the exact recursion with a time
-# step that depends on the oscillator
+# ---- Maximum response of many oscillators to a single ground motion, by the exact recursion with a
+# time step that depends on the oscillator
 
 Parts = NDArray[np.int64]
 
@@ -71,7 +71,7 @@ def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -
     in the rows of `tdint.kernels.oscillators.between_steps`, and `more` rows without values.
 
     The solution is exact for a ground acceleration that is linear within the step (Nigam and
-    Jennings 1969). The damping ratio is one value, or one for each oscillator.
+    Jennings 1969). The damping ratio is a single value, or a value for each oscillator.
     """
     # The coefficients are first computed for displacements u, h v (velocity v) and h^2 p (load p),
     # and then converted to u, v and p.
@@ -135,8 +135,8 @@ class Maxima:
 def _resolving(omega: Array, dt: float) -> Parts:
     """Return the number of parts of the interval dt (s) for each oscillator, so that omega h <= 1.
 
-    The search for maxima within a part of length h requires this limit. The numbers are powers of
-    two, so that many oscillators have the same number and are integrated together.
+    The search for maxima within a part of length h requires this limit. All numbers of parts are
+    powers of two, so that many oscillators have the same number and are integrated together.
     """
     return 2 ** np.ceil(np.log2(np.maximum(1.0, omega * dt * (1.0 - _ROUNDING)))).astype(np.int64)
 
@@ -210,7 +210,7 @@ def groups(
     # Coefficients of displacement and velocity in the absolute acceleration.
     table[spectra.BY_DISPLACEMENT] = omega**2
     table[spectra.BY_VELOCITY] = 2.0 * damping * omega
-    # `np.unique` would import numpy.ma, which takes longer than the spectrum of one record.
+    # `np.unique` would import numpy.ma, which is slower than the spectrum of one record.
     for count in sorted(set(parts.tolist())):
         indices = np.flatnonzero(parts == count)
         missing_columns = -indices.size % lanes(indices.size)
@@ -481,7 +481,7 @@ def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> O
     if period == 0.0:
         raise UsageError("the period of an oscillator must be positive, got 0")
     omega = 2.0 * math.pi / period
-    # Convert to Python floats, because a loop over NumPy scalars takes several times as long.
+    # Convert to Python floats, because a loop over NumPy scalars needs several times the time.
     table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
     a11, a12, b10, b11, a21, a22, b20, b21 = (
         table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21)
@@ -639,7 +639,7 @@ class FirstMode:
         power-law dashpots).
     sa : float | None
         Pseudo-acceleration of the ground motion at T1, m/s^2; None without ground motion, or if the
-        period is too short for it.
+        period is too short for this ground motion.
     sa_damping : float
         Damping ratio of `sa`.
     """

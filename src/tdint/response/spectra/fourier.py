@@ -105,7 +105,7 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     if smoothing is None:
         return FourierSpectrum(record, math.nan, frequencies, amplitude)
     # ObsPy's smoothing is not used, because it evaluates the window at every frequency of the
-    # transform, which takes much more time or a large matrix, and because its window is not
+    # transform, which needs much more time or a large matrix, and because its window is not
     # normalized by default.
     sequence = np.geomspace(1, frequencies.size, _MAX_FREQUENCIES)
     centers = np.unique(np.rint(sequence).astype(int)) - 1  # indices of frequencies, from 0

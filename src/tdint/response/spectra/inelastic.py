@@ -29,10 +29,11 @@ _MIN_STRENGTH, _MAX_STRENGTH = 1e-9, 1e6
 # The largest strength that leads to a ductility (the target) is searched downward from the elastic
 # strength.
 _STRENGTH_STEP = 0.97  # ratio of successive strengths in the search
-_MIN_RATIO = 1e-9  # fraction of the elastic strength at which the search ends without a result
-# The search finds two strengths with ductilities below and above the target. The interval between
-# these strengths is divided into _PARTS parts. The part where the ductility reaches the target is
-# divided again, until the ductility at its lower end is at most _MAX_OVERSHOOT times the target.
+_MIN_RATIO = 1e-9  # fraction of the elastic strength where the search ends without a result
+# The search determines two strengths with ductilities below and above the target. The interval
+# between these strengths is divided into _PARTS parts. The part where the ductility reaches the
+# target is divided again, until the ductility at its lower end is at most _MAX_OVERSHOOT times the
+# target.
 _PARTS = 6
 _MAX_OVERSHOOT = 1.15
 # Fraction of the target. A local maximum of the ductility above it is computed by an optimization,

@@ -1,11 +1,11 @@
 """Response spectrum analysis: modal and combined peak responses of a linear building for a design
 spectrum.
 
-Each response, including drifts and shears, is combined from its own modal peaks and never computed
-as a difference of combined responses. The combination rules are the square root of the sum of
-squares (Rosenblueth 1951) and the complete quadratic combination (Der Kiureghian 1981), whose cross
-terms apply to stationary motion of modes with close frequencies. All modes of the building are
-included, so no mass is missing.
+Each response, including drifts and shears, is combined from modal peaks of the same response and
+never computed as a difference of combined responses. The combination rules are the square root of
+the sum of squares (Rosenblueth 1951) and the complete quadratic combination (Der Kiureghian 1981),
+with cross terms that apply to stationary motion of modes with close frequencies. All modes of the
+building are included, so no mass is missing.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ModalResponse(Tabular):
     force_cqc, acceleration_cqc : ndarray, shape (n,)
         Forces on the floors, N, and forces divided by masses: absolute accelerations, m/s^2.
     moment_cqc : ndarray, shape (n,)
-        Overturning moment at the base of each story, N m; nan if the height of this story or of a
+        Overturning moment at the base of each story, N m; nan if the height of the story or of a
         story above is not specified.
     """
 

@@ -42,14 +42,15 @@ class RotatedSpectrum(Tabular):
     percentiles : tuple of int
         Requested percentiles.
     psa : ndarray, shape (len(percentiles), k)
-        RotDnn: percentiles of the pseudo-accelerations (m/s^2) in 180 directions one degree apart.
+        RotDnn: percentiles of the pseudo-accelerations (m/s^2) in 180 directions at intervals of
+        one degree.
     geometric_mean : ndarray, shape (k,)
         Geometric mean of the pseudo-accelerations of the two components without rotation, m/s^2.
     angle : ndarray, shape (k,)
         Direction of the maximum pseudo-acceleration, degrees from the first component towards the
         second component, less than 180.
     maxima : str
-        Method by which the maximum of each oscillator was determined, as in
+        Method that determined the maximum of each oscillator, as in
         `tdint.response.spectra.elastic.Spectrum`.
     interpolation : str
         Interpolation of the acceleration between samples, as in `Spectrum`.

@@ -1,7 +1,7 @@
 """Target spectra and published spectra.
 
-A target spectrum, to which a suite of ground motions is scaled, is a CSV file or a design spectrum
-of a code specified by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`,
+A suite of ground motions is scaled to a target spectrum. This spectrum is a CSV file or a design
+spectrum of a code specified by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`,
 `ec8:type=1,soil=B,ag=0.25g`, `asce7-22:FILE`). Computed spectra are compared with published
 spectra.
 """
@@ -67,8 +67,8 @@ _MIN_ETA = 0.55  # minimum damping correction factor eta, EN 1998-1 3.2.2.2 (3)
 _MIN_OF_DESIGN = 0.2  # beta, lower bound of the design spectrum over ag, EN 1998-1 3.2.2.5 (4)
 _EC8_END = 4.0
 """Period, s, above which EN 1998-1 Annex A applies, which covers only spectra of type 1."""
-# Period TE, s, by ground type (EN 1998-1:2004 table A.1), from which the displacements of Annex A
-# apply
+# Period TE, s, by ground type (EN 1998-1:2004 table A.1); for longer periods the displacements of
+# Annex A apply
 _TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}
 _TF = 10.0  # s; period TF, from which the spectral displacement equals the ground displacement
 
@@ -118,9 +118,9 @@ def _ec8(parameters: Texts) -> DesignSpectrum:
     spectrum Sd (3.2.2.5) if the parameters include the behavior factor `q`.
 
     The design spectrum is 2/3 ag S at period 0, 2.5 ag S / q on the plateau and at least 0.2 ag for
-    longer periods; damping is included in q. An elastic spectrum of type 1 extends to 10 s; from
-    the period TE on it follows the displacements of eq. A.2 (Annex A). A spectrum of type 2 extends
-    to 4 s. The parameters are the texts of `type` (1 or 2), `soil` (A to E), `ag` (peak ground
+    longer periods; damping is included in q. An elastic spectrum of type 1 extends to 10 s; above
+    the period TE it follows the displacements of eq. A.2 (Annex A). A spectrum of type 2 extends to
+    4 s. The parameters are the texts of `type` (1 or 2), `soil` (A to E), `ag` (peak ground
     acceleration with its unit) and `damping` (ratio, 5 % by default); and `s` (soil factor), `tb`,
     `tc` and `td` (corner periods, s) of a National Annex, by default the recommended values.
     """
@@ -527,7 +527,7 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
     """Return the target spectrum of a table with one column of periods and one column of
     accelerations. ModelError is raised if a column is missing, or its values are invalid.
     """
-    # Columns of pseudo-acceleration take precedence over other accelerations.
+    # Columns of pseudo-acceleration have precedence over other accelerations.
     columns = [(name, *name_and_units(name)) for name in table.header]
     in_seconds = (
         name
@@ -614,7 +614,7 @@ class PublishedSpectrum:
         Parameters
         ----------
         periods : ndarray, shape (k,)
-            Periods, s; they may differ from those of the file by rounding.
+            Periods, s; they may differ from the periods of the file by rounding.
 
         Raises
         ------
@@ -693,8 +693,8 @@ def read_published(
     ----------
     source : str or Path
         The file. It needs a column of periods (`period_s`, `T (s)`) and a column of values
-        (`psa_g`, `PSA (cm/s^2)`, `sd_cm`) whose quantity is a key of `QUANTITIES`. If the file has
-        a column `damping`, only the rows with the requested damping ratio are used.
+        (`psa_g`, `PSA (cm/s^2)`, `sd_cm`) with a quantity that is a key of `QUANTITIES`. If the
+        file has a column `damping`, only the rows with the requested damping ratio are used.
     column : str, optional
         Name of the column of values. Required if the file contains several columns of values.
 

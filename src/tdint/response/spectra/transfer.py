@@ -127,7 +127,7 @@ def transfer_function(
     ------
     ModelError
         The model is invalid, P-delta effects exceed the stiffness of a story, or a story has a
-        damper whose force is not proportional to the velocity.
+        damper with a force that is not proportional to the velocity.
     UsageError
         The floor does not exist, or a frequency is not positive.
     """
@@ -235,8 +235,8 @@ class _DynamicStiffness:
             load = np.zeros(story.size, dtype=complex)
             load[int(self.source) - 1] = 1.0
             return load
-        # Only springs and dampers to the ground move it: those of stories without a story below,
-        # and those of the floors. Modal damping acts on the velocity relative to the ground.
+        # Only springs and dampers to the ground move it: springs and dampers of stories without a
+        # story below, and of the floors. Modal damping acts on the velocity relative to the ground.
         to_ground = np.where(self.link == 0.0, story, 0.0) + 1j * omega * self.floor_damper
         return np.asarray(to_ground + 1j * omega * self.coupling.sum(axis=1))
 
@@ -274,7 +274,7 @@ def _resolved(stiffness: _DynamicStiffness) -> tuple[Array, Array]:
         chord = 0.5 * (response[opened] + response[opened + 1])
         scale = np.maximum(np.abs(values), _NEGLIGIBLE * np.max(np.abs(response), axis=0))
         is_coarse = np.any(np.abs(values - chord) > _MAX_DIFFERENCE * scale, axis=1)
-        # A narrow resonance may lie unnoticed inside an interval, so that intervals with natural
+        # A narrow resonance may be unnoticed inside an interval, so that intervals with natural
         # frequencies are always halved.
         if halving < _MIN_HALVINGS:
             is_coarse |= np.isin(opened, np.searchsorted(frequency, natural) - 1)

@@ -223,8 +223,8 @@ def cyclic_test(
         Number of cycles of each amplitude (default 1), and number of points in a quarter of a cycle
         (default 200).
     element : str, optional
-        Name of an element of the story, which is tested alone and without P-delta. Default: the
-        complete story.
+        Name of an element of the story, which is tested without the rest of the story and without
+        P-delta. Default: the complete story.
 
     Returns
     -------
@@ -234,8 +234,8 @@ def cyclic_test(
     Raises
     ------
     UsageError
-        The story does not exist, the unit of an amplitude is not available for it, or there are too
-        many points.
+        The story does not exist, the unit of an amplitude is not available for this story, or there
+        are too many points.
     AnalysisError
         The law has no finite force along the path.
     """

@@ -1,13 +1,13 @@
 """Pushover of a building.
 
 A pushover computes the base shear of a building that is pushed slowly, over its roof displacement.
-The forces on the floors have a constant pattern and one common factor. In a chain, this factor
+The forces on the floors have a constant pattern and a common factor. In a chain, this factor
 determines the shears of all stories. The analysis is therefore controlled by the drift of the
-softest story at the time. Each other story has the drift at which it carries its share of the
-shear: it is loaded while the factor increases, and unloaded while the factor decreases. This
-control passes through peaks and softening branches and does not need a matrix. If one story
-softens and the other stories unload by more than its increment, the roof displacement decreases
-(snap-back). The curve is thus a path and not a function of the roof displacement.
+softest story at the time. Each other story has the drift where it resists its share of the shear:
+it is loaded while the factor increases, and unloaded while the factor decreases. This control
+passes through peaks and softening branches and does not need a matrix. If one story softens and the
+other stories unload by more than its increment, the roof displacement decreases (snap-back). The
+curve is therefore a path and not a function of the roof displacement.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ _MAX_ITERATIONS = 60
 # The usual drift step of the controlling story is the difference of the roof displacement between
 # two rows, divided by this number
 _STEPS_PER_ROW = 8
-# Maximum number of steps per row. Without it, the path would not end if the roof displacement is
-# constant, because the other stories unload as fast as the controlling story is loaded
+# Maximum number of steps per row. Without this maximum, the path would not end if the roof
+# displacement is constant, because the other stories unload as fast as the controlling story is
+# loaded
 _MAX_STEPS_PER_ROW = 4000
 # Maximum error of the area below the curve in one step, over the area of a rectangle that encloses
 # the curve; a curve with ten yield points then has seven correct digits
@@ -225,7 +226,7 @@ def pushover(
         Roof displacement, as a length, or as a ratio to the height of the building (also a number).
     pattern : str
         Key of `PATTERNS`, default `first-mode`; or the forces on the floors from the lowest to the
-        roof, separated by commas, of which only the ratios are used.
+        roof, separated by commas; only their ratios are used.
     points : int
         Number of rows after the start, at equal steps of the roof displacement; default 200. If the
         roof displacement decreases, rows are added at equal steps of the summed changes of all
@@ -254,7 +255,7 @@ def pushover(
             f"pushover does not support springs between floors ({', '.join(springs)}); use time "
             "histories, or omit these links"
         )
-    # Attached masses and dashpots have no static forces; the loads are those of the stories.
+    # Attached masses and dashpots have no static forces; the loads are the loads of the stories.
     building = assemble(replace(model, damping=None, attachments=(), links=()))
     target = _target(drift_of(size), building)
     forces = _forces(building, pattern)
@@ -365,7 +366,7 @@ class _Chain:
     shear_fraction : ndarray, shape (n,)
         Shear of each story over the base shear; it follows from the pattern of forces.
     largest : tuple of (float, ndarray)
-        Maximum base shear of the path so far, N, and the drifts at this base shear.
+        Maximum base shear of the path up to now, N, and the drifts at this base shear.
     """
 
     def __init__(self, building: Building, forces: Array) -> None:
@@ -521,8 +522,9 @@ class _Chain:
     def _accept(self, controlling: int, drift: Array, base_shear: float) -> None:
         """Advance all stories to a new state, and update the path and the maximum base shear."""
         # The maximum base shear of the step is at its end, or at the maximum force of the
-        # controlling story. If the tangent of this story changes its sign within the step, its
-        # maximum force is found by bisection. Item 1 of the result of `response_at` is the tangent.
+        # controlling story. If the tangent of the controlling story changes its sign within the
+        # step, its maximum force is found by bisection. Item 1 of the result of `response_at` is
+        # the tangent.
         story = self.stories[controlling]
         step_to_maximum = float(drift[controlling] - self.drift[controlling])
         maximum_state = (base_shear, drift)

@@ -4,9 +4,9 @@ Two published methods are used. N2 (EN 1998-1:2004, annex B; Fajfar 2000) comput
 demand of the oscillator, increased by a rule for short periods. The coefficient method (ASCE 41-17,
 7.4.3.3) multiplies the elastic demand at an effective period by factors. Both idealize the curve up
 to the displacement that they compute. The result is therefore the first displacement on the curve
-that reproduces itself. For a displacement on the first straight line of the curve, the idealized
-curve is this line. For a displacement above the maximum base shear, the curve up to the maximum is
-idealized.
+that the method reproduces. For a displacement on the first straight line of the curve, the
+idealized curve is this line. For a displacement above the maximum base shear, the curve up to the
+maximum is idealized.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ _MAX_DISPLACEMENT_RATIO = 3.0
 # Fraction of the yield force where the effective stiffness intersects the curve (ASCE 41-17,
 # 7.4.3.2.4)
 _SECANT = 0.6
-# Spectral acceleration at a period of 1 s, g, from which a site is a near-fault site (ASCE 41-17,
-# 7.4.3.3.2)
+# Minimum spectral acceleration of a near-fault site at a period of 1 s, g (ASCE 41-17, 7.4.3.3.2)
 _NEAR_FAULT_AT_1_S = 0.6
 # Ratio of the maximum displacement of the curve to the target displacement, required by EN 1998-1,
 # 4.3.3.4.2.3
@@ -44,7 +43,7 @@ _REQUIRED_RANGE = 1.5
 # is a million times the residuals of equilibrium, and a thousandth of the deviation at first yield.
 _YIELD_TOLERANCE = 1e-6
 # Maximum relative difference of forces that are considered equal; residuals of equilibrium are a
-# hundredth of it
+# hundredth of this maximum
 _ROUNDING = 1e-9
 _MAX_BISECTIONS = 100  # more than the number of binary digits of a floating-point number
 
@@ -272,8 +271,8 @@ def _n2(
     The idealized curve is elastic and perfectly plastic, with equal strength and area.
     """
     roof = curve.idealized_to(roof)
-    # Forces and displacements of the building are divided by the participation factor to obtain
-    # those of the equivalent oscillator. Equation numbers refer to annex B of EN 1998-1.
+    # Forces and displacements of the building are divided by the participation factor to obtain the
+    # values of the equivalent oscillator. Equation numbers refer to annex B of EN 1998-1.
     yield_strength = curve.maximum_shear(roof) / participation
     oscillator_displacement = roof / participation
     _, area_of_building = curve.response_at(roof)
@@ -343,8 +342,9 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
     maximum_shear = curve.maximum_shear(roof)
     # The intersection of the secant at 0.6 times the yield force moves along a straight part of the
     # curve: the displacement at yield, and therefore the area below the two lines, are linear
-    # functions of the yield force. The difference of the areas is computed only at both ends of
-    # each straight part, and interpolated. Flat and decreasing parts contain no new intersection.
+    # functions of the yield force. The difference of the areas is computed only at both endpoints
+    # of each straight part, and interpolated. Flat and decreasing parts contain no new
+    # intersection.
     maximum_before = np.maximum.accumulate(curve.shear)
     rising = np.flatnonzero(curve.shear[1:] > maximum_before[:-1]) + 1
     rising = rising[maximum_before[rising - 1] < _SECANT * maximum_shear]
@@ -358,7 +358,7 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
     yield_displacements = (
         curve.roof[rising] - flexibility * (curve.shear[rising] - intersection_shears)
     ) / _SECANT
-    # Difference of the areas (two lines minus curve) at both ends of each straight part.
+    # Difference of the areas (two lines minus curve) at both endpoints of each straight part.
     area_at_start, area_at_end = (
         forces * roof + end_shear * (roof - yield_displacements)
     ) / 2.0 - area
@@ -437,8 +437,8 @@ def _strength_note(
     end_point = peak + int(below_secant[0]) if below_secant.size else curve.shear.size - 1
     roof_range = float(curve.roof[end_point] - curve.roof[peak])
     if end_point == peak or roof_range <= 0.0 or curve.shear[end_point] >= curve.shear[peak]:
-        # The roof displacement decreases after the peak, so that the curve has no slope there. If
-        # the building cannot be pushed further, the slope is considered infinite.
+        # The roof displacement decreases after the peak, so that the curve has no slope at this
+        # point. If the building cannot be pushed further, the slope is considered infinite.
         if curve.pushed.ended and end_point == peak:
             slope = p_delta_slope = -math.inf
         else:

@@ -296,7 +296,7 @@ class GridSamples:
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         """Return the number of runs of each building (`SiteEvents.counts`)."""
         # Usually all motions have the same number of runs. Then the number of runs of a building
-        # does not depend on the sampled motions, and the sampling, which takes time, is omitted.
+        # does not depend on the sampled motions, and the sampling, which needs time, is omitted.
         run_counts = {
             sum(map(runs, components))
             for point_motions in self.grid.motions
@@ -324,8 +324,8 @@ class GridSamples:
         distances, near_points = self._tree.query(
             self._building_points[building], k=np.arange(1, count + 1)
         )
-        # If the building is at a point of the grid, the weight of this point is infinite: sample
-        # only this point.
+        # If the building is at a point of the grid, the point has an infinite weight: sample only
+        # this point.
         is_at_point = distances == 0.0
         if is_at_point.any():
             weights = is_at_point.astype(float)

@@ -171,8 +171,8 @@ class Rules:
     Attributes
     ----------
     stiffness, damping : float
-        Standard deviations of the random factors (mean 1) by which stiffness and damping ratio of
-        each building are multiplied; 0: no factors.
+        Standard deviations of the random factors (mean 1) on stiffness and damping ratio of each
+        building; 0: no factors.
     collapse_drift : float
         Drift ratio above which a run counts as collapsed.
     """

@@ -233,7 +233,7 @@ _SITE_COLUMNS = {
 }
 """Columns that precede the inventory columns if the ground motion fields have sites."""
 
-_ROWS_AT_ONCE = 2048  # number of runs formatted together, which takes some MB
+_ROWS_AT_ONCE = 2048  # number of runs formatted together, which needs some MB
 
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
 """Numbers as in JSON; for example, 02138 is text."""
@@ -260,7 +260,7 @@ def _varied_names(varied: Sequence[Mapping[str, float]]) -> list[str]:
 def run_heads(store: Store) -> Callable[[int, int], list[str]]:
     """Return a function that returns the first three cells of the row of a run: building, record
     and component. The arguments of the function are the numbers of the building and the record."""
-    # The names are formatted once, because there can be millions of runs.
+    # The names are formatted one time, because there can be millions of runs.
     buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
     records = {
         number: [cell_text(name), cell_text(component)]

@@ -3,7 +3,7 @@
 A campaign runs many buildings under many scaled ground motions. A chunk is a part of its runs
 together with all their input, so that a thread or a remote worker can process it without reading
 files. All runs of a building with the same time step are integrated by a single compiled call;
-sequences, load cases and runs with error estimates are integrated one by one. Failed runs are
+sequences, load cases and runs with error estimates are integrated individually. Failed runs are
 repeated with half the time step.
 """
 
@@ -254,7 +254,7 @@ def story_rows(
     stories : StoryPeaks
         Peak responses of the stories in this run.
     check : ErrorEstimate, optional
-        Error estimate of the run. Without it, the errors in the rows are empty.
+        Error estimate of the run. Without an estimate, the errors in the rows are empty.
     """
     values = _values_of(STORY_QUANTITIES, stories)
     errors = _values_of(STORY_QUANTITIES, check.errors) if check else repeat(())

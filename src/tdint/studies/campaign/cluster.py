@@ -114,7 +114,7 @@ def on_cluster(
         Dask is not installed, or no scheduler responds at the address.
     AnalysisError
         Workers were lost repeatedly while running the same chunk. Exceptions raised by a chunk are
-        raised here too.
+        also raised here.
     """
     client = _connect(cluster)
     try:
@@ -242,7 +242,7 @@ def _results(
         limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_by_worker.values()))
         # A chunk is created when it is submitted: all chunks together may not fit in memory.
         for number in islice(numbers, max(0, limit - pending)):
-            # With `pure=False`, Dask does not look for equal chunks to reuse their results.
+            # With `pure=False`, Dask does not search for equal chunks to reuse their results.
             running.add(
                 client.submit(run_chunk_with_plugins, plugins, chunk(number), pure=False, retries=0)
             )

@@ -380,7 +380,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
                 random[name] = distribution
         else:
             grids[name] = _values(entry, name)
-    # Random parameters require a number of samples, which has no effect without them.
+    # Random parameters require a number of samples, which has no effect without random parameters.
     samples = section.get("samples")
     if random and not samples:
         value.fault("random parameters require `samples`; add the number of samples")
@@ -550,10 +550,10 @@ class CampaignFile:
     outputs : tuple of str | None
         Tables to write; None: all tables.
     style : str
-        Style of the figures, as in the file. Runs do not depend on it.
+        Style of the figures, as in the file. Runs do not depend on the style.
     pair_demand : str | None
         Rule that combines the components of pairs (`tdint.studies.motions.pairs`); None: the
-        default. Runs do not depend on it.
+        default. Runs do not depend on the rule.
     """
 
     name: str

@@ -315,7 +315,8 @@ def campaign(
         Directory where completed runs are stored. The next call continues from these runs, and
         `tdint campaign export FOLDER` writes their tables. By default runs are stored in memory.
     jobs : int, optional
-        Number of threads; the default is the number of processors. Results do not depend on it.
+        Number of threads; the default is the number of processors. Results do not depend on this
+        number.
     max_runs : int, optional
         Stop after about this number of runs.
     progress : bool or callable
@@ -389,8 +390,8 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     Raises
     ------
     UsageError
-        A directory contains no campaign, or the campaigns differ; the message lists the
-        differences, one line each.
+        A directory contains no campaign, or the campaigns differ; the message has one line per
+        difference.
     AnalysisError
         Runs are missing from all stores; the message has their number and their shards.
     OutputError

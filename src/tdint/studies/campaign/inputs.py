@@ -163,7 +163,7 @@ def check_load_cases(campaign: CampaignFile) -> None:
     ModelError
         A floor does not exist in a building.
     RecordError
-        Files of load cases are invalid; the message has the reasons, one line each.
+        Files of load cases are invalid; the message has one line per reason.
     """
     assert isinstance(campaign.records, LoadFiles)
     models: list[Model] = []
@@ -290,7 +290,7 @@ def _select_located(
             "Latitude and Longitude"
         )
     # A row without a location is an error of the file; a row that is too far away is not. The sum
-    # of longitude and latitude is NaN if one of them is missing.
+    # of longitude and latitude is NaN if one value is missing.
     unlocated: list[ModelFault] = []
     is_unlocated = np.isnan(rows.locations[:, 0] + rows.locations[:, 1])
     if is_unlocated.any():
@@ -387,7 +387,7 @@ def read_motions(records: RecordFiles) -> CampaignMotions:
     Raises
     ------
     RecordError
-        No record can be used; the message has the reasons, one line each.
+        No record can be used; the message has one line per reason.
     """
     suite = read_suite(records.files, records.choice, records.pairs)
     if not suite.motions:
@@ -412,7 +412,7 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     ModelError
         The file cannot be read.
     RecordError
-        No sequence can be used; the message has the reasons, one line each.
+        No sequence can be used; the message has one line per reason.
     """
     format_text = (
         f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three "
@@ -436,7 +436,7 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
             _SequenceEvent(file, component, factor, unit.strip())
         )
     motions, failures = list[SuiteMotion](), list[TdintError]()
-    notes: dict[str, None] = {}  # keys of a dictionary: each note once, in order
+    notes: dict[str, None] = {}  # keys of a dictionary: each note one time, in order
     for name, events in events_by_sequence.items():
         try:
             motions += _sequence(name, events, sequences, notes)
@@ -564,7 +564,7 @@ def read_listed_motions(
     Raises
     ------
     RecordError
-        No record can be used; the message has the reasons, one line each.
+        No record can be used; the message has one line per reason.
     """
     table, suite = read_listed(table, records.choice, records.pairs)
     if not suite.motions:
@@ -600,7 +600,7 @@ def read_listed(
     failure_text = " ".join(map(str, suite.failures))
     for (file, component), motions in motions_of_row.items():
         # The row of a file that could not be read is no error here, because the file is reported
-        # among the failures of the suite.
+        # with the failures of the suite.
         if component and len(motions) != 1 and file not in failure_text:
             problem = (
                 f"has {len(motions)} components named {component}"

@@ -62,7 +62,7 @@ class LoadFiles:
     Attributes
     ----------
     files : tuple of str
-        CSV files, one load case each.
+        CSV files, one per load case.
     columns : tuple of (int, str)
         Floor and column of each force. The floor 0 is the roof of each building; an empty column is
         the only column of forces.
@@ -130,7 +130,7 @@ def read_load_cases(
     ModelError
         A building does not have a floor that is loaded.
     RecordError
-        No file can be used; the message has the reasons, one line each.
+        No file can be used; the message has one line per reason.
     """
     # Imported here, because only campaigns of load cases read tables of forces.
     from tdint.model.config.load_tables import read_load_file

@@ -88,7 +88,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
                 Profile(
                     scale,
                     math.nan,
-                    # A run is identified by its number among the runs of its building and scale.
+                    # A run is identified by its number in the runs of its building and scale.
                     [[Run(int(index), scale, 0)] for index in np.flatnonzero(status == DONE)],
                     [[] for _ in range(collapsed)],  # only their number is used here
                     pairs=0,

@@ -336,8 +336,8 @@ class Plan:
         tolerance = self.settings.tolerance
         if tolerance is None:
             return math.inf
-        # Several threads may have runs of the same building: the first one computes the time step,
-        # the other threads wait.
+        # Several threads may have runs of the same building: the first thread computes the time
+        # step, the other threads wait.
         with self._choosing:
             is_first = number not in self._chosen
             if is_first:

@@ -1,6 +1,6 @@
 """Continuation of a campaign after a change of its records or buildings.
 
-The results of the runs whose record and building are unchanged are copied from the earlier store,
+The results of the runs with unchanged record and building are copied from the earlier store,
 so that only the other runs are integrated. A run does not depend on the other runs of the campaign,
 therefore the tables equal the tables of a new campaign to the last byte.
 """
@@ -32,13 +32,13 @@ def reuse_results(folder: Path, plan: Plan) -> str:
     Parameters
     ----------
     folder : Path
-        Directory of the campaign. Without a store, or with a store of the same campaign, nothing is
-        done.
+        Directory of the campaign. Without a store, or with a store of the same campaign, the
+        function has no effect.
 
     Returns
     -------
     str
-        Note with the number of runs whose results are kept; empty if nothing is done.
+        Note with the number of runs with kept results; empty if the function has no effect.
 
     Raises
     ------

@@ -3,9 +3,10 @@ motion, mean, fractiles and maximum. Also floor response spectra under a suite.
 
 The order of operations is that of design codes: maximum of each motion over time, in each story;
 mean over the motions; maximum over the stories. The two components of a pair are combined to a
-single motion, unless they count separately. Mean and maximum are over the motions with a result and
-without collapse. In the median and the fractiles a collapse counts as larger than every value, so
-that they do not fall when more motions cause collapse. Motions without a result are only counted.
+single motion, unless they count separately. Mean and maximum include only the motions with a result
+and without collapse. In the median and the fractiles a collapse counts as larger than every value,
+so that they do not fall when more motions cause collapse. Motions without a result are only
+counted.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Statistics:
             fractile = np.full(values.shape[1], math.inf if collapsed else math.nan)
             return cls(missing, fractile, fractile, fractile, missing)
         mean, largest = np.mean(values, axis=0), np.max(values, axis=0)
-        # A fractile between two sorted values, of which the upper is a collapse, is a collapse. The
+        # A fractile between two sorted values is a collapse if the upper value is a collapse. The
         # ranks of the values result from the same interpolation, applied to their numbers.
         ranks = np.percentile(np.arange(len(values) + collapsed), _FRACTILES)
         sorted_last = np.concatenate([values, np.repeat(largest[None], collapsed, axis=0)])
@@ -511,9 +512,9 @@ _FIRST_ERROR = 1 + len(STORY_QUANTITIES)
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     """Return the number of the intensity level of each run, from 0.
 
-    The number is the rank of the absolute scale factor of the run among the runs with the same
-    motion and sample. A level is not identified by the factor, because motions may have different
-    factors at the same level.
+    The number is the rank of the absolute scale factor of the run in the runs with the same motion
+    and sample. A level is not identified by the factor, because motions may have different factors
+    at the same level.
     """
     runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
     for run in runs:
@@ -612,7 +613,7 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         "1, 2, 3, 4"
     ).fetchall()
     result: list[RunFloors] = []
-    # Create each building once, and integrate its runs in parallel.
+    # Create each building one time, and integrate its runs in parallel.
     buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
     for building, record, scale, sample, dt in run_rows:
         buildings[building].append((Run(record, scale, sample), dt))
@@ -673,7 +674,7 @@ def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[Floo
             if not level.completed:
                 continue
             # All runs have the spectra of the same floors and damping ratios in the same order:
-            # take these from the first run, and the pseudo-accelerations from all runs.
+            # use these from the first run, and the pseudo-accelerations from all runs.
             for index, floor_spectrum in enumerate(spectra_of_run[level.completed[0][0]]):
                 spectrum, name = floor_spectrum.spectrum, names[number][0]
                 psa = np.array(

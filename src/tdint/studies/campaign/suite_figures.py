@@ -238,7 +238,7 @@ def _line(axes: Any, values: Array, by_floor: bool, base: int, **style: Any) -> 
         axes.plot(values, np.arange(values.size) + 1.5 - base, **style)
         return
     # Each story has two points, at its lower and upper edge.
-    # `repeat` doubles all edges of the stories; the outermost edges are needed only once.
+    # `repeat` doubles all edges of the stories; the outermost edges are needed only one time.
     edges = np.repeat(np.arange(values.size + 1) + 0.5 - base, 2)[1:-1]
     axes.plot(np.repeat(values, 2), edges, **style)
 

@@ -220,7 +220,7 @@ def _statistics_chapter(
     """Return the chapter of means and maxima of a building over the ground motions at a single
     intensity level; estimated errors are added if the runs have error estimates.
 
-    Total shears are omitted if the model (`subjects`, by name) has neither P-delta nor dashpots.
+    Total shears are omitted if the model (`subjects`, by name) has no P-delta and no dashpots.
     """
     subject = subjects.get(profile.building)
     suite_columns: tuple[str, ...] = _SUITE_COLUMNS
@@ -355,7 +355,7 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
         factors.setdefault((building, motion, sample), []).append(scale)
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
-        # Levels are ranks, because each ground motion can have its own scale factors: the smallest
+        # Levels are ranks, because each ground motion can have separate scale factors: the smallest
         # factor of each ground motion belongs to the first level.
         for rank, scale in enumerate(sorted(scales, key=abs)):
             levels.setdefault((building, rank), []).append((motion, scale))
@@ -437,7 +437,7 @@ def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]
     if any(len(factors) > 1 for _, factors in motions):
         return None
     # For rules that check the average, the figure also shows the average and 90 % of the target.
-    # The average of pairs is not drawn for single components.
+    # The average of pairs is not plotted for single components.
     minimum_ratio = settings["least_average_over_target"]
     if settings["pairs"] and any(isinstance(motion, Record) for motion, _ in motions):
         minimum_ratio = None

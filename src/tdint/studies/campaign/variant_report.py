@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _MAX_ROWS = 40
 """Maximum number of rows of the table; profiles.csv lists all buildings and levels."""
 
-_MAX_SENTENCES = 3  # maximum number of levels with a sentence of their own
+_MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
 
 
 class _Device(NamedTuple):
@@ -62,7 +62,7 @@ def comparison_parts(
     Parameters
     ----------
     baseline : str | None
-        Building to which drifts are related; None for the first building.
+        Reference building of the drifts; None for the first building.
     """
     if len({profile.building for profile in profiles}) < 2:
         return [], []
@@ -104,7 +104,7 @@ def _variants(
         residual = _drifts(common, "residual_drift")
         if not by_length:
             residual = residual / common.height
-        # The total shear includes the forces of dampers; it is missing in runs without them.
+        # The total shear includes the forces of dampers; it is missing in runs without dampers.
         shear = common.peaks["peak_total_shear"][:, 0]
         shear = np.where(np.isnan(shear), common.peaks["peak_shear"][:, 0], shear)
         mean = _largest_mean(drifts)

@@ -146,9 +146,9 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     Returns
     -------
     list of Ratios
-        One item for each other building, level and quantity of `STORY_QUANTITIES`. Levels at which
-        the baseline has no profile are omitted. All ratios of a level with too few common motions
-        are NaN.
+        One item for each other building, level and quantity of `STORY_QUANTITIES`. Levels without a
+        profile of the baseline are omitted. All ratios of a level with too few common motions are
+        NaN.
 
     Raises
     ------

@@ -92,7 +92,7 @@ def building_damages(
     for number, rows_of_building in groupby(all_rows, key=itemgetter(0)):
         rows = list(rows_of_building)
         # Common states are thresholds of the maximum drift ratio, which is a value of the runs
-        # (divisor 1). Each building is its own type.
+        # (divisor 1). Each building is a separate type.
         if common_states:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
             type_name = building
@@ -105,7 +105,7 @@ def building_damages(
         values, sa, pga = (np.array([row[index] for row in rows], float) for index in (5, 6, 7))
         demand = np.abs(values) / divisor
         # Each ground motion can have different scale factors. The level of a run is therefore the
-        # rank of its factor among the factors of its ground motion.
+        # rank of its factor in the factors of its ground motion.
         ranks = level_ranks(runs)
         run_ranks = np.array([ranks[run] for run in runs])
         probability = probabilities(states, demand, status)
@@ -144,8 +144,8 @@ def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
 
     The rule determines the demand of a pair, and the demand determines its damage. The building has
     collapsed under a pair if it has collapsed under at least one component. A pair has no result if
-    one component has no result. Key, rank, Sa(T1) and PGA are those of the first component. If the
-    rule counts components separately, the damage is returned unchanged.
+    one component has no result. Key, rank, Sa(T1) and PGA are the values of the first component. If
+    the rule counts components separately, the damage is returned unchanged.
     """
     if rule.demand == SEPARATE or not rule.pairs:
         return damage

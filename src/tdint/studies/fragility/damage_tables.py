@@ -168,7 +168,7 @@ def damage_table_columns(store: Store) -> tuple[Column, ...]:
 def damage_rows(store: Store) -> Iterator[list[Any]]:
     """Yield the rows of damage.csv: state and probabilities of each run, in the order of runs.csv.
 
-    The columns are those of `damage_table_columns`.
+    The columns are the columns of `damage_table_columns`.
     """
     records = {
         number: (cell_text(name), cell_text(component))

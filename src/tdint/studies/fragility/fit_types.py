@@ -193,7 +193,7 @@ class _RunCollector:
     ) -> None:
         """Add the runs of a building, or its ground motions if components of pairs are combined.
 
-        `motion_of_record` is empty for ground motion fields, in which runs with the same sample
+        `motion_of_record` is empty for ground motion fields, where runs with the same sample
         number (of the event) count as a single ground motion.
         """
         damage = damage_by_motion(building, rule)
@@ -353,13 +353,13 @@ def _type_cloud(
     state.
 
     The dispersion of the thresholds of the states is represented by three equally likely values:
-    each run is used three times, with different thresholds. A collapse exceeds all of them.
+    each run is used three times, with different thresholds. A collapse exceeds all three values.
 
     Some demands are used only as limits (censored). The demand of a collapse, and demands at or
     above the upper limit of the range, are lower limits. For the states of a campaign, demands
     above the heaviest state are also lower limits, and demands below the lightest state are upper
     limits. For requested thresholds these two rules do not apply: a function then depends on the
-    other thresholds only by collapses, whose demand is at least the largest threshold.
+    other thresholds only by collapses, with a demand that is at least the largest threshold.
 
     The count `censored` of a function and the points of its figure refer to runs, and contain only
     collapses and demands at or above the range as censored.
@@ -376,10 +376,10 @@ def _type_cloud(
         lightest, heaviest = runs.states.medians[0], runs.states.medians[-1]
     # `is_above_range` is the mask of the censored runs; it does not depend on the thresholds.
     is_above_range = fallen | (demand >= high)
-    # Dividing a threshold by a factor is equivalent to multiplying the demand by it: each demand is
-    # multiplied by three factors, and the thresholds remain constant. The shape of `scattered` is
-    # (runs, 3). `is_above_states`, of the same shape, is the mask of the censored values in the
-    # fit.
+    # Dividing a threshold by a factor is equivalent to multiplying the demand by this factor: each
+    # demand is multiplied by three factors, and the thresholds remain constant. The shape of
+    # `scattered` is (runs, 3). `is_above_states`, of the same shape, is the mask of the censored
+    # values in the fit.
     threshold_factors = np.exp(runs.states.dispersion * _THREE_POINTS)
     factors = np.where(fallen[:, np.newaxis], 1.0, threshold_factors)
     scattered = factors * demand[:, np.newaxis]

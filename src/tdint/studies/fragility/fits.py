@@ -9,12 +9,12 @@ Three fits are available:
 - Cloud: a line through the logarithms of demand over intensity (Jalayer 2003). Some demands may be
   censored, that is, known only to be above or below a limit.
 
-All fits use the likelihood of normal observations, some of which are censored. Each observation i
-has a standardized value z_i = x_i . p, which is linear in the parameters p. The logarithm of the
-likelihood is therefore concave (Pratt 1981; Olsen 1978), and Newton's iteration finds its unique
-maximum. An exact value adds ln(1 / sigma) - z^2 / 2 to the logarithm, where 1 / sigma is one of the
-parameters. A value known to be below a limit adds ln Phi(z); a value known to be above a limit adds
-ln Phi(-z).
+All fits use the likelihood of normal observations. Some observations are censored. Each observation
+i has a standardized value z_i = x_i . p, which is linear in the parameters p. The logarithm of the
+likelihood is therefore concave (Pratt 1981; Olsen 1978), and Newton's iteration converges to its
+unique maximum. An exact value adds ln(1 / sigma) - z^2 / 2 to the logarithm, where 1 / sigma is one
+of the parameters. A value that is certainly below a limit adds ln Phi(z); a value that is certainly
+above a limit adds ln Phi(-z).
 """
 
 from __future__ import annotations
@@ -362,10 +362,10 @@ def fit_cloud(
 
     The model is ln EDP = b0 + b1 ln IM + sigma N, where N is a standard normal variable. The
     functions have theta = exp((ln threshold - b0) / b1) and beta = sigma / b1. The line is the line
-    of maximum likelihood, whose sigma is on average too small (by 11 % for ten demands): it divides
-    the squared residuals by their number n. It is multiplied by sqrt(n / (n - 2)), so that sigma of
-    a regression without censored demands divides by n - 2, as usual. n is the number of demands
-    that are not censored.
+    of maximum likelihood, with a sigma that is on average too small (by 11 % for ten demands): it
+    divides the squared residuals by their number n. It is multiplied by sqrt(n / (n - 2)), so that
+    sigma of a regression without censored demands divides by n - 2, as usual. n is the number of
+    demands that are not censored.
 
     Parameters
     ----------
@@ -469,8 +469,8 @@ def _line(
             "a cloud requires at least three different intensities with demands that are not "
             f"censored, got {np.unique(x[exact]).size}; add runs at other intensities"
         )
-    # Start from the least-squares line. If all demands are exactly on it, the dispersion is zero,
-    # and the likelihood has no maximum.
+    # Start from the least-squares line. If all demands are exactly on this line, the dispersion is
+    # zero, and the likelihood has no maximum.
     slope, intercept = np.polyfit(x[exact], y[exact], 1)
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     # A residual of this size (1e-12 of the range of ln EDP) is a rounding error.
@@ -558,8 +558,8 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
         Capacities that are not censored, in ascending order, and the fraction of records that
         exceed at each capacity: the middle of the step of the empirical distribution.
     """
-    # Sort by capacity. Among equal values, the censored capacities are last, because they are above
-    # the value.
+    # Sort by capacity. In a group of equal values, the censored capacities are last, because they
+    # are above the value.
     order = np.lexsort((censored, capacity))
     # `not_exceeded` is the estimated fraction of records that do not exceed below the present
     # capacity; `remaining_count` is the number of records with a capacity at or above it.

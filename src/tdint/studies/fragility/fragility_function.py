@@ -156,7 +156,7 @@ class Fragility:
     failed : int
         Number of runs without a result, which are omitted from the fit.
     bounds : tuple of Fragility | None
-        For stripes with failed runs: the fits with all of them counted as exceeding, and as not
+        For stripes with failed runs: the fits with all failed runs counted as exceeding, and as not
         exceeding; None if a fit is not available.
     extrapolated : str
         Reason why the observations do not cover the median; empty if they do.
@@ -317,7 +317,7 @@ class Fragility:
         """Return the function unchanged if the runs cover its median intensity. Otherwise return a
         copy with the reason in the attribute `extrapolated`, and with a covariance of NaN.
 
-        The runs cover the median if between 10 % and 90 % of them exceed the state, and if the
+        The runs cover the median if between 10 % and 90 % of the runs exceed the state, and if the
         median is within the range of their intensities.
 
         Parameters
@@ -486,7 +486,7 @@ def levels_of(im: Array) -> NDArray[np.intp]:
     im : ndarray, shape (n,)
         Intensities, positive, in any order.
     """
-    # A level begins where the logarithm of the sorted intensities increases by more than the
+    # A level starts where the logarithm of the sorted intensities increases by more than the
     # tolerance; the number of beginnings up to an intensity is the index of its level. With
     # `prepend`, the first difference is zero.
     order = np.argsort(im)

@@ -331,7 +331,7 @@ def _building(model: Mapping[str, Any]) -> str:
 def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     """Return sentences on the number of observations of each fit, and on runs without a result."""
     points = []
-    # Functions with the same observations are listed once.
+    # Functions with the same observations are listed one time.
     for fit, runs, motions, censored in dict.fromkeys(
         (function.fit, function.runs, function.motions, function.censored) for function in functions
     ):

@@ -1,7 +1,7 @@
 """Comparison of intensity measures by their efficiency and sufficiency.
 
 Efficiency is the standard deviation beta of ln EDP about its line over ln IM (Luco and Cornell
-2007, Earthquake Spectra 23(2)). Proficiency is beta over the slope of that line (Padgett, Nielson
+2007, Earthquake Spectra 23(2)). Proficiency is beta over the slope of the line (Padgett, Nielson
 and DesRoches 2008, Earthquake Engineering and Structural Dynamics 37). A measure is sufficient if
 the residuals of the line do not depend on other characteristics of the ground motions. The slope
 of the residuals over a characteristic is reported with its p-value. Runs under the same ground
@@ -49,7 +49,8 @@ class Dependence:
     slope : float
         Slope of the residuals over the characteristic.
     p_value : float
-        Probability of a slope of at least this size if the residuals are independent of it.
+        Probability of a slope of at least this size if the residuals are independent of the
+        characteristic.
     """
 
     characteristic: str
@@ -173,7 +174,7 @@ def line(
     AnalysisError
         There are fewer than three runs, or all have the same intensity.
     """
-    # Imported here, because the import takes half a second and other fits do not need it.
+    # Imported here, because the import needs half a second and other fits do not need it.
     from scipy.stats import linregress
 
     if x.size < _MIN_RUNS:

@@ -455,8 +455,8 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     are known.
 
     Both components of a pair have the same index. Pairs are defined by the store in the directory
-    of the table. Without a store, or without a column `component`, components of one record, and
-    of records whose names differ only in the component, are a pair.
+    of the table. Without a store, or without a column `component`, components of one record, and of
+    records with names that differ only in the component, are a pair.
     """
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):

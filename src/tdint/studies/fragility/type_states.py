@@ -430,8 +430,8 @@ def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
     """Return the median spectral displacements of four damage states from a capacity curve, m, the
     lightest state first.
 
-    The formulas are those of GEM's toolkit for single-degree-of-freedom systems. They use the
-    displacement where damage begins and the displacement at the end of the curve.
+    The formulas are from GEM's toolkit for single-degree-of-freedom systems. They use the
+    displacement where damage starts and the displacement at the end of the curve.
 
     Parameters
     ----------

@@ -305,7 +305,8 @@ def ida(
     intensities = [measure.of(motion, pair) for motion, _ in motions_and_records]
     work_items = _work_items(subject, records, measure, intensities, settings, states)
     pair_intensity = pair if len(records) > len(suite) else None
-    # The input of the runs is stored with them, so that another study in the directory is refused.
+    # The input of the runs is stored with the runs, so that another study in the directory is
+    # refused.
     run_records = [item.record for item in work_items]
     identity = _identity(subject, measure, settings, run_records, pair_intensity)
     with (

@@ -50,7 +50,7 @@ class IdaRun:
     im : float
         Intensity, in the unit of its measure.
     status : str
-        Status as for `tdint run`. If it is neither `done` nor a collapse, the run has no result,
+        Status as for `tdint run`. If it is not `done` and not a collapse, the run has no result,
         even with a smaller time step.
     drift_ratio, acceleration, residual_drift_ratio : float
         Maximum drift ratio, maximum absolute acceleration (m/s^2) and residual drift ratio; NaN
@@ -355,7 +355,7 @@ class IdaCurve:
                 continue
             if threshold <= self.residual_drift_ratio:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
-            # Below the first run, interpolate linearly from intensity 0, at which the drift is the
+            # Below the first run, interpolate linearly from intensity 0, where the drift is the
             # residual drift (0 if undamaged).
             if i == 0:
                 fraction = (threshold - self.residual_drift_ratio) / (
@@ -396,7 +396,7 @@ class PairCurve(IdaCurve):
     The runs are at the levels of both components up to the first collapse of a component. Their
     drift ratio is the maximum or the mean of both components. Between the levels of a component,
     its drift ratio is interpolated on logarithmic axes. The building collapses under the pair at
-    the level at which it first collapses under a component.
+    the level where it first collapses under a component.
 
     Attributes
     ----------

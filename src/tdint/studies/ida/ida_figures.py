@@ -128,7 +128,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     """Plot the fractiles of the curves for a state of initial damage; only the median if there are
     `several` states.
 
-    Fewer than `MIN_MOTIONS` curves have no fractiles; they are drawn in the color of the state if
+    Fewer than `MIN_MOTIONS` curves have no fractiles; they are plotted in the color of the state if
     there are several states.
     """
     damage = study.motion_curves[0].damage

@@ -186,7 +186,7 @@ def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
     name : str
         Name of the measure, one of `scalable_measures`.
     damping, period : float
-        Damping ratio, and period in s; used only if the measure depends on them.
+        Damping ratio, and period in s; used only if the measure depends on these values.
     """
     if name in SPECTRAL:
         return SPECTRAL[name](period, damping)

@@ -182,8 +182,8 @@ class Match(Tabular):
     def directions(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
         """Mean ratio of RotD100 to RotD50, and correlation between the two components.
 
-        The first tuple contains both values of the matched pair, the second those of its seed. The
-        property is None for a single component.
+        The first tuple contains both values of the matched pair, the second the values of its seed.
+        The property is None for a single component.
         """
         values = []
         for motion in (self.record, self.seed):
@@ -270,7 +270,8 @@ def match(
     periods : tuple of two floats
         Range of periods to be matched, s; default 0.05 to 4.
     damping : float or sequence of float
-        Damping ratios of the spectra; default 0.05. The motion is matched at all of them together.
+        Damping ratios of the spectra; default 0.05. The motion is matched at all these ratios
+        together.
     progress : bool or callable
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that receives
         the number of completed stages and the maximum number of stages.

@@ -372,9 +372,9 @@ class MatchingProblem:
         displacement. A sample changes the ground acceleration by a hat function (linear
         interpolation between samples), which is the second difference of a ramp. After the hat, the
         oscillator is in free vibration. As a function of the sample, the derivative of an extreme
-        is thus a free vibration that is reversed in time, with a cosine and a sine part. The two
-        samples next to the extreme are treated separately. `directions` contains the unit vector of
-        each extreme over the components.
+        is therefore a free vibration that is reversed in time, with a cosine and a sine part. The
+        two samples next to the extreme are treated separately. `directions` contains the unit
+        vector of each extreme over the components.
         """
         sample_before = np.minimum((when / self.dt).astype(int), self.envelope.size - 2)
         factors_of_rows = self._factors_of_rows(oscillator, when - self.dt * sample_before)
@@ -612,7 +612,7 @@ class MatchingProblem:
         """Return the quadratic program of the next change of a motion.
 
         Two equations per component require that the final velocity and displacement of the ground
-        equal those of the seed.
+        equal the final values of the seed.
         """
         oscillator, when, directions, shortfall, is_equality = self.equations(
             state.extremes, state.maxima

@@ -37,7 +37,7 @@ def motion_file_names(motions: Sequence[GroundMotion], file_format: str) -> list
     """Return the name of a file for each component of ground motions.
 
     A file has the name of its source, with the component at the end if this name does not identify
-    it. Names that would occur more than once begin with the number of the motion.
+    it. Names that would occur more than once start with the number of the motion.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _csv_content(record: Record, origin: MotionOrigin | None) -> bytes:
         "start": record.start,
     }
     if origin:
-        # The checksum in the statement is that of the written digits, in the second column.
+        # The checksum in the statement is the checksum of the written digits, in the second column.
         samples = [float(row.split(b",")[1]) for row in table.splitlines()[1:]]
         declared[ORIGIN] = header_statement(origin, samples)
     header = "".join(f"# {key} = {value}\n" for key, value in declared.items() if value)

@@ -90,7 +90,8 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
     first_component = {number: number for number in records}
 
     # Two records with the same name apart from the component are one recording, if the directions
-    # of the components are at right angles. A record of unknown component has that of its file.
+    # of the components are at right angles. A record of unknown component has the component of its
+    # file.
     for first, *others in records_of_name.values():
         if len(others) == 1:
             (second,) = others
@@ -119,8 +120,8 @@ class PairRule:
         An item of `PAIR_DEMANDS`.
     recordings : mapping of int to int
         Number of the first component of the recording to which a record belongs, by the number of
-        the record. Results under the two components of a recording are correlated, whichever rule
-        is used.
+        the record. Results under the two components of a recording are correlated, regardless of
+        the rule that is used.
     """
 
     demand: str = LARGER

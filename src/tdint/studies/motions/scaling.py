@@ -506,7 +506,7 @@ def scale(
     Raises
     ------
     UsageError
-        Neither a value nor a target is given, or both; the measure or rule is unknown; periods are
+        No value and no target are given, or both; the measure or rule is unknown; periods are
         outside the range of the target.
     RecordError
         A motion is invalid or zero.

@@ -67,7 +67,7 @@ def pair_text(demand: str) -> str:
 def single_style(several: bool) -> dict[str, Any]:
     """Return the line style of a single record as keyword arguments of matplotlib.
 
-    The line is light if the figure contains `several` records, because their median is then drawn
+    The line is light if the figure contains `several` records, because their median is then plotted
     in a dark color.
     """
     return {"color": GRAY, "linewidth": 0.8} if several else {"color": COLORS[0], "linewidth": 1.6}
@@ -172,7 +172,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     """Plot the spectra of scaled ground motions with their median, fractiles and target.
 
-    Records that were not selected are drawn in light gray.
+    Records that were not selected are plotted in light gray.
     """
     # The periods include all periods of the target. The shortest period must be resolved by the
     # samples.
@@ -225,7 +225,7 @@ def _draw_target(
     """Plot the target of a scaling: a target spectrum, or the value of an intensity measure.
 
     `spectra` are the scaled spectra in the unit of the axis, shape (motions, periods). Their
-    average is drawn if the rule of the scaling limits it.
+    average is plotted if the rule of the scaling limits it.
     """
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:

@@ -3,9 +3,8 @@ deviation.
 
 The score of a selection is the mean over the periods of (mean ln Sa - ln target)^2, plus half of
 (standard deviation - target value)^2. Each motion has a factor (least squares of ln Sa) within
-limits. A search adds the best motion repeatedly, then exchanges motions as long as the score
-decreases (Jayaram, Lin and Baker 2011; Baker and Lee 2018). The search is repeated from many
-starting points.
+limits. A search adds the best motion repeatedly, then exchanges motions while the score decreases
+(Jayaram, Lin and Baker 2011; Baker and Lee 2018). The search is repeated from many starting points.
 """
 
 from __future__ import annotations
@@ -349,7 +348,7 @@ class _EventGroups:
 
     def __init__(self, events: list[Earthquake]) -> None:
         self.events = events
-        from scipy.cluster.hierarchy import DisjointSet  # imported here, because it takes 90 ms
+        from scipy.cluster.hierarchy import DisjointSet  # imported here, because it needs 90 ms
 
         self._groups = DisjointSet(range(len(events)))
 
@@ -551,7 +550,7 @@ def _search(
 
     A deviation is the ln of the scaled spectrum divided by the target, for each motion (row) and
     period. The first starting point is the best single motion; later starting points alternate
-    between half of the best selection so far and random motions.
+    between half of the present best selection and random motions.
 
     A selection with `count` rows must exist, as `_check_pool_size` checks. A row can then always be
     added to an incomplete selection.
@@ -646,7 +645,7 @@ class _Scores:
         if self._target_scatter is not None and size > 2:
             # For each row and period, compute sqrt(size - 1) times the standard deviation, from
             # (size - 1) variance = sum of squares - (total + row)^2 / size. Then subtract its
-            # target. All operations are in place, because this function takes most of the time.
+            # target. All operations are in place, because this function needs most of the time.
             scratch = self._scratch
             np.add(deviations, total, out=scratch)
             np.multiply(scratch, scratch, out=scratch)

@@ -29,7 +29,7 @@ FITTED = ("stiffness", "stiffness-factor", "damping")
 _STIFFNESS, _STIFFNESS_FACTOR = "stiffness_N_m", "stiffness_factor"
 _UNITS = {_STIFFNESS: "N/m"}
 
-_MAX_FACTOR = 10.0  # maximum factor by which a stiffness may increase or decrease
+_MAX_FACTOR = 10.0  # maximum factor of increase or decrease of a stiffness
 _DAMPING_BOUNDS = (1e-4, 0.5)  # bounds of a damping ratio
 # Change of the logarithm of a value (relative change of the value) for a numerical derivative
 _DIFFERENCE_STEP = 1e-4
@@ -130,7 +130,7 @@ def fit(
     ----------
     names : sequence of str
         Values to be fitted, from `FITTED`: the stiffness of each story (yield forces do not
-        change), or one factor on all stiffnesses; and the values of `damping` of the model.
+        change), or a single factor on all stiffnesses; and the values of `damping` of the model.
     progress : callable
         Function that receives the number of completed runs; by default no function.
 

@@ -178,8 +178,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     Raises
     ------
     ModelError
-        The file cannot be read, is not YAML or has faults; all faults are reported in a single
-        error, in file order.
+        The file cannot be read, is not YAML or has invalid entries; all errors are reported in a
+        single error, in file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
     entries = replace(root, type=RECORDING).read()

@@ -1,7 +1,7 @@
 """Read an exposure model of OpenQuake as an inventory of buildings.
 
 An exposure model (NRML 0.4 or 0.5) lists assets: groups of buildings with a location, a taxonomy, a
-number of buildings and a structural cost. The assets are in the XML file itself, or in CSV files
+number of buildings and a structural cost. The assets are in the XML file, or in CSV files
 that it names. The taxonomy is a text that describes a building type; a mapping table contains the
 columns of an inventory for each taxonomy.
 """
@@ -112,7 +112,7 @@ def stream_exposure(
         are missing in the mapping table. The errors of all assets are reported together.
     """
     large = f"larger than {MOST_BYTES // 1024**2} MiB; list CSV files in its element `assets`"
-    # Standard input and pipes, which can be read only once, contain the CSV file.
+    # Standard input and pipes, which can be read only one time, contain the CSV file.
     data = read_whole(source, ModelError, {}, large, MOST_BYTES) if is_file(source) else b""
     # An XML file starts with <, after an optional byte-order mark (EF BB BF) and white space.
     if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
@@ -149,7 +149,7 @@ class _Assets:
     Parameters
     ----------
     source : str
-        Name of the XML file, or of a CSV file with the assets alone.
+        Name of the XML file, or of a CSV file with the assets only.
     mapping : CsvTable
         Mapping table with the columns of an inventory for each taxonomy.
     reserved : collection of str

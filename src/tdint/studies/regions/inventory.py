@@ -413,7 +413,7 @@ class InventoryRows(LazySequence[InventoryRow]):
     def texts(self, name: int | str) -> TextColumn:
         """Return the texts of a column, by its index or by its name (case is ignored).
 
-        Each row is contained once, regardless of the number of variations.
+        Each row is contained one time, regardless of the number of variations.
         """
         index = self.table.table.header.index(name.lower()) if isinstance(name, str) else name
         column = self.table.columns[index]
@@ -533,7 +533,7 @@ class _Row:
     def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
         """Select the cells of the row."""
         self._table, self._column_indices = table, table.column_indices
-        # Errors of this row are those after the first `_earlier_faults` of the list.
+        # The errors of the row follow the first `_earlier_faults` errors of the list.
         self._faults, self._earlier_faults = faults, len(faults)
         self._line, self._cells = table.lines[index], [column[index] for column in table.columns]
 

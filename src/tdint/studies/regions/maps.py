@@ -226,8 +226,8 @@ def _losses(
     """Return the properties `value`, `loss`, `annual_loss` and `average_annual_loss` of a building;
     empty if the results contain no loss ratio.
 
-    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` are those of
-    `_annual_losses`, empty without rates.
+    `value` is the cost of all buildings of the row; nan without costs. `annual_losses` are the
+    losses of `_annual_losses`, empty without rates.
     """
     if LOSS.name not in results:
         return {}
@@ -363,7 +363,7 @@ def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feat
     by : str
         Name of the property; the column of the inventory has the same name, regardless of case.
     values : iterable of str
-        Values of the column. Each one must have a polygon.
+        Values of the column. Each value must have a polygon.
 
     Raises
     ------
@@ -427,7 +427,7 @@ def _level_properties(
         column, factor = units.column(demand.column, demand.unit)
         values = []
         for motion_runs in level.completed:
-            # A pair of components has two runs, whose demands are combined by the rule of the pair.
+            # A pair of components has two runs; their demands are combined by the rule of the pair.
             component_values = [runs[run][column_index] for run in motion_runs]
             if None not in component_values:
                 value = float(combine(np.abs(component_values), level.pair_demand))

@@ -470,7 +470,7 @@ def _field_rows(
     value, unit, measure = _field_values(table)
     used_columns = (event, "record", site, "component", _SECOND_FILE, value)
     reader = _RowReader(field, table, used_columns, unit, measure, _FieldRows(sites))
-    # Collect errors up to a maximum, so that users can correct all of them in a single edit.
+    # Collect errors up to a maximum, so that users can correct all errors in a single edit.
     faults: list[str] = []
     while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
         faults += reader.add_block(block)

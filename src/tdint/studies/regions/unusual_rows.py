@@ -22,8 +22,8 @@ Question = tuple[str, str]
 def unusual_rows(rows: InventoryRows, rules: str) -> list[str]:
     """Return warnings about the unusual rows of an inventory, with file, line and column.
 
-    The first ten rows are listed, and the others are counted. Random factors on stiffness and
-    damping, and the changes of a sweep, are not considered.
+    The first ten rows are listed, and the remaining rows are counted. Random factors on stiffness
+    and damping, and the changes of a sweep, are not considered.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def unusual_rows(rows: InventoryRows, rules: str) -> list[str]:
         Name of the rules that derive the buildings.
     """
     table = rows.table
-    # Rows with equal cells in the columns that define a building are derived once.
+    # Rows with equal cells in the columns that define a building are derived one time.
     names = [name for name in table.column_indices if name not in INDIVIDUAL_COLUMNS]
     derivation = _Derivation(rules)
     questions: dict[tuple[str, ...], Sequence[Question]] = {}

@@ -118,7 +118,7 @@ class RankCorrelation:
     ----------
     coefficient : float
         Spearman's rank correlation of the parameter and the median of the peak over the motions;
-        NaN if one of them does not vary.
+        NaN if one of the two does not vary.
     draws : int
         Number of samples with a peak.
     """

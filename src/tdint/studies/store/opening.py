@@ -53,7 +53,7 @@ def open_store(
 def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[str]]:
     """Open the store in a file, or create it if the file does not exist.
 
-    Results and errors are those of `open_store`.
+    Results and errors are as for `open_store`.
 
     Parameters
     ----------

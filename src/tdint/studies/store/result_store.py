@@ -204,7 +204,7 @@ class Store:
         Parameters
         ----------
         identity : Identity, optional
-            Campaign. Without it, only checksums are verified.
+            Campaign. Without a campaign, only checksums are verified.
 
         Raises
         ------

@@ -106,7 +106,8 @@ def end_log(connection: sqlite3.Connection) -> None:
     read the file on a read-only medium.
 
     While another program reads the file, or the disk is full, the log is kept next to the file,
-    without loss of data. In a transaction, which each connection for reading has, nothing is done.
+    without loss of data. In a transaction, which each connection for reading has, the function has
+    no effect.
     """
     # A closed connection also raises an error of SQLite.
     with suppress(sqlite3.Error):
@@ -119,8 +120,8 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
     """Return a read-only connection, which can be opened while another process writes. All queries
     read the state of the store at the time of the call.
 
-    The file may be on a read-only medium or belong to another user. The connection leaves no files
-    next to it.
+    The file may be on a read-only medium or belong to another user. No files of the connection
+    remain next to the file.
 
     Raises
     ------
@@ -465,8 +466,8 @@ def locked(folder: Path) -> Iterator[None]:
                 folder.rmdir()
         raise
     with lock:
-        # No other process can write to the locked directory. Unfinished files in it are therefore
-        # from processes that were killed, and can be removed.
+        # No other process can write to the locked directory. Unfinished files in the directory are
+        # therefore from processes that were killed, and can be removed.
         remove_abandoned(folder)
         try:
             yield
