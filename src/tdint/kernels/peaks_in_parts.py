@@ -207,8 +207,8 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
     it is proportional to the length of the step, the remaining bulge to its square.
 
     If the step does not resolve the motion, the straight line between the endpoint values of the
-    step replaces the cubic with an extremum that is a possible peak. `quantity` contains the
-    arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
+    step replaces the cubic; otherwise, the extremum of the cubic is a possible peak. `quantity`
+    contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
     """
     s_0, s_1 = part
     deviation_0, deviation_1, part_bulge, damping_bulge = deviations

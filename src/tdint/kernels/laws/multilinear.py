@@ -372,8 +372,8 @@ def _functions() -> LawFunctions:
     def set_segment(law_parameters, law_state, i, block, index):
         """Set a segment of the curve as the branch, rule `elastic`.
 
-        Index 0 and the positive ones are the segments of the positive side, -1 and below the
-        segments of the negative side. The first segments of both sides are one branch if their
+        Index 0 and the positive ones are the segments of the positive side, -1 and below are
+        the segments of the negative side. The first segments of both sides are one branch if their
         slopes are equal.
         """
         side = 1.0 if index >= 0.0 else -1.0

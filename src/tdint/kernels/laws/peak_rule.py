@@ -8,7 +8,7 @@ drifts and forces are positive in the direction of s:
     dy, K    drift of the first point of the backbone curve, its steepest slope
     m        farthest drift of a side, at least dy
     ku       unloading stiffness of a side, K (dy / m)^unloading, with the bounds below
-    z drift at zero force where the loading of a side starts
+    z        drift at zero force where the loading of a side starts
 
 1. Virgin loading follows the backbone curve.
 2. After a reversal, the story unloads with ku of the unloaded side to zero force, at z of the other
