@@ -72,7 +72,7 @@ class TextLayout(_OptionalFields):
     skip_lines : int | None
         Number of lines to ignore before the table or its line of column names.
     rows : bool
-        The numbers of a line are successive samples of a single ground motion, which the next line
+        The values of a line are successive samples of a single ground motion, which the next line
         continues. Default False: the file shows it, or the columns are separate ground motions.
 
     Raises
@@ -223,7 +223,7 @@ class RecordChoice:
     Attributes
     ----------
     described : tuple of (str, RecordChoice)
-        Files, patterns and directories with options of their own, from descriptions of records.
+        Files, patterns and directories with separate options, from descriptions of records.
     """
 
     units: str | Mapping[str, str] | None = None

@@ -5,9 +5,9 @@ Two components are copies if the maximum of their normalized cross-correlation, 
 for either sign, exceeds `SAME_CORRELATION`. It is computed from the frequencies that the usual
 filters keep (`_BAND`). Of the components of 43 records, filtered copies (Butterworth of order 4,
 0.1 to 25 Hz, 0.25 to 20 Hz, from 0.5 Hz or up to 10 Hz, causal or of zero phase) have at least
-0.978; of different components, parallel sensors of one building have up to 0.914, all others up to
-0.59. Pulses and modulated sines are similar for any duration or phase; they are copies
-only if they are equal within `_EQUAL_CORRELATION`.
+0.978; of different components, parallel sensors of one building have up to 0.914, all other pairs
+up to 0.59. Pulses and modulated sines are similar for any duration or phase; they are copies only
+if they are equal within `_EQUAL_CORRELATION`.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ def first_copies(motions: Sequence[Sequence[Record]], *, scaled: bool = True) ->
     for index, components in enumerate(motions):
         for row, record in enumerate(components):
             energies[index, row] = _energy_fractions(record)
-    # The sum over the components does not depend on their order. Missing components add nothing.
+    # The sum over the components does not depend on their order. Missing components have no
+    # contribution.
     totals = np.where(np.isnan(energies), 0.0, energies).sum(axis=1)
     is_comparable = np.array(
         [not np.isnan(energies[i, : len(motions[i])]).any() for i in range(len(motions))]
@@ -77,7 +78,7 @@ def first_copies(motions: Sequence[Sequence[Record]], *, scaled: bool = True) ->
     for index, components in enumerate(motions):
         if not is_comparable[index]:
             continue
-        # Energies are compared first, because a correlation of all pairs of motions takes long.
+        # Energies are compared first, because a correlation of all pairs of motions is slow.
         distances = np.abs(totals[:index] - totals[index]).sum(axis=1)
         near = (distances <= _MAX_ENERGY_DIFFERENCE * len(components)) & is_comparable[:index]
         for other in np.flatnonzero(near).tolist():

@@ -179,7 +179,7 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
     start with `begin` and `end`, are complete. Damaged is raised if the section is cut off or
     corrupt, or its number of samples differs from its header.
     """
-    # A line of compressed samples may also start with these letters, but it contains no blank.
+    # A line of compressed samples may also start with these characters, but it contains no blank.
     ends = [index for index, line in enumerate(lines) if line.startswith(end + b" ")]
     begins = [index for index, line in enumerate(lines) if line.startswith(begin)]
     if not (begins and ends and begins[0] < ends[0]):
@@ -318,7 +318,7 @@ def look_at(format_name: str, data: bytes) -> Any:
     Raises
     ------
     Damaged
-        The file contradicts itself and must not be passed to the reader of its format.
+        The file has contradictory contents and must not be passed to the reader of its format.
     """
     check = CHECKS.get(format_name)
     return check.read_headers(data) if check else None

@@ -447,8 +447,8 @@ def motion_names(files: Sequence[str]) -> list[str]:
     Returns
     -------
     list of str
-        Name for each file, with a question mark instead of the component; the file name itself if
-        no component was recognized.
+        Name for each file, with a question mark instead of the component; the file name if no
+        component was recognized.
     """
     names = [motion_name(file) for file in files]
 
@@ -496,8 +496,8 @@ def _replace_component(file: str, match: re.Match[str] | None) -> str:
     before = path.name[:start]
     # The separator before a direction is optional, so that it does not distinguish ground motions.
     name = before.rstrip("-_") if match.re in (_PEER, _DIRECTION) else before
-    # The first two letters of a channel code (HN of HNE) identify the instrument, and are kept. The
-    # digits after the code are the location.
+    # The first two characters of a channel code (HN of HNE) identify the instrument, and are kept.
+    # The digits after the code are the location.
     is_code = match.re in (_SEED, _NGA_EAST)
     instrument, location = (match["component"][:2], match["component"][3:]) if is_code else ("", "")
     return str(path.with_name(f"{name}{instrument}?{location}{path.name[end:]}"))
@@ -614,7 +614,8 @@ def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
     repeated for each pair of names that it matches.
     """
     # Names with a common start are neighbors in alphabetical order. Names with a common end are
-    # neighbors in the order of the reversed names. Equal names in different directories count once.
+    # neighbors in the order of the reversed names. Equal names in different directories count one
+    # time.
     by_start = sorted({Path(file).name for file in files})
     by_end = sorted(by_start, key=lambda name: name[::-1])
     patterns: list[tuple[str, str]] = []

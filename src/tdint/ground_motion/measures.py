@@ -329,7 +329,7 @@ def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
     target = fraction * float(energy[-1])
     if not 0.0 < target < math.inf:
         return math.nan
-    # The target is reached in the interval from sample i to sample i + 1, in which the acceleration
+    # The target is reached in the interval from sample i to sample i + 1, where the acceleration
     # changes linearly from a to b.
     i = int(np.searchsorted(energy, target)) - 1
     a, b = record.acceleration[i : i + 2].tolist()

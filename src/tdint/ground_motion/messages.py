@@ -79,7 +79,7 @@ def caught_messages() -> Iterator[list[str]]:
     Yields
     ------
     list of str
-        Empty inside the block. After the block, each message once, without warnings about code:
+        Empty inside the block. After the block, each message one time, without warnings about code:
         first all warnings, then the errors, then the printed text.
     """
     messages: list[str] = []

@@ -3,7 +3,7 @@ chapters 3 and 8).
 
 libmseed does not check headers. If a header states more samples than the record can contain,
 libmseed reads memory after the record. If the position of the data or the type of a record is
-wrong, libmseed drops the record. This module finds both errors before libmseed reads the file.
+wrong, libmseed drops the record. This module detects both errors before libmseed reads the file.
 After reading, the number of samples of each channel must equal the sum of the counts in the
 headers.
 
@@ -269,7 +269,8 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
     Raises
     ------
     Damaged
-        A header contradicts itself, its record or the other records of its channel.
+        A header has contradictory contents, or contradicts its record or the other records of its
+        channel.
     RecordError
         A record has no blockette 1000.
     """

@@ -13,8 +13,9 @@ from tdint.units import STANDARD_GRAVITY
 class Missing:
     """Properties of a record that the file does not state and that the user must specify.
 
-    A reader lists all properties together, so that a single question asks for them. A reader does
-    not know the units that the user specified; the caller removes `units` if these are specified.
+    A reader lists all properties together, so that a single question requests all of these
+    properties. A reader does not have the units that the user specified; the caller removes `units`
+    if these are specified.
 
     Attributes
     ----------

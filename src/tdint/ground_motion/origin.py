@@ -2,7 +2,7 @@
 
 `tdint match` and `tdint info --export` write the origins to the JSON file next to the motions.
 `tdint match` also writes them to a header line of AT2 and CSV files, which a file keeps without its
-JSON file. Both contain a checksum of what they describe, so that an edited motion has no origin.
+JSON file. Both contain a checksum of the described motion, so that an edited motion has no origin.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class MotionOrigin:
     Attributes
     ----------
     seed, seed_component : str
-        File and component of the record from which the motion was made.
+        File and component of the record that the motion was made from.
     processing : tuple of str
-        Steps of processing, one sentence each.
+        Steps of processing; each is one sentence.
     target : str
         Target spectrum of a matched motion; empty for a motion that was only processed.
     factor : float
@@ -159,8 +159,8 @@ def origin_of(file: str, digest: str, id: str) -> tuple[MotionOrigin, str, str] 
     Returns
     -------
     tuple of (MotionOrigin, str, str), or None
-        Origin; name and SHA-256 of the JSON file. None if no JSON file states the origin of this
-        content.
+        Origin; name and SHA-256 of the JSON file. None if no JSON file states the origin of the
+        specified content.
     """
     path = Path(file)
     for sidecar in (path.parent / f"{MATCHED}.json", path.with_suffix(".json")):

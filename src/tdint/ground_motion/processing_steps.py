@@ -25,10 +25,10 @@ from tdint.ground_motion.record import Record
 # interpolation. Linear interpolation between points at an interval h multiplies the amplitude of a
 # frequency f by sinc(f h)^2. The points are therefore divided by this factor, so that the piecewise
 # linear motion is correct up to half the sampling rate. The remaining error is its images around
-# 1/h, 2/h, ...: their amplitudes are below 0.001, and their frequencies are far above those of the
-# oscillators. The reference for the test is a windowed sum of sines up to 0.8 of half the sampling
-# rate, with a response in closed form: all maxima agree to 1e-5 for T >= dt / 2, and most of them
-# agree to 1e-6 (tests/response/spectra/test_band_limited.py).
+# 1/h, 2/h, ...: their amplitudes are below 0.001, and their frequencies are far above the
+# frequencies of the oscillators. The reference for the test is a windowed sum of sines up to 0.8 of
+# half the sampling rate, with a response in closed form: all maxima agree to 1e-5 for T >= dt / 2,
+# and most maxima agree to 1e-6 (tests/response/spectra/test_band_limited.py).
 #
 # The sampling interval of such a motion is changed by sinc interpolation with a Kaiser window. If
 # the new interval is longer, the sinc is stretched to remove frequencies above the new Nyquist
@@ -157,7 +157,7 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
         New samples, from the first old sample up to the last. If the new interval is shorter, the
         values at the times of old samples do not change.
     band : float
-        Frequency, Hz, up to which amplitudes are kept with an error of 2e-5.
+        Frequency, Hz; up to this frequency, amplitudes are kept with an error of 2e-5.
     """
     stretch = max(1.0, new / dt)
     # The transition band then ends at the new Nyquist frequency, which is 1 here.
@@ -196,7 +196,7 @@ sampling rate. Below it, rounding errors and the settling time of the filter bec
 
 _SETTLED = 1e-13  # relative amplitude of the filter transient after the settling time
 # Relative amplitude of the transients at both ends of the padding. The peaks of the velocity and of
-# the displacement then differ by less than 1e-4 from those of a record between long zeros; with
+# the displacement then differ by less than 1e-4 from the peaks of a record between long zeros; with
 # 1e-4, the displacement differs by up to 1e-3 (orders 2 to 8, corners 0.05 to 0.5 Hz). For order 4,
 # the padding has 4.8 periods of the corner frequency on either side.
 _TAIL = 1e-5

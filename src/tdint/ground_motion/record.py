@@ -42,7 +42,7 @@ def peak_warnings(
 ) -> tuple[str, ...]:
     """Return a warning if a peak acceleration is unusual, because its unit may be wrong.
 
-    Zero, nan and infinite peaks give no warning: another unit would not make them usual.
+    Zero, nan and infinite peaks give no warning: they would not be usual with another unit.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class Record(Tabular):
     source : str
         File name as specified by the user; `-` for standard input.
     notes : tuple of str
-        Assumptions and changes made by the reader, one sentence each.
+        Assumptions and changes made by the reader; each is one sentence.
     units : str
         Units of the samples in the file; empty for a record that was not read from a file.
     units_from : str
@@ -116,9 +116,9 @@ class Record(Tabular):
         Quantity of the samples in the file: `acceleration`, or the `velocity` or `displacement`
         that was differentiated.
     warnings : tuple of str
-        Assumptions made by the reader that affect the meaning of the numbers.
+        Assumptions made by the reader that affect the meaning of the values.
     inputs : tuple of Input
-        Files from which the record was read, including the inventory if one was used.
+        Files that the record was read from, including the inventory if one was used.
     processing : tuple of str
         Requested processing, one sentence per step; these sentences are also part of `notes`.
     peaks : tuple of two floats | None
@@ -289,7 +289,7 @@ def component_names(records: Sequence[Record]) -> list[str]:
     """Return a name for each record that distinguishes it from the other records of its file.
 
     The name is the component. If several channels of a file have the same component, the name is
-    the id NET.STA.LOC.CHA, or the station code alone for motions exported by tdint, where the
+    the id NET.STA.LOC.CHA, or only the station code for motions exported by tdint, where the
     station is the floor (F04), unless a station has several channels.
     """
     channels = {(record.source, record.id, record.component) for record in records}
@@ -513,7 +513,7 @@ def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
     Parameters
     ----------
     motions : sequence of Record
-        Records with ids NET.STA.LOC.CHA, each of which becomes a channel. Their samples are written
+        Records with ids NET.STA.LOC.CHA; each record becomes a channel. Their samples are written
         without conversion of units.
 
     Returns

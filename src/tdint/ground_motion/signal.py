@@ -89,7 +89,7 @@ def without_offset(samples: Array, quantity: str) -> Array:
     """
     if quantity != "displacement":
         return np.asarray(samples - np.median(samples))
-    # The sum of squared increments stays small until the shaking starts.
+    # The sum of squared increments remains small until the shaking starts.
     sums = np.cumsum(np.diff(samples) ** 2)
     if sums.size:
         quiet_samples = int(np.searchsorted(sums, _PRE_EVENT_FRACTION * sums[-1])) + 1

@@ -4,7 +4,7 @@ Each line of the standard input requests one kernel as JSON: `["MODULE:KERNEL", 
 file of a module that cannot be imported by its name, and null otherwise. The object files for the
 targets in TDINT_KERNELS_TARGETS are written to the standard output, in the format of
 `tdint.kernels.building.loading`, each after a line with the number of its bytes. Code that several
-kernels share is compiled once. The process ends when its standard input is closed, so that no
+kernels share is compiled one time. The process ends when its standard input is closed, so that no
 process remains.
 """
 
@@ -166,7 +166,7 @@ def _take_shortcuts() -> None:
 def _module(name: str, file: str) -> Any:
     """Return the module in a file, loaded under the name that it has in the requesting process.
 
-    The package of the module is imported first, because it can import the module itself. An
+    The package of the module is imported first, because it can import the module. An
     exception of the module ends this process (`main`), so that an incompletely executed module is
     never used.
     """
@@ -222,8 +222,8 @@ def _listen(requests: SimpleQueue[bytes]) -> None:
     """Put the lines of the standard input into a queue; end the process with exit code 0, also if
     it is compiling, when the standard input is closed.
     """
-    incomplete_line = b""  # without a line break so far
-    # sys.stdin is not used, because a thread must not hold its lock when Python ends.
+    incomplete_line = b""  # without a line break until now
+    # sys.stdin is not used, because a thread must not own its lock when Python ends.
     while received := os.read(0, 4096):
         *lines, incomplete_line = (incomplete_line + received).split(b"\n")
         for line in lines:

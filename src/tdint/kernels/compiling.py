@@ -3,7 +3,7 @@
 A kernel has one explicit signature. In a user process the decorated functions remain plain Python
 functions, and a kernel is loaded from an object file when it is first called (see
 `tdint.kernels.building`). If the object file does not exist, a separate process compiles it. In
-that process the decorators are those of numba, and code for features that the variant does not need
+that process the decorators of numba are used, and code for features that the variant does not need
 is omitted.
 """
 
@@ -103,7 +103,7 @@ def kernel(
     signature : Signature
         Types of the arguments and of the result.
     parts : tuple of str
-        Features of the variant on which the compiled code depends. Default: all features.
+        Features of the variant that the compiled code depends on. Default: all features.
     vectorized : bool
         True if the compiler may vectorize loops. Default: False.
 
@@ -181,7 +181,7 @@ else:
         """Return an uninitialized array with `rows` rows and `columns` columns, for use during one
         call of a function.
 
-        In compiled kernels, the array is on the stack, as that of `local`.
+        In compiled kernels, the array is on the stack, as for `local`.
 
         Parameters
         ----------

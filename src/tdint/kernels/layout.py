@@ -5,8 +5,8 @@ additional column that remains zero. The additional column represents the free e
 that a loop can access the next story without a test.
 
 Vocabulary: the following names have the same meaning in every kernel. The docstrings of kernels
-describe only their other arguments, and what they read and change. Units are SI; the comments below
-give the unit of each row.
+describe only their other arguments, and the values that are read and changed. Units are SI; the
+comments below give the unit of each row.
 
     i                  index of a story and of the floor above it, from 0 at the ground
     n                  number of stories
@@ -125,16 +125,16 @@ UNLIMITED = 1e300  # N/m; finite, because the product with a drift of 0 must be 
 # column of zeros, in this table and in `law_state`.
 CODE = 0  # number of the law, or ELEMENTS
 STIFFNESS = 1  # initial stiffness, N/m; of a story with elements, their sum
-# Drifts at which the law loses its force permanently, m, positive and negative; 0 for none. CODE is
+# Drifts where the law loses its force permanently, m, positive and negative; 0 for none. CODE is
 # then the number of the law plus FRACTURING (`tdint.kernels.laws.fracture`)
 FRACTURE_HIGH = 2
 FRACTURE_LOW = 3
 FIRST_PARAMETER = 4  # first parameter of the law, in SI units
 # Values of CODE of a story with elements, which are not indices of a law: ELEMENTS if all laws of
 # the elements are piecewise linear, CURVED_ELEMENTS otherwise. With ELEMENTS, the story is on a
-# linear branch until an element leaves its branch. The elements remain at an earlier drift of this
-# branch (row DRIFT of their columns), and `synchronize` (`tdint.kernels.stories.branches`) moves
-# them to the drift of the story.
+# linear branch until an element changes its branch. The elements remain at an earlier drift of the
+# linear branch (row DRIFT of their columns), and `synchronize` (`tdint.kernels.stories.branches`)
+# moves them to the drift of the story.
 ELEMENTS = -1e6
 CURVED_ELEMENTS = -2e6
 FIRST_ELEMENT = 2  # first column of the elements of such a story, and first column after them
@@ -168,8 +168,8 @@ THIRD_TRIAL = 3 * LAW_STATE_ROWS
 # method with parabolic displacements has set STEP_PEAKS
 STEP_START = 4 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 5
-# The next rows are used in the columns of elements, the energies also in those of stories. In the
-# column of a story with elements, the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and
+# The next rows are used in the columns of elements, the energies also in the columns of stories. In
+# the column of a story with elements, the committed rows DRIFT, FORCE, SLOPE, UPPER, LOWER and
 # RATE_SIGN describe the sum of the elements, and INTERNAL is 1 if all elements have failed.
 # Value of INTERNAL after the failure; nan if the law cannot fail
 FAILED_INTERNAL = LAW_STATE_BLOCKS * LAW_STATE_ROWS
@@ -374,7 +374,7 @@ TOTALS_SIZE = TOTAL_INERTIA + 8
 
 # Value of totals[COLLAPSE_STEP] without collapse
 NO_COLLAPSE = -1.0
-# Value of totals[COLLAPSE_FAILED] at which the time integration ends
+# Value of totals[COLLAPSE_FAILED] that ends the time integration
 NO_RESISTANCE = 2.0
 
 # limits: collapse limits, by story

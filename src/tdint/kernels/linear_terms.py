@@ -20,10 +20,10 @@ R h sin(2 x s) / (2 x) has no mean, and its even part has no moment:
 The deformation of spring `i`, the drift of a story, is the motion of its column minus LINK times
 the motion of column `base_of`, and its force acts on both floors with opposite signs (`above` is
 the sum over the other springs at a floor). A spring has the column of its upper floor: floor `i` of
-the chain stands on floor `i` - 1, and the columns of attachments follow. A link is a further spring
+the chain is above floor `i` - 1, and the columns of attachments follow. A link is a further spring
 between two floors. It has a column without mass after all floors, which moves with its upper floor
 (`tie`) and transfers its force to this floor. Laws, dampers, branches and peaks of links are
-therefore those of stories.
+therefore the same as for stories.
 
 A power-law dashpot with the coefficient c, the threshold rate v0 and the exponent e has at the
 drift rate v
@@ -80,7 +80,7 @@ def below_next(linear_terms, i):
 def below(linear_terms, table, row, i, value):
     """Return the entry of a row for the lower floor of spring `i`.
 
-    `value` is the entry of the previous column, with which the loop over a chain continues.
+    `value` is the entry of the previous column; the loop over a chain continues with this value.
     """
     if TREE and is_tree(linear_terms):
         return table[row, int(linear_terms[rows.BASE, i])]
@@ -389,7 +389,7 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
     scratch : ndarray
         Scratch array.
     row : int
-        Row to which the product is added.
+        Row that the product is added to.
     n : int
         Number of floors.
     """
@@ -436,9 +436,9 @@ def power_damper(linear_terms, i, rate):
 def observed_power_damper(linear_terms, i, rate):
     """Return the result of `power_damper`, for the observer.
 
-    Also the variant without dashpots contains this call. Without it, the compiled loop over the
-    floors takes up to 1.3 times as long with three stories, depending on the addresses of the
-    kernels.
+    Also the variant without dashpots contains this call. Without this call, the time of the
+    compiled loop over the floors is up to 1.3 times as large with three stories, depending on the
+    addresses of the kernels.
     """
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         return _power_damper(linear_terms, i, rate)
@@ -555,8 +555,8 @@ def damping_change(h, scene, law_state, story, part, deviations, i):
     bulge of the force under the lines in the step, N.
 
     A bulge is 4 times the difference, at the middle, from the straight line between the values at
-    the endpoints; in a part, power-law dashpots have none. Tangent damping has the stiffness at the
-    end of the step.
+    the endpoints; in a part, power-law dashpots have no bulge. Tangent damping has the stiffness at
+    the end of the step.
     """
     linear_terms = scene.linear_terms
     coefficient = linear_terms[rows.STORY_DAMPER, i]

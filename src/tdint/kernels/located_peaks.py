@@ -33,7 +33,7 @@ from tdint.kernels.stories.law_state import raise_element_peaks, restoring_force
 def raise_located_peaks(scene, span, passage, law_state, previous, located):
     """Raise the peaks by the forces at reversals and by the response at located instants.
 
-    `previous` is the first row of the states from which the laws move (`step_start`). FIRST_TRIAL
+    `previous` is the first row of the states that the laws move from (`step_start`). FIRST_TRIAL
     and SECOND_TRIAL of the states are overwritten.
     """
     table, first, _, _ = located

@@ -7,9 +7,9 @@ the endpoints. The response within a step is represented by the interpolant of
 `tdint.kernels.step_interpolant`.
 
 The force of a power-law dashpot with an exponent below 1 is nearly discontinuous at rest, and no
-cubic. In a step in which such a dashpot comes to rest, and near it, its force is separated from the
-quantity: the force follows from the cubic Hermite interpolant of the drift rate, and the rest of
-the quantity is a parabola (`_raise_peak_near_rest`).
+cubic. In a step where the motion of such a dashpot stops, and near this step, its force is
+separated from the quantity: the force follows from the cubic Hermite interpolant of the drift rate,
+and the rest of the quantity is a parabola (`_raise_peak_near_rest`).
 
 Search criteria
 ---------------
@@ -53,7 +53,7 @@ An interior maximum is unreliable in three cases:
 The maximum is then recorded as a possible peak, PEAK_ROWS rows after the row of the peak
 (`tdint.kernels.layout`). For displacements and drifts, it is the maximum of the cubic Hermite
 interpolant of u0, v0, u1 and v1. `row`, `peak_row` and `i` are the row and column of the regular
-peak. If the method itself defines a parabola for the displacements within a step, the extremum of
+peak. If the method defines a parabola for the displacements within a step, the extremum of
 the parabola is recorded as a regular peak instead.
 
 References
@@ -236,7 +236,7 @@ def _displacement_excursion(span, ends):
     """Return an upper bound of the distance of a displacement or drift from u1 within a step, m.
 
     The bound is valid for all three polynomials of `_raise_displacement_peak`. The Bezier points of
-    the cubic, u0 + h v0 / 3 and u1 - h v1 / 3, are covered by those of the quintic.
+    the cubic, u0 + h v0 / 3 and u1 - h v1 / 3, are covered by the Bezier points of the quintic.
     """
     change = abs(ends.u1 - ends.u0)
     from_start = change + _excess_at_end(span.h, ends.v0, ends.a0)
@@ -569,7 +569,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     peak. The displacement is interpolated in one of three ways:
 
     1. The step resolves the motion: by the quintic.
-    2. The step does not resolve the motion, and the method itself defines parabolic displacements
+    2. The step does not resolve the motion, and the method defines parabolic displacements
        (`span.on_path`): by the parabola u0 + (u1 - u0) s + h (v1 - v0) (s^2 - s) / 2.
     3. The step does not resolve the motion, other methods: by the cubic with u0, v0, u1 and v1. Its
        extremum is a possible peak.
@@ -597,11 +597,11 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         return extremum
     if v0 * v1 >= 0.0:
         return u1
-    # The extremum is a maximum for v0 > 0, else a minimum (`direction` 1 or -1). `excess_0` is the
-    # largest distance from u0, in the direction of the extremum, of the Bezier points of quintic
-    # and cubic near the start; `excess_1` is this distance from u1 for the points near the end. The
-    # points with h v / 5 are omitted, because the points with h v / 3 (cubic) are farther away.
-    # `start_offset` is the distance of u0 from u1 in this direction.
+    # The extremum is a maximum for v0 > 0, otherwise a minimum (`direction` 1 or -1). `excess_0` is
+    # the largest distance from u0, in the direction of the extremum, of the Bezier points of
+    # quintic and cubic near the start; `excess_1` is this distance from u1 for the points near the
+    # end. The points with h v / 5 are omitted, because the points with h v / 3 (cubic) are farther
+    # away. `start_offset` is the distance of u0 from u1 in this direction.
     direction = math.copysign(1.0, v0)
     start_offset = direction * (u0 - u1)
     excess_0 = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * direction * a0)
@@ -645,7 +645,7 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
 @inline
 def _raise_absolute_peak(span, quantity, dashpots, scene, peaks, peak_row, i):
     """Raise the peak of an absolute acceleration or of a total shear by an extremum inside the
-    step: near the rest of `dashpots`, if one of them has a force there, otherwise of a cubic.
+    step: near the rest of `dashpots`, if a dashpot has a force at that point, otherwise of a cubic.
 
     `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`,
     which defines the result.
@@ -755,10 +755,10 @@ def _forces_near_rest(h, linear_terms, dashpots, s):
 def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
     """Raise the peak of an absolute acceleration or total shear near the rest of dashpots.
 
-    The force F of a dashpot with an exponent below 1 falls steeply to zero when its story comes to
-    rest. The story force has its maximum at the same time. Their sum has its maximum shortly before
-    the rest, which a cubic through the endpoints of the step does not show, whatever the length of
-    the step. The quantity without the forces of both `dashpots` is
+    The force F of a dashpot with an exponent below 1 falls steeply to zero when the motion of its
+    story stops. The story force has its maximum at the same time. Their sum has its maximum shortly
+    before the rest, which a cubic through the endpoints of the step does not show, whatever the
+    length of the step. The quantity without the forces of both `dashpots` is
 
         S0 + (S1 - S0) s + s (1 - s) B
 
@@ -766,7 +766,7 @@ def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
     the forces. The mean is computed by the rule of the method (`Family.mean_rule`): at a rest, the
     rule has a large error, but so has the change of velocity. The sum is evaluated at
     points that are dense near the rests, and on the parabolas through three of these points. The
-    other arguments are those of `_raise_absolute_peak`.
+    other arguments are the same as for `_raise_absolute_peak`.
     """
     h = span.h
     linear_terms = scene.linear_terms
@@ -798,7 +798,7 @@ def _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i):
             length = -dashpot.rest if side == 0 else 1.0 - dashpot.rest
             if length == 0.0 or dashpot.factor == 0.0:
                 continue
-            # Values at three successive points, the last of which is `value`.
+            # Values at three successive points; the last value is `value`.
             earlier = previous = absolute_0 if side == 0 else absolute_1
             for k in range(_POINTS_NEAR_REST - 1, -1, -1):
                 x = k / _POINTS_NEAR_REST

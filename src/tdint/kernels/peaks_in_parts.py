@@ -52,8 +52,9 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
     forces are linear. The rows LOAD_DEVIATION, VELOCITY_DEVIATION and MODAL_DEVIATION of the memory
     of the observer, and the rows after them, contain the deviations from the response under the
     lines of the tables at both endpoints. The deviations of the forces of the dampers follow from
-    those of the velocities. They do not include dampers with braces, whose forces do not depend on
-    the drift rate itself. The rows VELOCITY_BULGE and MODAL_BULGE are the same for all parts.
+    the deviations of the velocities. They do not include dampers with braces, because the forces of
+    these dampers do not depend directly on the drift rate. The rows VELOCITY_BULGE and MODAL_BULGE
+    are the same for all parts.
 
     If the kernel of the method has computed peaks (`span.cornered`), the extrema of velocities and
     total shears inside the part are not searched.
@@ -206,8 +207,8 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
     it is proportional to the length of the step, the remaining bulge to its square.
 
     If the step does not resolve the motion, the straight line between the endpoint values of the
-    step replaces the cubic, whose extremum is a possible peak. `quantity` contains the arguments
-    `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
+    step replaces the cubic; otherwise, the extremum of the cubic is a possible peak. `quantity`
+    contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`.
     """
     s_0, s_1 = part
     deviation_0, deviation_1, part_bulge, damping_bulge = deviations
@@ -217,7 +218,7 @@ def _raise_absolute_peak_in_part(span, quantity, part, deviations, peaks, row, i
     bulge, tilt = bulge_and_tilt(span.h, ends)
     bulge, tilt = bulge - forces[2], tilt - forces[3]
     weight = tilt_weight(bulge, tilt)
-    # With linear accelerations of the method itself, both are rounding errors, and so is their
+    # With linear accelerations of the method, both are rounding errors, and so is their
     # ratio.
     u0, v0, a0, u1, v1, a1, _, _ = ends
     terms = ((abs(u0) + abs(u1)) / span.h + abs(v0) + abs(v1)) / span.h + abs(a0) + abs(a1)

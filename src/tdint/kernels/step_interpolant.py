@@ -20,7 +20,7 @@ The tilt depends on displacements, divided by h^2. A displacement error d of the
 method in one step changes a(s) by up to 5.8 d / h^2. For second-order methods this change is of the
 size of a1 - a0, so the tilt is not reliable. The weight w of B and D therefore depends on |D / B|:
 
-    |D| <= |B|              w = 1: a(s) stays on one side of the straight line
+    |D| <= |B|              w = 1: a(s) remains on one side of the straight line
     |B| < |D| < 2 |B|       w = 2 - |D / B|, so that peaks change continuously
     |D| >= 2 |B|            the interior is not searched: the maximum is the larger endpoint value
 """

@@ -7,11 +7,11 @@ over the start, the inner point (suffix g) and the end of the step:
     t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)        u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
 
 Equilibrium is satisfied at the inner point and at the end (Noh and Bathe 2019). For rho_inf = 0,
-the coefficients are those of Bathe and Baig (2005) and Bathe (2007), with the three-point backward
-difference q0 = q1 = 1 / (2 (2 - gamma)), q2 = (1 - gamma) / (2 - gamma). With the default gamma,
-both substeps have the same matrix, which is factorized once.
+the coefficients are equal to the coefficients of Bathe and Baig (2005) and Bathe (2007), with the
+three-point backward difference q0 = q1 = 1 / (2 (2 - gamma)), q2 = (1 - gamma) / (2 - gamma). With
+the default gamma, both substeps have the same matrix, which is factorized one time.
 
-Another method of this kind is a function that returns its `ImplicitTableau` (`composite_method`).
+Another method of this type is a function that returns its `ImplicitTableau` (`composite_method`).
 """
 
 from __future__ import annotations
@@ -288,7 +288,7 @@ def composite_method(
     tableau : callable
         Parameter values -> `ImplicitTableau`.
     parameters : tuple of Parameter
-        Parameters in the order in which `tableau` receives their values.
+        Parameters; `tableau` receives their values in this order.
     source : str
         Publication of the method.
 

@@ -92,9 +92,10 @@ def _built_in(name: str) -> Method | None:
     """Return the built-in method with this name, or None.
 
     The file with the same name as the method is searched first. A run with the default method
-    therefore imports only one family, which saves start time.
+    therefore imports only a single family, which saves start time.
     """
-    # False sorts before True: the family with this name is first, the order of the others remains.
+    # False sorts before True: the family with this name is first, the order of the other families
+    # remains.
     likely_family = name.replace("-", "_")
     for family in sorted(FAMILIES, key=lambda family: family != likely_family):
         for method in _methods_of(family):

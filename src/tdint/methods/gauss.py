@@ -502,7 +502,7 @@ def _add_brace(linear_terms, law_parameters, i, h, memory):
 
     The stages are the Gauss points of `follow_brace`. The rates r_1 and r_2 at the stages determine
     the parabola of drift, rise = h (r_1 + r_2) / 2 and bend = h (r_2 - r_1) / (2 S) with S =
-    _GAUSS_SHIFT, and the forces are mean -+ moment / (12 S). The return value is that of
+    _GAUSS_SHIFT, and the forces are mean -+ moment / (12 S). The return value is the same as for
     `_evaluate_stages`.
     """
     state, _, scratch, _ = memory
@@ -539,8 +539,9 @@ def _brace_entry(coefficients, h, scratch, i, entry):
     """Return the derivative of the force of a brace at a stage with respect to the drift
     acceleration of a stage, kg; `entry` is the index in the 2 x 2 block, row by row.
 
-    The derivatives with respect to the drift rates r_k follow from those of mean and moment
-    (`_add_brace`). r_k has the derivative h A_kj with respect to the acceleration of stage j.
+    The derivatives with respect to the drift rates r_k follow from the derivatives of mean and
+    moment (`_add_brace`). r_k has the derivative h A_kj with respect to the acceleration of stage
+    j.
     """
     sign = 2.0 * (entry // 2) - 1.0
     first = _IMPLICIT.BRACE

@@ -1,6 +1,6 @@
 """Method impulse: the impulse-momentum method as published in 2022, with its parameter beta.
 
-Equation numbers in this module are those of the publication. The equations of a step of length h
+Equation numbers in this module refer to the publication. The equations of a step of length h
 from the state u0, v0, a0 to u1, v1, a1 are
 
     eqs. 11, 12   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)                 displacement quartic over the step

@@ -171,7 +171,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
 
     An event is the change of a story to another branch of its law. The first event of a substep is
     located on the cubic Hermite interpolant of the drifts, and the equations are solved again for a
-    substep that ends there. Reversals of curved laws with a negligible effect
+    substep that ends at that point. Reversals of curved laws with a negligible effect
     (`keep_negligible_kinks`) are not located.
 
     The interpolant is inaccurate in large steps. The drift at the end of a substep may therefore
@@ -404,8 +404,8 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     then changes the acceleration of the floor above by -J / m and the acceleration of the floor
     below by J / m, with the mass m of each floor.
 
-    `column` is the story or the element whose branch ends. At a reversal of a story with elements,
-    it is the story, and all elements with its direction change their branches.
+    `column` is the story or the element with the branch that ends. At a reversal of a story with
+    elements, it is the story, and all elements with its direction change their branches.
 
     The result is True if the law has lost a part of its force.
     """
@@ -503,7 +503,7 @@ def _change_exceeded_branches(scene, memory):
     """Change the branch of each story whose drift exceeds a limit at the end of a divided step;
     return the number of changes.
 
-    A substep that ends at the branch change of one story can end beyond the limit of another story,
+    A substep that ends at the branch change of one story can exceed the limit of another story,
     within the tolerance of `_compare_with_event`. The next substep changes the branch of the other
     story at its start. After the last substep of a step this function changes it, because the
     observer reports the force at the end of the step.
@@ -657,11 +657,12 @@ def _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift
 def _store_end_forces(story, column, event, linear_terms, law_parameters, memory):
     """Store the story forces and accelerations at the end of a substep for the peaks.
 
-    The drift at the end can be beyond the limit of a branch, or differ from the limit of the branch
-    change at which the substep ends. The force of the committed state is on the old branch, and can
-    exceed the strength of the story. The peaks use the force at the limit instead. The floor
-    accelerations change by the difference of the forces divided by the mass. A curved branch, with
-    the slope inf, is evaluated at the drift itself: its limit has already changed with its state.
+    The drift at the end can be outside the limit of a branch, or differ from the limit of the
+    branch change at the end of the substep. The force of the committed state is on the old branch,
+    and can exceed the strength of the story. The peaks use the force at the limit instead. The
+    floor accelerations change by the difference of the forces divided by the mass. A curved branch,
+    with the slope inf, is evaluated at the drift itself: its limit has already changed with its
+    state.
     """
     state, law_state, scratch, _ = memory
     for i in range(linear_terms.shape[1] - 1):
@@ -755,7 +756,7 @@ def _update_substep_peaks(scene, span, memory):
     for i in range(scene.linear_terms.shape[1] - 1):
         drift = law_state[rows.DRIFT, i]
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
-        # The law is moved to the limit at which the substep ends, also if the drift is before it.
+        # The law is moved to the limit at the end of the substep, also if the drift is before it.
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift - scratch[ROW.END_EXCESS, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, scratch[ROW.END_FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])

@@ -107,7 +107,7 @@ class Family:
         if the time step is longer than the sampling interval of the record.
     parabolic : bool
         True if the displacements are parabolic within the step, with rates that change linearly
-        between its ends.
+        between its start and end.
     mean_rule : tuple of float
         Rule that is nearest to the mean of the damping forces in the change of velocity over a
         step: weight of two points, and their distance from the middle of the step as a fraction of
@@ -159,7 +159,7 @@ class Method:
     family : Family
         Methods with the same compiled step.
     parameters : tuple of Parameter
-        Parameters in the order in which the functions below receive their values.
+        Parameters; the functions below receive their values in this order.
     coefficients : callable
         Parameter values -> coefficients of the family's step.
     rho_inf : callable
@@ -181,7 +181,7 @@ class Method:
         default False.
     variants : tuple of str
         Further parameter values, such as `theta=1.3`, that show behavior which the defaults do not
-        show. `tdint failures` tries them, too.
+        show. `tdint failures` also tries these values.
     estimating_coefficients : callable, optional
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method

@@ -249,7 +249,7 @@ def chang_step(
         _STORE + 2 * modal.shape[0] + 1,
         linear_terms,
     )
-    # Both factorizations remain valid as long as h is the same.
+    # Both factorizations remain valid while h is the same.
     if step_status[rows.FACTORED_STEP] != h:
         factorizations = displacement_factors, acceleration_factors
         _factor_chang(linear_terms, modal, law_parameters, half_h, factorizations, n)

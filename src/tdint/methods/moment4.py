@@ -38,9 +38,10 @@ endpoints of the steps (`tdint.kernels.linear_terms.mean_load`).
 | r, 12 / (1 + 6 r) | `coefficients[R]`, `coefficients[BY_RISE]` | path, first moment |
 | tolerance of the residuals | `coefficients[TOLERANCE]` | impulse, first moment |
 
-In a linear building, the step is that of impulse4 with the same rho_inf if the load is linear
-within the step. For rho_inf = 1 it is the energy-preserving collocation method of order 4 (Hairer
-2010), which is the continuous Galerkin method of degree 2 in time (Betsch and Steinmann 2000).
+In a linear building, the step is equal to the step of impulse4 with the same rho_inf if the load is
+linear within the step. For rho_inf = 1 it is the energy-preserving collocation method of order 4
+(Hairer 2010), which is the continuous Galerkin method of degree 2 in time (Betsch and Steinmann
+2000).
 """  # noqa: E501
 
 from __future__ import annotations

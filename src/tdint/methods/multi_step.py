@@ -2,7 +2,7 @@
 
 The unknowns of a step of length h are the displacement u1, velocity v1 and acceleration a1 at its
 end. Let w1 = (u1 - u0) / h be the mean velocity and b1 = (v1 - v0) / h the mean acceleration of the
-step; w0, b0 those of the previous step, and w_, b_ those of the step before. Both methods are
+step; w0, b0 the means of the previous step, and w_, b_ of the step before. Both methods are
 
     v1 = V . (w1, w0, w_)
     a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
@@ -15,7 +15,7 @@ of displacements would cause an error of the order of rounding(u) / h^2 in each 
 dominates for small steps.
 
 If the ground acceleration jumps by j between two steps (a step that is longer than the sampling
-interval), the means are replaced by those of a motion that had the new acceleration before the
+interval), the means are replaced by the means of a motion that had the new acceleration before the
 jump, u + j t^2 / 2 with the jump at t = 0.
 
 The first two steps use average acceleration (Newmark 1959), which preserves order 2 in u, v and a.
@@ -54,7 +54,7 @@ OLDER_MEAN_VELOCITY = rows.FIRST_OLDER + 1
 MEAN_ACCELERATION = rows.FIRST_OLDER + 2
 OLDER_MEAN_ACCELERATION = rows.FIRST_OLDER + 3
 
-# Scratch rows that follow those of `solve_equilibrium`
+# Scratch rows that follow the rows of `solve_equilibrium`
 _GUESSED_MEAN_VELOCITY = EQUILIBRIUM_ROWS  # first guess of the mean velocity, m/s
 _FACTORS = _GUESSED_MEAN_VELOCITY + 1  # first row of the factorization
 
@@ -226,7 +226,7 @@ def _family(*memory: int) -> Family:
     """Return the family of the multi-step methods, with the independent rows of the state
     (`memory`).
 
-    The independent rows are those that the formulas of the method use: Houbolt's method does not
+    The independent rows are the rows that the formulas of the method use: Houbolt's method does not
     use the velocity and the mean accelerations. `derivatives` contains the order of the
     displacement derivative in each row of the state. `shifts` is its change at a jump of 1 of the
     acceleration, divided by h^(2 - derivative):
@@ -254,7 +254,7 @@ def _family(*memory: int) -> Family:
 
 # Weights of the mean slopes over the last three steps, the last step first, in a derivative at the
 # end: the first and second derivative of the cubic through the last four points (Houbolt), and the
-# average of the first derivatives of this cubic and of the parabola through three points (Park)
+# average of the first derivatives of the cubic and of the parabola through three points (Park)
 _BACKWARD = (11.0 / 6.0, -7.0 / 6.0, 2.0 / 6.0)
 _SECOND_BACKWARD = (2.0, -3.0, 1.0)
 _PARK = (10.0 / 6.0, -5.0 / 6.0, 1.0 / 6.0)

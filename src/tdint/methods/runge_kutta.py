@@ -180,9 +180,9 @@ def _store_explicit_damping(linear_terms, law_parameters, h, memory, stages):
     """Store force and work of tangent damping at the end of the step, and subtract the force from
     the accelerations of the last stage.
 
-    The work is the integral of b f' d' for parabolas of f' and d' with their values at both ends
-    and their means. A parabola with the mean m, the change c and the mean of both ends m + e has
-    the product m m' + c c' / 12 + e e' / 5 with a second parabola, on average.
+    The work is the integral of b f' d' for parabolas of f' and d' with their values at both
+    endpoints and their means. A parabola with the mean m, the change c and the mean of both ends m
+    + e has the product m m' + c c' / 12 + e e' / 5 with a second parabola, on average.
     """
     state, law_state, scratch, _ = memory
     velocity = _EXPLICIT.V + stages

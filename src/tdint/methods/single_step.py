@@ -12,8 +12,8 @@ The response at the end of the step is then
     u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
 
 Functions that return coefficients of a method return W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 in this
-order (`row`). The names are those of the publication. Its other coefficients have the same values
-in all methods of the module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
+order (`row`). The names are the same as in the publication. Its other coefficients have the same
+values in all methods of the module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ L6W1 = 4
 L3 = 5
 L5 = 6
 
-# Scratch rows that follow those of `solve_equilibrium`
+# Scratch rows that follow the rows of `solve_equilibrium`
 _LOAD_0 = EQUILIBRIUM_ROWS  # load at the start of the step, N
 _FACTORS = _LOAD_0 + 1  # first row of the factorization
 
@@ -239,7 +239,7 @@ def dissipative(alpha_m: float, alpha_f: float) -> tuple[float, ...]:
 def collocation(beta: float, theta: float) -> tuple[float, ...]:
     """Return the coefficients of the collocation method (Hilber and Hughes 1978), gamma = 1/2.
 
-    Equilibrium is satisfied at theta h, beyond the end of the step, with Newmark's formulas over
+    Equilibrium is satisfied at theta h, after the end of the step, with Newmark's formulas over
     theta h. With beta = 1/6 this is Wilson's theta method. The result contains W1, L2W2, L3W3,
     L5W2, L6W1, l3 and l5 of `step`.
     """
@@ -366,7 +366,7 @@ def _family_member(
     def tangent_damping(*values: float) -> bool:
         """Return True if the motion does not grow under tangent damping.
 
-        With a limit of the step (explicit methods, too), or with equilibrium beyond the end of the
+        With a limit of the step (also explicit methods), or with equilibrium after the end of the
         step, it grows: the spectral radius is 1.1 to 3 for damping ratios of 2 % to 50 %.
         """
         return method.stability_limit(*values) == math.inf and row(*values)[W1] <= 1.0
@@ -452,7 +452,7 @@ METHODS = (
         Parameter("theta", 1.4, 1.0, 10.0),
         variants=("theta=1.3",),  # below the stability limit
         stability_limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
-        # Equilibrium beyond the end of the step is unstable with a damper and a stiff brace
+        # Equilibrium after the end of the step is unstable with a damper and a stiff brace
         # (spectral radius 1.4 to 3.7).
         braces=False,
     ),

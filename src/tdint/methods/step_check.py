@@ -1,8 +1,9 @@
 """Check of the compiled step of a method, executed in plain Python with checks of array bounds.
 
-A building with two yielding stories is integrated. Its displacements are compared with those of
-`impulse4`, and the imbalance of its energies must be small or converge to zero. Clearing the
-scratch arrays must not change the displacements, and halving a step may at most double their error.
+A building with two yielding stories is integrated. Its displacements are compared with the
+displacements of `impulse4`, and the imbalance of its energies must be small or converge to zero.
+Clearing the scratch arrays must not change the displacements, and halving a step may at most double
+their error.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ def faults_of_step(integrator: Integrator) -> list[str]:
     """Return messages about the faults of the step function of a method; an empty list if correct.
 
     The step is executed in plain Python. The faults are access to undeclared rows and wrong results
-    for yielding stories. Only one hysteresis model (bilinear) is tested because the user waits for
-    the result (3 s). A method for linear buildings is tested with linear stories only. The energies
-    are not tested (`energy_faults_of_step`), because studies of elastic oscillators do not need
-    them.
+    for yielding stories. Only a single hysteresis model (bilinear) is tested because the user waits
+    for the result (3 s). A method for linear buildings is tested with linear stories only. The
+    energies are not tested (`energy_faults_of_step`), because studies of elastic oscillators do not
+    need them.
     """
     try:
         # Linear stories, with the time step `_H` (1 step in `_H`), reveal wrong indices.
@@ -72,7 +73,7 @@ class _Beyond(IndexError):
 class GuardedArray(np.ndarray):
     """Array that raises an error with its name if an index is out of bounds.
 
-    Compiled code does not check indices and would write beyond the end of the array.
+    Compiled code does not check indices and would write after the end of the array.
     """
 
     name = ""
@@ -122,7 +123,7 @@ _H, _SECONDS = 0.01, 1.2
 # Order of convergence of methods that do not locate the kinks of the forces within their steps
 _KINK_ORDER = 2
 # Tolerance of the observed order of convergence. The positions of the kinks within the time steps
-# change the errors by up to one half.
+# change the errors by up to half.
 _ORDER_TOLERANCE = 0.6
 # Fraction of the maximum displacement. Smaller errors are accepted, because they are comparable to
 # the error of the reference.
@@ -130,7 +131,7 @@ _NEGLIGIBLE = 1e-6
 # Imbalance of the energies, as a fraction of the maximum input energy, that is accepted without
 # measuring its order. Methods of order 2 are within 1e-3 with the time step _H / 4.
 _ENERGY_TOLERANCE = 1e-2
-# Numbers of time steps in _H with which a larger imbalance is measured. The energy that is lost by
+# Numbers of time steps in _H that a larger imbalance is measured with. The energy that is lost by
 # numerical damping of order 1 is halved with the time step only if the damping per step is small:
 # the observed order of backward Euler is 0.7 to 0.9 from 1 to 4 steps, and 0.89 to 0.95 here.
 _ENERGY_PARTS = (8, 16)
@@ -153,7 +154,7 @@ def integrate_in_python(
     ----------
     fresh_at : int
         Number of the step before which the scratch arrays are cleared, as if the integration were
-        interrupted and continued with other arrays. The default, -1, clears nothing.
+        interrupted and continued with other arrays. The default, -1, clears no array.
     halve_at : int
         Number of the call of the step, from 1 on, that is reported as not converged, so that this
         step is halved. The default is -1, no step.
@@ -365,13 +366,13 @@ class EnergyBalance:
     """Imbalance of the energies of yielding stories at the end of the check.
 
     The imbalance is the input energy minus the stored, damped and dissipated energy. Numerical
-    damping is part of it and vanishes with the time step. Dissipated energy that a step does not
-    accumulate is missing with any time step.
+    damping is part of the imbalance and vanishes with the time step. Dissipated energy that a step
+    does not accumulate is missing with any time step.
 
     Attributes
     ----------
     dt : float
-        Smallest time step with which the imbalance was measured, s.
+        Smallest time step that the imbalance was measured with, s.
     imbalance : float
         Absolute imbalance with this time step, divided by the maximum input energy.
     order : float

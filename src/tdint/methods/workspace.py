@@ -26,8 +26,9 @@ memory of its rows.
 """
 
 
-# Rows of `Workspace.observer_state` in a model of flexural stories, whose loop is not compiled:
-# peaks in the order of `FlexureValues`. The last three have one number, in the first column.
+# Rows of `Workspace.observer_state` in a model of flexural stories, with a loop that is not
+# compiled: peaks in the order of `FlexureValues`. The last three have one number, in the first
+# column.
 MOMENT, ROTATION, UNROTATED_DRIFT, SHEAR_DRIFT, BENDING_DRIFT = range(1, 6)
 BASE_ROTATION, BASE_DISPLACEMENT, TOTAL_BASE_MOMENT = range(6, 9)
 
@@ -36,7 +37,7 @@ BASE_ROTATION, BASE_DISPLACEMENT, TOTAL_BASE_MOMENT = range(6, 9)
 class Workspace:
     """Arrays that a time integration reads and writes.
 
-    The arrays are those of `tdint.kernels.layout`. The tables `state`, `law_state` and
+    The arrays are described in `tdint.kernels.layout`. The tables `state`, `law_state` and
     `observer_state` have one column per floor or story and an additional column, `peaks` and
     `limits` one column per floor or story. `flags`, `step_status` and `totals` are vectors.
 
@@ -45,8 +46,8 @@ class Workspace:
     history : ndarray
         Response history, one row per stored time; no rows if no history is stored.
     forces : ndarray
-        Forces on floors. Rows of tables contain the lines of the current step, so that a run has
-        its own copy.
+        Forces on floors. Rows of tables contain the lines of the current step, so that a run has a
+        separate copy.
     steps_per_row : int
         Number of time steps between two rows of the history: 1 to store every step.
     rows_before : int
@@ -172,12 +173,12 @@ def collapse_limits(building: Building, collapse_drift: float) -> Array:
     limits = np.empty((rows.LIMIT_ROWS, building.stories))
     limits[rows.LIMIT] = collapse_drift
     limits[rows.HEIGHT] = building.heights
-    # INTERNAL of a story with elements is 1 if all of them have failed.
+    # INTERNAL of a story with elements is 1 if all elements have failed.
     codes = building.story_laws[rows.CODE].tolist()
     limits[rows.FAILED] = [1.0 if code <= rows.ELEMENTS else LAWS[code].failed for code in codes]
     limits[rows.HIGH_LIMIT], limits[rows.LOW_LIMIT] = building.resistance_limits
     if building.branched:
-        # The building stands after an attachment or a link has lost its resistance.
+        # The building does not collapse after an attachment or a link has lost its resistance.
         devices = slice(building.floors, None)
         limits[rows.FAILED, devices] = math.nan
         limits[rows.HIGH_LIMIT, devices], limits[rows.LOW_LIMIT, devices] = math.inf, -math.inf

@@ -64,8 +64,8 @@ class Building:
     element_labels : tuple of str
         Story and name of each element of the stories with several elements.
     attachments, links : tuple
-        Attachments, whose columns follow those of the stories, and links, whose columns have no
-        mass and follow those of the attachments.
+        Attachments, with columns after the columns of the stories, and links, with columns that
+        have no mass and are after the columns of the attachments.
     floors : int
         Number of floors without attachments.
     stiffens : bool
@@ -303,8 +303,8 @@ class Building:
     def _resistance_limit(self, i: int, side: float) -> float:
         """Return the drift on a side beyond which a story has no resistance, m.
 
-        The last lines of its law, or of all its elements, and P-delta have no force together there.
-        It is infinite if no line falls, or if a law has no last line.
+        The last lines of its law, or of all its elements, and P-delta have no force together at
+        that point. It is infinite if no line falls, or if a law has no last line.
         """
         table = self.law_parameters
         columns = (
@@ -346,7 +346,7 @@ class Building:
         """Return True if `fastest` times the time step h (s) exceeds a limit.
 
         Further iterations only decrease the bound of the first iteration. If this first bound is
-        within the limit, as for most buildings, `fastest` need not be computed.
+        within the limit, as for most buildings, `fastest` does not have to be computed.
         """
         if self._first_bound * h <= limit:
             return False
@@ -647,7 +647,7 @@ def assemble(model: Model) -> Building:
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
     # `modal` contains the damping between several floors, such as modal damping. Each row w adds
     # w w^T to the damping matrix. It is a property of the stories: with the modes of a building
-    # with attachments, the numbers of the modes and the damping of the stories would change.
+    # with attachments, the mode numbers and the damping of the stories would change.
     stiffness = law_parameters[rows.STIFFNESS, :n]
     if n == floors:
         modal = add_damping(linear_terms, stiffness, model, vibration)
@@ -682,7 +682,7 @@ def assemble(model: Model) -> Building:
 
 def _assemble_linear(model: Model) -> Building:
     """Assemble the arrays of a model that has matrices or flexural stories. The stiffnesses of the
-    stories are those of `LinearSystem.drift_stiffness`."""
+    stories are the values of `LinearSystem.drift_stiffness`."""
     # Imported here, because few models have matrices.
     from tdint.model.linear_system import assemble_system
 
@@ -705,8 +705,8 @@ def _assemble_linear(model: Model) -> Building:
 def law_columns(stories: Sequence[Story]) -> list[range]:
     """Return the columns of the springs of each story in the table of the laws.
 
-    The springs are those of `Story.springs`: a story with a single law has its own column, and the
-    elements of the other stories follow after the column of zeros.
+    The springs are those of `Story.springs`: a story with a single law has the column of the story,
+    and the elements of the other stories follow after the column of zeros.
     """
     columns, end = [], len(stories) + 1
     for i, story in enumerate(stories):
@@ -718,7 +718,7 @@ def law_columns(stories: Sequence[Story]) -> list[range]:
 def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
     """Return the table of the laws of all stories and elements, and the yield drifts of stories.
 
-    The yield drift of a story with elements is that of the element that yields first.
+    The yield drift of a story with elements is the yield drift of the element that yields first.
     """
     columns_of_stories = law_columns(stories)
     # The law with the most parameters determines the number of rows. A story with elements has the
@@ -799,7 +799,7 @@ def weight_over_height(model: Model) -> Array:
     P-delta reduces the stiffness of the story by this value. It is zero in stories without P-delta.
     """
     mass = np.array([story.mass for story in model.stories])
-    # An attachment loads the floor on which it stands; it has no P-delta of its own.
+    # An attachment loads its floor; it has no separate P-delta.
     for attachment in model.attachments:
         mass[attachment.floor - 1] += attachment.spring.mass
     heights = np.array(
@@ -847,8 +847,8 @@ def stiffness_after_yield(story: Story) -> float:
     """Return the stiffness of a story after yield and before softening, N/m.
 
     It is infinite for a law that does not yield. The stiffness of a story with elements is the sum
-    after all elements that yield have yielded; the others keep their initial stiffness. Before the
-    last of them yields, the story can be stiffer.
+    after all elements that yield have yielded; the other elements keep their initial stiffness.
+    Before the last of them yields, the story can be stiffer.
     """
     yields, total = False, 0.0
     for spring, yield_drift in zip(story.springs, element_yield_drifts(story), strict=True):

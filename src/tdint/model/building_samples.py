@@ -111,7 +111,7 @@ class DrawnBuildings:
 def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
     """Assemble the buildings of all samples.
 
-    The results are equal to the bit to those of `assemble` for each changed model.
+    The results are equal to the bit to the results of `assemble` for each changed model.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def _yield_drifts(
     law_parameters: Array,
 ) -> Array:
     """Verify the laws of all samples and return their yield drifts, shape (draws, stories). The
-    changed values are those of `_changed_numbers`; the first axis of `law_parameters` is the
+    changed values are the values of `_changed_numbers`; the first axis of `law_parameters` is the
     sample. UsageError is raised if the parameters of a story are invalid.
     """
     yield_drift = np.repeat(base.yield_drift[None], len(law_parameters), axis=0)

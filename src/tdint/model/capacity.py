@@ -253,8 +253,8 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     # In the following, forces and stiffnesses are divided by the mass of the building.
     forces = effective_mass_ratio * GRAVITY * np.outer(shear_over_base_shear, points[:, 1])
     # The published program multiplies the forces by an additional factor: the squared frequency of
-    # the curve over the squared frequency of a building whose story stiffnesses are proportional to
-    # the story forces.
+    # the curve over the squared frequency of a building with story stiffnesses that are
+    # proportional to the story forces.
     if facts.as_published and n > 1:
         unscaled_omega_squared = (
             solve_modes(mass_fractions, shear_over_base_shear, links).omega[0] ** 2

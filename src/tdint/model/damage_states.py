@@ -75,7 +75,7 @@ class DamageStates:
         Demand at which half of the buildings are in the state or a more severe state, SI units,
         increasing.
     dispersion : float
-        Standard deviation of the logarithm of that demand; 0 if the medians are thresholds.
+        Standard deviation of the logarithm of the demand; 0 if the medians are thresholds.
     losses : tuple of float
         Mean loss ratio in each state and after a collapse; empty without losses.
 

@@ -79,7 +79,7 @@ def add_damping(
     Returns
     -------
     ndarray, shape (k, n + 1)
-        Rows w, each of which contributes w w^T to the damping matrix: one for each damped mode
+        Rows w; each row contributes w w^T to the damping matrix: one for each damped mode
         (modal damping), one for each damper between two floors (Rayleigh damping of a building with
         isolators), otherwise none. The last column, for the ground, is 0.
 
@@ -91,8 +91,8 @@ def add_damping(
     n = linear_terms.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
-        # All modes are computed at once; check that the memory is sufficient for their matrices of
-        # 8-byte numbers.
+        # All modes are computed simultaneously; check that the memory is sufficient for their
+        # matrices of 8-byte numbers.
         needed, available = _MATRICES_OF_ALL_MODES * 8 * n**2, memory()
         if available is not None and needed > available:
             raise ModelError(
@@ -180,7 +180,7 @@ def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficient
 
     `frequencies` contains the circular frequencies of the modes, rad/s. The ratio of a mode is xi =
     a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both modes are the same, mass and
-    stiffness contribute half of the damping each. This is the limit for equal ratios as the two
+    stiffness each contribute half of the damping. This is the limit for equal ratios as the two
     frequencies approach each other.
 
     Raises

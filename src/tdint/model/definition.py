@@ -71,13 +71,13 @@ class RayleighCoefficients:
 class ModalDamping:
     """Modal damping for the modes of the initial stiffness. It does not change during yielding.
 
-    The modes are those of the stories, without attachments and links.
+    The modes are the modes of the stories, without attachments and links.
 
     Attributes
     ----------
     ratios : tuple of float
-        Damping ratios in [0, 1) of the first modes in order. The last ratio applies to all further
-        modes, too; it is 0 if they are undamped.
+        Damping ratios in [0, 1) of the first modes in order. The last ratio also applies to all
+        further modes; it is 0 if they are undamped.
     p_delta : bool
         True if P-delta reduces the stiffness of these modes.
     """
@@ -244,7 +244,7 @@ class Attachment:
     name : str
         Name in tables, unique among attachments and links.
     floor : int
-        Floor on which it stands, counted from 1.
+        Floor of the attachment, counted from 1.
     spring : Story
         Spring and dashpot, and as mass of its floor the attached mass.
     """
@@ -266,7 +266,7 @@ class Link:
         Start and end. Floors are counted from 1, attachments continue after the roof, and 0 is the
         ground. The deformation is the displacement of the end minus that of the start.
     spring : Story
-        Spring and dashpot; the mass is 0, and the stiffness of a link without a spring, too.
+        Spring and dashpot; the mass is 0, and also the stiffness of a link without a spring.
     """
 
     name: str
@@ -360,8 +360,8 @@ class Model:
     damping : Damping
         Damping in addition to dashpots.
     p_delta : bool
-        True if gravity acts on the displaced building, in each story that does not specify it
-        itself. Stories on which it acts have a height (`p_delta_stories`).
+        True if gravity acts on the displaced building, in each story that does not specify its
+        P-delta. Stories with P-delta have a height (`p_delta_stories`).
     excitation : Excitation
         Ground motion and forces.
     initial : Initial
@@ -388,7 +388,7 @@ class Model:
     limits : tuple of Limit
         Limits of demands, in the order of the file.
     weight_factor : float
-        Factor by which the masses are too large if the numbers of the key `mass` are weights in the
+        Factor by which the masses are too large if the values of the key `mass` are weights in the
         unit of force of the file; 1 if the file specifies weights or derives the stories.
     force_unit : str
         Unit of force of the file.
@@ -503,7 +503,7 @@ class Model:
     def replace(self, **changes: float | str) -> Model:
         """Return the building with changed parameters: `model.replace(damping=0.02)`.
 
-        Names are those of `PARAMETERS`, or keys of the model file in SI units, with the number of a
+        Names are from `PARAMETERS`, or keys of the model file in SI units, with the number of a
         story counted from the ground: `model.replace(**{"stories[2].law.hardening": 0.05,
         "stories.mass": 2e5})`. Without a number, all stories that have the parameter are changed.
         Modes, yield drifts and P-delta are updated.

@@ -194,11 +194,11 @@ def story_model(
 
 def _absorber_lines(units: _UnitSystem, loads: Sequence[float], omega: float) -> list[str]:
     """Return the lines of a tuned mass damper on the roof of a building with the circular frequency
-    `omega` (rad/s), whose first mode is a straight line.
+    `omega` (rad/s), with a first mode that is a straight line.
 
     The tuning f of the frequencies and the damping ratio are the optimum for a harmonic force on an
     undamped building (Den Hartog 1956): f = 1 / (1 + mu), zeta = sqrt(3 mu / (8 (1 + mu))), with
-    the mass ratio mu. The ratio zeta refers to the frequency of the damper itself.
+    the mass ratio mu. The ratio zeta refers to the frequency of the damper.
     """
     floors, mu = len(loads), _ABSORBER_MASS
     modal_load = math.fsum(load * (i / floors) ** 2 for i, load in enumerate(loads, start=1))
@@ -505,7 +505,7 @@ def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit
     law_type : str
         `bilinear`; `trilinear`: the law `trilinear-pinching` without pinching, with constant force
         after the ultimate point; or `multilinear`: the law `multilinear-pinching` without pinching,
-        with four points, whose forces may decrease.
+        with four points and forces that may decrease.
     """
     fit, make_law = FITTED_LAWS[law_type]
     max_drift, max_shear = float(drift[-1]), float(np.max(shear))
@@ -526,7 +526,8 @@ def _fit_slopes(
     drift: Array, shear: Array, corners: Array, *, is_flat: bool
 ) -> tuple[Array, Array]:
     """Fit a polygon with given corners through the origin to a curve, by least squares. Return the
-    slope of each segment, zero or positive, and the shears of the curve minus those of the polygon.
+    slope of each segment, zero or positive, and the shears of the curve minus the shears of the
+    polygon.
 
     With `is_flat`, the slope after the last corner is zero and omitted from the result.
     """
@@ -646,7 +647,7 @@ def _bilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLa
 def _trilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
     """Return a trilinear law from the relative drifts of the yield point and the ultimate point,
     and the relative slopes before the yield point and between the points. The maximum drift (m) and
-    shear (N) are those of the curve.
+    shear (N) are the values of the curve.
     """
     yield_drift, ultimate_drift, first_slope, second_slope = fitted
     yield_force = float(first_slope * yield_drift * max_shear)

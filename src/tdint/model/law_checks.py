@@ -111,7 +111,7 @@ class _PathPoint(NamedTuple):
     is_on_branch : bool
         True if the drift is on the same branch as the previous drift of the path.
     lower, upper : float
-        Ends of this branch, m.
+        Ends of the branch, m.
     """
 
     drift: float
@@ -276,7 +276,7 @@ def _reversal_faults(
     guard: Guard = lambda array, name: array,
 ) -> list[str]:
     """Return a message if the tangent of a law without branches jumps where the drift reverses; the
-    arguments are those of `path_faults`.
+    arguments are the same as for `path_faults`.
 
     Methods of fourth order would be of second order without a message, because they locate the
     reversals only of laws with branches.

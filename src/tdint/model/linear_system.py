@@ -1,8 +1,8 @@
 """Linear systems given by matrices: stiffness matrices, flexural stories, and rows that are not
 floors.
 
-The equation of motion is M a + C v + K u = -M r ag + p. Rows without mass follow the others: the
-modes contain them, so that no other part of tdint distinguishes them.
+The equation of motion is M a + C v + K u = -M r ag + p. Rows without mass follow the other rows:
+the modes contain them, so that no other part of tdint distinguishes them.
 
 A flexural story is a Timoshenko segment with constant EI and GA. Its ends have a displacement and a
 rotation; rotations, and the displacement of a base on a spring, have no mass and are condensed.
@@ -63,7 +63,7 @@ class LinearSystem:
         Drifts for displacements; the identity for rows that are not floors.
     cuts : ndarray, shape (n, n)
         Sums of the forces on the rows that give the story shears. For rows that are not floors:
-        the forces along the ground motion on a row and those after it, of which only the first is
+        the forces along the ground motion on a row and the rows after it; only the first is
         reported.
     names : tuple of str
         Names of rows that are not floors, in columns; empty for a building.

@@ -2,8 +2,8 @@
 
 SimCenter uses these rules, after Lu et al. (2014, 2020), in its regional workflow. The table
 `hazus_types.csv` contains capacity, hysteresis, period and damping by design level and type. The
-values are those of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in the form that Lu, Lu, Guan
-and Ye (Earthquake Spectra 30, 2014) and SimCenter use for shear buildings.
+values are from Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in the form that Lu, Lu,
+Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter use for shear buildings.
 """
 
 from __future__ import annotations
@@ -282,7 +282,7 @@ def design_level(structure: str, year: int, zone: str) -> str:
     str
         One of `LEVELS`.
     """
-    # The latest year comes first, so the first match is the valid code.
+    # The latest year is first, so the first match is the valid code.
     level = next((name for first_year, name in _FIRST_YEARS[zone] if year >= first_year), "pre")
     if structure == "W1":
         return max(level, _MINIMUM_LEVEL[zone], key=LEVELS.index)
@@ -363,8 +363,8 @@ def _rayleigh_damping(
     omega: np.ndarray, ratio: float, mass_only: bool
 ) -> RayleighRatio | RayleighCoefficients:
     """Return Rayleigh damping with the same ratio in modes 1 and 3. A building of two stories has
-    the ratio in modes 1 and 2. In a building of one story, mass and stiffness contribute half of
-    the damping each.
+    the ratio in modes 1 and 2. In a building of one story, mass and stiffness each contribute half
+    of the damping.
     """
     second_mode = min(omega.size, 3)
     if second_mode == 1:

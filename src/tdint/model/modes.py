@@ -259,7 +259,8 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     # and below.
     n = mass.size
     lower = np.zeros((n, n))
-    # In the flattened matrix, successive elements of a diagonal are n + 1 elements apart.
+    # In the flattened matrix, successive elements of a diagonal are at a distance of n + 1
+    # elements.
     lower.flat[:: n + 1] = root_spring / root_mass
     lower.flat[n :: n + 1] = -(root_spring * link)[1:] / root_mass[:-1]
     # The singular values are in decreasing order, and are therefore reversed.
@@ -290,7 +291,7 @@ class FreeVibration:
         Matrix of the deformations of all springs of a building with attachments or links
         (`tdint.model.topology.incidence`), which replaces `link`.
     roof : int
-        Index of the roof among the masses.
+        Index of the roof in the array of masses.
     """
 
     mass: Array
@@ -370,8 +371,8 @@ def chain_frequency(root_spring: Array, root_mass: Array, link: Array, number: i
 
     The frequencies are the singular values of a bidiagonal matrix L with L^T L = M^(-1/2) K
     M^(-1/2). The singular values and their negatives are the eigenvalues of a symmetric tridiagonal
-    matrix with a zero diagonal, whose off-diagonal contains the entries of L: diagonal and
-    subdiagonal entries alternate (Golub and Kahan 1965). Bisection with the Sturm sequence of this
+    matrix with a zero diagonal and an off-diagonal that contains the entries of L: diagonal and
+    subdiagonal entries alternate (Golub and Kahan 1965). Bisection with the Sturm sequence of the
     matrix keeps the relative accuracy of the lowest frequencies, because L is not squared (Demmel
     and Kahan 1990).
 
@@ -384,10 +385,10 @@ def chain_frequency(root_spring: Array, root_mass: Array, link: Array, number: i
     off_diagonal = np.zeros(2 * n - 1)
     off_diagonal[::2] = root_spring / root_mass
     off_diagonal[1::2] = (root_spring * link)[1:] / root_mass[:-1]
-    # The eigenvalues are sorted, so the n negative eigenvalues are the first ones. LAPACK counts
+    # The eigenvalues are sorted, so the n negative eigenvalues are first. LAPACK counts
     # from 1.
     index = n + number
-    # scipy.linalg.eigh_tridiagonal calls the same function, but takes six times as long. The
+    # scipy.linalg.eigh_tridiagonal calls the same function, but requires six times the time. The
     # arguments 2 and "E" select an eigenvalue by its index in the complete matrix; the interval
     # from 0.0 to 1.0 is not used.
     _, values, *_, failed = dstebz(
@@ -407,7 +408,7 @@ def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     `stiffness` contains the spring stiffnesses with P-delta, N/m. `geometric` is the p-delta part
     of the stiffnesses, N/m (negative), which the message then states.
     """
-    # A story without stiffness is free, but not unstable, unless P-delta acts on it.
+    # A story without stiffness is free, but not unstable, unless P-delta acts on the story.
     is_unstable = stiffness < 0.0
     if geometric is not None:
         is_unstable |= (stiffness <= 0.0) & (geometric < 0.0)

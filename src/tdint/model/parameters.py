@@ -51,7 +51,7 @@ class Change(NamedTuple):
         Declaration of the parameter with its bounds.
     follows : bool
         The number is not named by the parameter, but follows it by default: the model does not
-        state a value of its own (for the negative side of a law).
+        state a separate value (for the negative side of a law).
     scale : float
         Number in `story_numbers` divided by the value, which is a number along an inclined element.
     """

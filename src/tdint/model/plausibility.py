@@ -50,7 +50,7 @@ class UsualRange:
     form : str
         Format string for a value with its unit.
     reason : str
-        Examples of values, and what the user should check.
+        Examples of values, and the items that the user should check.
     """
 
     name: str
@@ -473,7 +473,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     )
     # Check the base shear at yield, because no code requires less than the minimum of its usual
     # range. It is not checked if the first story has no height (an isolator, or a model that is not
-    # a building), or if a warning about the strength of this story exists.
+    # a building), or if a warning about the strength of the story exists.
     base_strength_ratio = float(strength[0] / weight[0])
     is_base_checked = math.isfinite(building.heights[0]) and STRENGTH.contains(base_strength_ratio)
     if is_base_checked and not BASE_STRENGTH.contains(base_strength_ratio):
@@ -540,8 +540,8 @@ def _period_range(building: Building) -> UsualRange:
     """Return the usual range of the fundamental period for the height and the number of stories.
 
     Without heights, the range follows from the number of stories if there are several and their
-    floors have usual masses; otherwise the model need not be a building, and the range is `PERIOD`.
-    Isolators lengthen the period.
+    floors have usual masses; otherwise the model does not have to be a building, and the range is
+    `PERIOD`. Isolators lengthen the period.
     """
     count, height = building.stories - len(building.isolators), _usual_height(building)
     if math.isnan(height):
@@ -724,8 +724,8 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
 def _unusual_attached(model: Model, omega: float) -> list[str]:
     """Return warnings about attachments and links that would have no effect, or far too much of it.
 
-    Links are compared with the stories between their ends in a vibration with the first circular
-    frequency of the building, `omega`, rad/s.
+    Links are compared with the stories between the endpoints of the link in a vibration with the
+    first circular frequency of the building, `omega`, rad/s.
     """
     masses, periods, dampers, shares = (dict[str, float]() for _ in range(4))
     for attachment in model.attachments:

@@ -111,7 +111,8 @@ def module_of(file: str) -> ModuleType:
     if path.suffix != ".py" or not is_file(path):
         raise UsageError(f"{file}: file not found; a plug-in is a Python file, NAME.py")
     name = _module_name(path)
-    # A process executes a plug-in once. A second version of it would give inconsistent results.
+    # A process executes a plug-in one time. A second version of the plug-in would give inconsistent
+    # results.
     loaded = sys.modules.get(name)
     if loaded is not None:
         if loaded.__file__ != str(path.resolve()):
@@ -126,7 +127,7 @@ def module_of(file: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path.resolve())
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
-    # The file is read only once, so that the stored source is the executed source. Python's own
+    # The file is read only one time, so that the stored source is the executed source. Python's own
     # import would read the file again, or execute the cached bytecode of an earlier version that
     # has the same size and was written in the same second.
     with faults_of(file):
@@ -271,8 +272,8 @@ def files_to_send() -> tuple[tuple[str, bytes], ...]:
 def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
     """Return the paths of plug-ins that another process sent.
 
-    A plug-in that this process has executed keeps its path. Others are written to a temporary
-    directory.
+    A plug-in that this process has executed keeps its path. Other plug-ins are written to a
+    temporary directory.
 
     Raises
     ------
@@ -372,7 +373,7 @@ def installed(group: str, register: Callable[[Any, Origin], object]) -> None:
     register : callable
         Receives the object and its `Origin`; raises UsageError if the object is invalid.
     """
-    from importlib.metadata import entry_points  # imported here, because it takes 20 ms
+    from importlib.metadata import entry_points  # imported here, because the import requires 20 ms
 
     for entry_point in sorted(entry_points(group=group), key=lambda entry_point: entry_point.name):
         package = f"{entry_point.dist.name} {entry_point.dist.version}" if entry_point.dist else ""

@@ -24,9 +24,9 @@ class Element:
     law : Law
         Hysteretic law.
     factor : float
-        Cosine of the inclination of the element, in (0, 1]. Stiffness, law and all results are
-        those in the direction of the drift. The force along the element is the force of the law
-        divided by this number, and its deformation is the drift times this number.
+        Cosine of the inclination of the element, in (0, 1]. Stiffness, law and all results are in
+        the direction of the drift. The force along the element is the force of the law divided by
+        this number, and its deformation is the drift times this number.
     """
 
     name: str

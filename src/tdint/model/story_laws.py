@@ -66,7 +66,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     ------
     UsageError
         The argument is not a law, its name is invalid or in use, it has no file, or a declaration
-        is missing: the force is not linear, and neither `curved` nor branches are declared.
+        is missing: the force is not linear, and `curved` and branches are not declared.
     """
     if not isinstance(law, DriftLaw):
         raise UsageError(
@@ -121,7 +121,7 @@ class Law:
         Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
         one and is flattened. The last parameters may be omitted if they have defaults.
     fracture : tuple of float
-        Drifts at which the law loses its force permanently, m: positive and negative; 0 for none.
+        Drifts where the law loses its force permanently, m: positive and negative; 0 for none.
     """
 
     name: str

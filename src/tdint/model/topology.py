@@ -1,12 +1,13 @@
 """Springs between any two floors: their ends in the tables of the kernels, and matrices of them.
 
 A spring is a story, an attachment (a mass with its spring on a floor) or a link. Each spring has a
-column of the tables. The columns of stories and attachments are also those of their upper floors;
-links have columns without a mass after them (`tdint.kernels.linear_terms`).
+column of the tables. The columns of stories and attachments are also the columns of their upper
+floors; links have columns without a mass after them (`tdint.kernels.linear_terms`).
 
 The matrices of a step are factorized from the last floor to the first. The elimination of a floor
-with several lower floors creates an entry for each pair of them (fill-in). If no spring connects
-such a pair, it receives a link without stiffness, whose column stores the entry.
+with several lower floors creates an entry for each pair of these floors (fill-in). If no spring
+connects such a pair, it receives a link without stiffness, and the column of this link stores the
+entry.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def read_at2(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        The file is cut off, has more values than NPTS, or the units are not those of the quantity.
+        The file is cut off, has more values than NPTS, or the units do not match the quantity.
     """
     header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
     while not lines.at_numbers():
@@ -123,7 +123,7 @@ def at2_text(record: Record, origin: MotionOrigin | None = None) -> str:
     if not record.start:
         del names[1]
     numbers = [f"{value:16.8E}" for value in samples]
-    # The checksum in the statement is that of the written digits.
+    # The checksum in the statement refers to the written digits.
     statement = header_statement(origin, [float(text) for text in numbers]) if origin else ""
     title = f"{_WRITTEN_HERE}{_ORIGIN}{statement}" if statement else _WRITTEN_HERE
     head = (title, ", ".join(names), "ACCELERATION TIME SERIES IN UNITS OF G")

@@ -4,7 +4,7 @@ components.
 Each component consists of lines of text, 100 integers (sixteen per line), 50 reals (eight per line)
 and accelerations at a constant time step. The header states the time step as number of points and
 duration, and as samples per second in the ninth real (BHRC, ISMN volume 1 format). The header lines
-are cut off after 70 characters, so the last numbers in them are incomplete.
+are cut off after 70 characters, so the last numbers in these lines are incomplete.
 """
 
 from __future__ import annotations

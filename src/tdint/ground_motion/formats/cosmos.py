@@ -178,7 +178,7 @@ def _series(
     and return it with the data of the channel header.
 
     RecordError is raised if the sampling interval is unknown or contradicts the duration, the units
-    are not those of the quantity, or samples are invalid.
+    do not match the quantity, or samples are invalid.
     """
     # The header states a number that marks unknown values; it is usually -999.
     match = first_match(_UNKNOWN, texts)

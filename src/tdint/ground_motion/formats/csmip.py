@@ -1,8 +1,8 @@
 """Files of the California Strong Motion Instrumentation Program: volumes 1 and 2, one or more
 channels per file.
 
-Each channel consists of lines of text, 100 integers (16I5) and reals (8F10.3), of which volume 1
-has 50 and volume 2 has 100. Volume 2 contains acceleration, velocity and displacement, each after a
+Each channel consists of lines of text, 100 integers (16I5) and reals (8F10.3). Volume 1 has 50
+reals and volume 2 has 100. Volume 2 contains acceleration, velocity and displacement, each after a
 line that states their number, time step and units. Volume 1 contains accelerations after such a
 line, or pairs of time and acceleration, 10F7.3 (Shakal and Huang, CDMG report OSMS 85-03, 1985).
 USC files have the same headers and pairs as volume 1, because both formats are derived from the

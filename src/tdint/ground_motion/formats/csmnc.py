@@ -50,7 +50,7 @@ _ORIGIN = re.compile(
 )
 _BEIJING = 8.0  # offset of Beijing time from UTC, hours
 _HEADER = 40  # maximum number of lines of a header
-_VALUE_WIDTH = 10  # characters of a sample in files whose samples fill their fields
+_VALUE_WIDTH = 10  # characters of a sample in files with samples that fill their fields
 
 
 def is_csmnc(file: Any, **_: Any) -> bool:

@@ -212,7 +212,7 @@ def statements(lines: Sequence[str]) -> Statements:
     RecordError
         A declared sampling interval or rate is not a positive number with a unit of time or rate.
     """
-    # The origin of a motion that tdint wrote contains texts of the user, which state nothing.
+    # The origin of a motion that tdint wrote contains texts of the user, which are not statements.
     origins = [line for line in lines if line.lstrip("# ").startswith(f"{ORIGIN} = ")]
     lines = [line for line in lines if len(line) <= _LONGEST_STATEMENT]
     lines = [_plain_text(line) for line in lines if line not in origins]

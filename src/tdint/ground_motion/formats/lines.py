@@ -89,7 +89,7 @@ class Lines:
         Parameters
         ----------
         prefix : str
-            Text at the start of a line; lines without it are unchanged.
+            Text at the start of a line; lines without this prefix are unchanged.
         """
         lines = copy(self)
         lines._lines = [line.removeprefix(prefix) for line in self._lines]
@@ -539,9 +539,10 @@ def _decode(data: bytes) -> str:
         text = data.decode("utf-16" if data[:2] in _UTF_16_MARKS else "utf-8-sig")
     except UnicodeDecodeError:
         # Only station names have other characters, in any encoding. Latin-1 decodes all bytes, and
-        # numbers have the same bytes in all of these encodings.
+        # numbers have the same bytes in all these encodings.
         text = data.decode("latin-1")
-    # DOS programs mark the end of a text with Ctrl-Z, and some editors add a line end to it.
+    # DOS programs mark the end of a text with Ctrl-Z, and some editors add a line end to this
+    # character.
     tail = text[len(text.rstrip("\x1a\0 \t\r\n")) :]
     marks = [tail.index(mark) for mark in "\x1a\0" if mark in tail]
     if marks:

@@ -2,7 +2,8 @@
 
 The header consists of 70 reals (5G15.7), 40 integers (5I10) and 24 texts of eight characters (three
 in a line). Samples follow in 5G15.7 (SAC manual, data format). The file is converted to the binary
-format, so that header, units and checks are those of SAC; the samples keep all digits of the text.
+format, so that header, units and checks are the same as for SAC; the samples keep all digits of the
+text.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Evidence for the layout of a table of numbers: rows of successive samples, or columns.
 
-If a table has no times and no stated number of samples, the continuity of the numbers may decide.
+If a table has no times and no stated number of samples, the continuity of the values may decide.
 In rows of successive samples, the step from the end of a row to the start of the next is as large
 as the steps within a row and in the same direction, neighbors are closer to each other than numbers
 in successive rows, and all columns have the same scale. The limits were measured on 8316 tables
 from 90 public motions: rows of 2 to 10 samples, and columns with the components of a motion, the
 floors of a building, suites, and identical, scaled and delayed motions. Two numbers per row are
-never decided, because two columns that are half a step apart cannot be distinguished from rows.
+never decided, because two columns at a distance of half a step cannot be distinguished from rows.
 """
 
 from __future__ import annotations
@@ -270,7 +270,7 @@ def first_numbers(
        or if it is a plausible interval and does not continue the samples.
 
     A number of samples without an interval counts only above a single column, because tables of
-    nodes also start with a number. `skip_lines=0` states that the numbers of rules 2 and 3 are
+    nodes also start with a number. `skip_lines=0` states that the values of rules 2 and 3 are
     samples.
 
     Parameters
@@ -435,7 +435,7 @@ def unexplained_first_line(words: list[list[str]], widths: NDArray[np.int64], nu
     In a table of numbers with decimal points, a whole number without a point is a number of
     samples or of a station, never a sample.
     """
-    # The first two lines of a column may contain a number each.
+    # Each of the first two lines of a column may contain a number.
     used = 2 if len(words) > 1 and len(words[0]) == len(words[1]) == 1 else 1
     first = [word for row in words[:used] for word in row]
     whole = [word for word in first if _WITHOUT_POINT.fullmatch(word) and float(word) >= MIN_COUNT]

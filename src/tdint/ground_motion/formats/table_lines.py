@@ -1,8 +1,9 @@
 """Rows of numbers in the text of a table: the forms in which programs write a table, as one form.
 
-A row may end with separators, a backslash or a bracket (lists of Tcl, Python and MATLAB), may stand
-in quotation marks, and may contain cells with dates, times of day or words. The rows of this module
-contain only numbers and single separators. A line keeps its number, and a column its position:
+A row may end with separators, a backslash or a bracket (lists of Tcl, Python and MATLAB), may be
+enclosed in quotation marks, and may contain cells with dates, times of day or words. The rows that
+this module reads contain only numbers and single separators. A line keeps its number, and a column
+its position:
 
 - separators at the end of a row, and rows that consist of separators, are omitted;
 - a column of times of day becomes a column of seconds if its times increase;
@@ -151,7 +152,7 @@ class TableText:
         )
 
 
-_SIMILAR_SIZE = 0.9  # fraction of the largest block; the first block of this size is the main block
+_SIMILAR_SIZE = 0.9  # fraction of the largest block; the first such block is the main block
 
 
 def table_text(lines: Lines) -> TableText:
@@ -234,7 +235,7 @@ def _row_of_list(line: str) -> tuple[str, str]:
 
 _CELLS_PER_SAMPLE = 400  # lines that are examined to find columns of text
 _MIN_TEXT_ROWS = 5  # rows with text and numbers; fewer rows are a header
-_MIN_NUMERIC = 0.9  # fraction of the rows in which a column of numbers contains a number
+_MIN_NUMERIC = 0.9  # fraction of the rows where a column of numbers contains a number
 _DATE = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})")
 _CLOCK = re.compile(r"(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
 _QUOTES = " \t\"'"

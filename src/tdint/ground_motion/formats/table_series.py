@@ -155,7 +155,7 @@ def _accelerations(table: TableColumns, layout: TextLayout) -> list[int]:
     """Return the indices of the columns that are read as ground motion.
 
     Without names, these are all columns except the times. Otherwise, they are the columns named as
-    acceleration; if there are no such columns, the velocity columns, or else the displacement
+    acceleration; if there are no such columns, the velocity columns, otherwise the displacement
     columns. If no name states a quantity, the only column that is not the time is returned if its
     name is general (`Y`, `value`).
 

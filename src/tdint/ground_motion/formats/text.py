@@ -616,7 +616,7 @@ def _layout_of(
             raise _irregular(block, numbers)
         return "columns", ""
 
-    # Line numbers and a single other column leave no choice.
+    # With line numbers and a single other column, there is no choice.
     if len(table.ignored) == width - 1:
         return "columns", ""
     evidence = continuity(values[:, int(is_numbered) :])
@@ -745,8 +745,8 @@ def _names_and_header(
     """Return the names of the columns, and the other lines of text above the last block.
 
     A line of recognized names may be followed by other lines, such as their units. Arbitrary text
-    names the columns only in the last line, if this line states nothing else and the rows are
-    separated in the same way.
+    names the columns only in the last line, if this line contains no other statement and the rows
+    are separated in the same way.
 
     Raises
     ------
@@ -784,8 +784,8 @@ def _other_names(lines: Sequence[str], separator: str, width: int, layout: TextL
     """Return the column names in the last line, or in the line before the last line and their units
     in the last line; empty if the lines do not name the columns.
 
-    Words that are separated by blanks may be a sentence. They name the columns only if one of them
-    is a time, or if the user selects one of them or skips the lines above.
+    Words that are separated by blanks may be a sentence. They name the columns only if one word is
+    a time, or if the user selects a word or skips the lines above.
     """
     names = any_names(lines[0], separator, width)
     is_statement = bool(statements(lines[:1]) or declarations(lines[-1]))

@@ -144,7 +144,7 @@ def _volume_2(lines: Lines) -> tuple[Series, list[str]]:
         word = block[2].upper() if block else "ACC"
         raise RecordError(f"the file is cut off: no values of {word} after its last line of text")
 
-    # The units of the samples are the units of the peak, if the numbers are equal.
+    # The units of the samples are the units of the peak, if the values are equal.
     samples = blocks["ACC"]
     stated = first_match(_PEAKS["ACC"], texts)
     peak = stated_peak(stated[1], stated[2], "cm/s^2") if stated else None

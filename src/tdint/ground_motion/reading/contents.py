@@ -275,7 +275,7 @@ class _Recognized:
     read : callable
         Function without arguments that returns the ObsPy stream of the file.
     is_record : bool
-        False for a table that contains something else, or is too small to be a record.
+        False for a table that contains other data, or is too small to be a record.
     """
 
     format: str

@@ -1,10 +1,10 @@
 """Conversion of recorder counts to m/s^2 by the instrument response in a StationXML file.
 
 A response states the calibration twice: by its stages, and by the sensitivity at a single
-frequency. The stages are used, after a comparison with the sensitivity. ObsPy knows few spellings
-of units; a stage with any other unit is evaluated as if its input were a displacement. The unit of
-the first stage is therefore replaced by M, M/S or M/S**2, and the response is divided by the value
-of the unit.
+frequency. The stages are used, after a comparison with the sensitivity. ObsPy supports few
+spellings of units; a stage with any other unit is evaluated as if its input were a displacement.
+The unit of the first stage is therefore replaced by M, M/S or M/S**2, and the response is divided
+by the value of the unit.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Files of directories and archives that are no separate ground motion: documents and tables beside
-the records, and the velocity, the displacement or the uncorrected acceleration of a motion whose
-acceleration is in another file."""
+the records, and the velocity, the displacement or the uncorrected acceleration of a motion with an
+acceleration that is in another file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import PurePath
 
 from tdint.number_parsing import abbreviate
 
-_START = 4096  # bytes; start of a file in which its type is recognized
+_START = 4096  # bytes; start of a file where its type is recognized
 
 _DOCUMENT_SUFFIXES = re.compile(
     r"\.(?:md|rst|rtf|pdf|docx?|odt|pptx?|html?|xml|kml|kmz|png|jpe?g|gif|tiff?|svg|bib|py|ipynb|r|"

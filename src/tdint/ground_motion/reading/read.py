@@ -244,9 +244,9 @@ def read_record(
         File name, or `-` for standard input. The format is detected from the content.
     units : str or dict, optional
         Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2. With a factor, the
-        value of a single count (`2.38e-6 m/s^2`). Required if neither the format nor the file
-        states the units. Only floating-point MiniSEED of an accelerometer channel is assumed to be
-        in m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
+        value of a single count (`2.38e-6 m/s^2`). Required if the format and the file do not state
+        the units. Only floating-point MiniSEED of an accelerometer channel is assumed to be in
+        m/s^2, with a warning, unless its numbers make this unlikely. Units of a velocity or a
         displacement (`cm/s`, `cm`) specify that the samples are this quantity; they are
         differentiated. Units by file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is a
         format or the end of a path (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with
@@ -450,7 +450,7 @@ def _read_components(
             origin, *origin_file = found
             inputs.append(Input(*origin_file))
         if origin is not None:
-            # A matched motion has a note of its own, which contains its target.
+            # A matched motion has a separate note, which contains its target.
             steps = origin.processing if not origin.target else (origin.text,)
             record = replace(
                 record,
@@ -579,8 +579,8 @@ def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -
     """Return the only channel that a name selects; RecordError if there is none or several.
 
     The name is compared with the channel codes, then with the ids, then with the stations (for
-    example floor F04). If it is a single letter, it is then compared with the last letters of the
-    codes. The first comparison with a match decides.
+    example floor F04). If it is a single letter, it is then compared with the last characters of
+    the codes. The first comparison with a match decides.
     """
     name = component.strip().upper()
     candidates = (

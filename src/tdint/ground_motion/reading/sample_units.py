@@ -180,7 +180,7 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
 
     from tdint.csv_table import read_table
 
-    # If the table has no units for a record file, the record file itself must state its units.
+    # If the table has no units for a record file, the record file must state its units.
     file = str((folder or Path()) / text.strip())
     table = read_table(
         file,
@@ -226,8 +226,8 @@ def _to_pattern(name: str) -> str:
     """Convert the name in an entry of units by file (a format, or the end of a path, possibly with
     wildcards) to a pattern in lower case.
 
-    A relative path gets the prefix `./`. UsageError is raised if the entry is neither a supported
-    format nor a path.
+    A relative path gets the prefix `./`. UsageError is raised if the entry is not a supported
+    format and not a path.
     """
     if not _is_path(name):
         # The list of formats is imported only if needed, because it loads the readers.

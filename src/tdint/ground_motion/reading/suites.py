@@ -233,7 +233,7 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     -------
     Suite
         Ground motions, errors of files that could not be read, and notes. Notes also report ground
-        motions that are included more than once, and motions with a doubtful start or baseline.
+        motions that are included more than one time, and motions with a doubtful start or baseline.
 
     Raises
     ------

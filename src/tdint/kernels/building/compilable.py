@@ -60,7 +60,7 @@ class Variant:
     laws : tuple of str
         Names of the drift laws of the stories, in the order of `tdint.kernels.laws.LAWS`. Empty for
         all laws of tdint that cannot fracture. The name of a law of a plug-in includes its number:
-        `name@9`. A law that can fracture has a name of its own, `name~` or `name@9~`.
+        `name@9`. A law that can fracture has a separate name, `name~` or `name@9~`.
     dashpots : bool
         Dashpots, linear or of a power law.
     elements : bool
@@ -70,7 +70,7 @@ class Variant:
     tangent_damping : bool
         Rayleigh damping with the tangent stiffness.
     tree : bool
-        Attachments or links, so that a spring can stand on any floor.
+        Attachments or links, so that a spring can be on any floor.
     links : bool
         Links between any two floors.
     """
@@ -141,7 +141,7 @@ def bind(function: Callable[..., Any], *last: Any) -> Callable[..., Any]:
     """Return a compiled or Python function of a kernel as a function of its first arguments, with
     the constant last arguments `last`.
 
-    Many calls with the same arrays are shorter, because the arrays are converted once.
+    Many calls with the same arrays are shorter, because the arrays are converted only one time.
     """
     if hasattr(function, "bind"):
         bound: Callable[..., Any] = function.bind(*last)
@@ -166,7 +166,7 @@ class Compilable:
     Parameters
     ----------
     parts : tuple of str
-        Attributes of `Variant` on which the kernel depends.
+        Attributes of `Variant` that the kernel depends on.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class Compilable:
         self.__doc__ = function.__doc__
         # By the variant that the kernel requires (`required_variant`)
         self._loaded: dict[Variant, Callable[..., Any]] = {}
-        # Results of `Variant.only` for the parts of this kernel, which each run requires
+        # Results of `Variant.only` for the parts of the kernel, which each run requires
         self._required: dict[Variant, Variant] = {}
         # Variant and function of the last call, because most calls request the same variant again.
         # If the function is None, the variant is not used.

@@ -21,7 +21,7 @@ from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signatu
 from tdint.kernels.building.target import Target, native
 
 # Reference counting is disabled: the arrays outlive the call, and kernels allocate no arrays. With
-# it a step would take three times as long, because counting is atomic.
+# it, the time of a step would be three times the current time, because counting is atomic.
 _OPTIONS = {
     "error_model": "numpy",
     "fastmath": {"contract"},
@@ -190,7 +190,7 @@ def local(typing_context, size):
 def local_table(typing_context, rows, columns):
     """Return the numba signature and the code generator of an uninitialized table on the stack.
 
-    In a kernel, `local_table(rows, columns)` is a table of `rows` times `columns` numbers. All else
+    In a kernel, `local_table(rows, columns)` is a table of `rows` times `columns` numbers. The rest
     is as for `local`, with an array of two dimensions.
     """
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
@@ -242,7 +242,7 @@ def objects_of(
     Raises
     ------
     ValueError
-        The kernel calls a function that is neither in the object file nor in the C library
+        The kernel calls a function that is not in the object file and not in the C library
         (`_MATH`), because it allocates memory or raises an exception. Or NUMBA_OPT is 0: without
         optimization, such calls remain in the code of every kernel.
     """
@@ -255,7 +255,7 @@ def objects_of(
     # The function has been compiled for exactly one tuple of argument types.
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)
-    # A call of a function that is neither part of LLVM nor of the C library could not be resolved
+    # A call of a function that is not part of LLVM or of the C library could not be resolved
     # when the object file is loaded.
     declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
     foreign = (
@@ -298,7 +298,7 @@ def _emitted(text: str, target: Target) -> bytes:
     exception passes through a kernel. For Windows the mark is necessary: there the tables would
     have to be near the code in memory, but they are not.
     """
-    # LLVM target machine with which numba compiles for this machine
+    # LLVM target machine that numba uses to compile for this machine
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()
         return bytes(codegen._tm.emit_object(llvm.parse_assembly(text)))

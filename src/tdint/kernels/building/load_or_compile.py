@@ -39,7 +39,7 @@ _SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}
 _ONE_AT_A_TIME = threading.Lock()
 """Lock for the loading of objects by LLVM, which must not be used by two threads at the same
 time."""
-# A process that is forked while a thread holds the lock inherits the locked lock, but not the
+# A process that is forked while a thread owns the lock inherits the locked lock, but not the
 # thread that would release it.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
@@ -85,7 +85,7 @@ def _load_missing(
     """Load the kernels that are not loaded, and compile kernels without an object file
     (`load_or_compile`).
 
-    The caller holds the lock `_ONE_AT_A_TIME`. The environment variable TDINT_KERNELS has these
+    The caller owns the lock `_ONE_AT_A_TIME`. The environment variable TDINT_KERNELS has these
     values:
 
         python     the kernels are installed as Python functions, without compilation
@@ -118,7 +118,7 @@ def _load_missing(
     folder = store.writable()
     # Processes that need the same kernels wait for each other. The lock file is one of 16, selected
     # by a checksum of the missing kernels, so that processes that need other kernels usually do not
-    # wait. Without a writable directory, nothing is locked.
+    # wait. Without a writable directory, no lock is used.
     kernel_list = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
     file = folder and folder / f"{store.LOCK_PREFIX}{crc32(kernel_list.encode()) % 16}"
     with locked(
@@ -131,8 +131,7 @@ def _load_missing(
 
 def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
     """Return the variants that can be used for a kernel, in order of preference: its variant and
-    the variant with all features, which contains neither laws of plug-ins nor laws that can
-    fracture.
+    the variant with all features, which contains no laws of plug-ins and no laws that can fracture.
     """
     is_apart = variant.outside or any(law.endswith(FRACTURES) for law in variant.laws)
     return (variant,) if is_apart else (variant, EVERYTHING)
@@ -409,9 +408,9 @@ def compile_in_background() -> None:
 def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a Python function of a kernel that accesses its arrays through memory views.
 
-    A call takes two thirds of the time of a call with NumPy arrays, because the elements of memory
-    views are Python numbers. If an operation fails that arrays allow and Python numbers do not,
-    such as a division by zero, the arrays are restored and the call is repeated with arrays.
+    A call requires two thirds of the time of a call with NumPy arrays, because the elements of
+    memory views are Python numbers. If an operation fails that arrays allow and Python numbers do
+    not, such as a division by zero, the arrays are restored and the call is repeated with arrays.
     """
     python_function = _python_function(function)
 
@@ -497,7 +496,7 @@ def _objects(
     requested: Iterable[tuple[Compilable, Variant, str]],
 ) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
     """Yield the kernels with their variant, target and object file: first the existing files, then
-    the compiled ones in the order of their completion.
+    the compiled kernels in the order of their completion.
     """
     from tdint.kernels.building import store
     from tdint.kernels.building.process import compilations, run_all

@@ -136,7 +136,8 @@ class Loaded:
         """Return a function of the first arguments that calls the kernel with the constant last
         arguments `last`.
 
-        The last arguments are converted to C types once, which takes most of the time of a call.
+        The last arguments are converted to C types only one time. The conversion is most of the
+        time of a call.
         """
         first_count = len(self._converters) - len(last)
         constant = _c_values(self._converters[first_count:], last)

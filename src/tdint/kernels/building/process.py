@@ -41,7 +41,7 @@ class Compilation:
     variant : Variant
         Features that the compiled code must support.
     targets : mapping of str to Target
-        Processors and systems by name, one object file for each.
+        Processors and systems by name, one object file for each target.
     """
 
     kernel: Compilable
@@ -144,7 +144,7 @@ class Compilation:
             )
         else:
             # Case 2. If several files have the same name, the first file is used: `reversed` lets
-            # the first file overwrite the others.
+            # the first file overwrite the other files.
             files_by_name = {file.name: file for file in reversed(files)}
             matches = filter(None, map(_POSITION.search, (*lines_after, *text[::-1])))
             positions = [
@@ -283,7 +283,7 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     """Run one process for each processor in parallel, and yield each compilation with its object
     files (one for each target) when it is completed.
 
-    Each process is controlled by a thread, which takes the next compilation from a common list.
+    Each process is controlled by a thread, which gets the next compilation from a common list.
 
     Raises
     ------

@@ -2,8 +2,8 @@
 
 A change in the file of a single method does not affect the object files of other kernels, and a
 change of a docstring or a comment affects no object file. The texts are searched, not parsed,
-because parsing the files would take longer than the start of the program. Imports are found at any
-indentation (laws import within functions).
+because parsing the files would require more time than the start of the program. Imports are found
+at any indentation (laws import within functions).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _LAWS = "tdint.kernels.laws"
 _IMPORT = re.compile(rb"\n[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)")
 _NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
 _COMMENT = re.compile(rb"#[^\n]*")
-_QUOTES = b'"' * 3  # begins and ends a docstring
+_QUOTES = b'"' * 3  # starts and ends a docstring
 
 
 @cache
@@ -90,7 +90,7 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     (_COMPILING), which affect the object file. Imports of other modules of `building` (_BUILDING)
     are ignored, because a change of these modules does not require a new compilation.
 
-    The file of a module of a plug-in is the file from which the module was loaded. The modules of
+    The file of a module of a plug-in is the file that the module was loaded from. The modules of
     other laws than `laws` are omitted; empty for all laws.
     """
     # The module `law` declares the types of laws; the module of a law has its name.
@@ -222,7 +222,7 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
 def code_of_text(text: bytes) -> bytes:
     """Return the code of a module without docstrings, comments and blank lines.
 
-    A string in triple quotes is a docstring if it begins its line. The text must not contain `#` or
+    A string in triple quotes is a docstring if it starts its line. The text must not contain `#` or
     triple quotes within another string (tests/kernels/test_sources.py checks all modules).
     """
     parts = text.split(_QUOTES)

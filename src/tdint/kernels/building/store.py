@@ -70,10 +70,10 @@ def find_object(
     """Return the path of the object file of a kernel, its code, and the name of its function; None
     without an object file.
 
-    The first directory with a valid object file for a target is used, and in it the first of the
-    targets, which are processors of a single platform in order of preference. Corrupt files are
-    ignored. In the cache, files of other users are also ignored, except files of the owner of the
-    package. `variant` is the text of the variant.
+    The first directory with a valid object file for a target is used, and in this directory the
+    first of the targets, which are processors of a single platform in order of preference. Corrupt
+    files are ignored. In the cache, files of other users are also ignored, except files of the
+    owner of the package. `variant` is the text of the variant.
     """
     directories = _search_path(targets[0].platform)
     return next(
@@ -135,7 +135,8 @@ def _find_in(
 ) -> tuple[Path, bytes, str] | None:
     """Return path, code and function name of the object file of a kernel in a directory, or None.
 
-    The directory need not exist. If `check` is True (the cache), files of other users are ignored.
+    The directory does not have to exist. If `check` is True (the cache), files of other users are
+    ignored.
     """
     for target in targets:
         path = directory / file_name(name, variant, target)
@@ -289,11 +290,12 @@ def folder_name(platform: str = sys.platform) -> str:
 
     The hash depends on the versions of Python and of the compiler (numba, llvmlite), on the calling
     convention and on the platform, a value of `sys.platform`. Object files of other versions are in
-    other directories and thus never used. The result is cached.
+    other directories and therefore never used. The result is cached.
     """
     versions = hashlib.sha256(repr((sys.version_info[:2], platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):
-        # The packages are not imported, because this would take longer than all other operations.
+        # The packages are not imported, because this would require more time than all other
+        # operations.
         specification = importlib.util.find_spec(package)
         if specification and specification.origin:
             versions.update((Path(specification.origin).parent / "_version.py").read_bytes())

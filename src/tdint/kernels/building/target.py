@@ -130,8 +130,8 @@ def native() -> Target:
 def machine() -> Any:
     """Return the LLVM target machine that describes this machine.
 
-    The class `tdint.kernels.building.loading.Loaded` creates an engine from it, which loads an
-    object file and then owns the target machine.
+    The class `tdint.kernels.building.loading.Loaded` creates an engine from the target machine,
+    which loads an object file and then owns the target machine.
     """
     # Newer versions of llvmlite initialize LLVM automatically. The function then raises an error or
     # does not exist.

@@ -136,8 +136,8 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     the parabola is ignored, because the parabola only approximates the drift. The peaks are not
     raised at a reversal: the observer evaluates the law at the reversal of its interpolant, which
     is more accurate than the extremum of the parabola. The laws move there from their states at
-    the start of the step: the reversal of the parabola can be farther, and the way back from it is
-    stiffer.
+    the start of the step: the reversal of the parabola can be farther, and the path back from the
+    reversal is stiffer.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
@@ -312,10 +312,10 @@ def _store_sums(scene, memory, i, count):
 def _raise_peaks_of_sums(scene, memory, count):
     """Raise the peak shears of stories with piecewise-linear elements by their forces at the nodes.
 
-    The peak force of an element is raised at the ends of its own branches. The sum can have its
-    peak at the end of a branch of another element. It is evaluated on the parabola of the step,
-    which is at the limits of the branches at the corners. Beyond the peak drift, near the extremum
-    of the parabola, the sum is not used (`_find_corners`).
+    The peak force of an element is raised at the ends of the branches of the element. The sum can
+    have its peak at the end of a branch of another element. It is evaluated on the parabola of the
+    step, which is at the limits of the branches at the corners. Beyond the peak drift, near the
+    extremum of the parabola, the sum is not used (`_find_corners`).
     """
     law_parameters, law_state, scratch = scene.law_parameters, memory.law_state, memory.scratch
     n = scene.linear_terms.shape[1] - 1
@@ -585,7 +585,7 @@ def _may_exceed_peaks(scene, h, load, memory):
     n = linear_terms.shape[1] - 1
     inverse_h_squared = 1.0 / (h * h)
     any_leaves = False
-    # The sums below are those of a chain.
+    # The sums below apply to a chain.
     may_exceed = (FORCES and forces.shape[0] > 0) or (TREE and is_tree(linear_terms))
     deviation_above = shear_0 = shear_1 = 0.0
     # shear_0 and shear_1 are sums of mass times absolute acceleration at the start and at the end
@@ -656,7 +656,8 @@ def _update_peaks_at_corners(coefficients, scene, h, load, memory):
 
     The status is unchanged if no peak can be exceeded or no corner is found. Peaks that
     `_store_branch_end` has then raised, at a corner close to an endpoint of the step, are
-    practically those at the endpoint; they are merged after the next step that sets STEP_PEAKS.
+    practically the values at the endpoint; they are merged after the next step that sets
+    STEP_PEAKS.
     """
     _, law_state, scratch, step_status = memory
     n = scene.linear_terms.shape[1] - 1

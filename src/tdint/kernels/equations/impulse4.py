@@ -199,13 +199,13 @@ def factor_rows(modes):
     modes.
 
     The rows of `_Block` are followed by 6 modes + 1 rows for the matrix of Newton's method, and
-    then by as many for the complex matrix of linear branches: the terms of the Woodbury formula for
-    modal damping. Both matrices have a pair of unknowns per floor (displacement and velocity, or
-    real and imaginary part). A mode therefore has
+    then by the same number of rows for the complex matrix of linear branches: the terms of the
+    Woodbury formula for modal damping. Both matrices have a pair of unknowns per floor
+    (displacement and velocity, or real and imaginary part). A mode therefore has
 
         four rows    two solutions of two rows. The right side of a solution is the mode vector,
                      in the equations of the first or of the second unknown of the pair.
-        two rows     rows of the small inverse, whose order is 2 times the number of modes.
+        two rows     rows of the small inverse, with an order of 2 times the number of modes.
 
     The remaining row is a temporary row.
     """
@@ -342,7 +342,8 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     re, im = root
     by_im = 1.0 / im
     # The force of story `i` requires the increments of floors `i` and `i - 1`. `du_below` and
-    # `dv_below` are the increments of the next pass; before the loop, they are those of the roof.
+    # `dv_below` are the increments of the next pass; before the loop, they are the increments of
+    # the roof.
     force_above = 0.0
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
@@ -719,7 +720,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         1.0,
     )
     r = 1.0 - s
-    # Changes of drift up to the reversal, and from it in the opposite direction, m.
+    # Changes of drift up to the reversal, and after the reversal in the opposite direction, m.
     loading_change = s * s * (3.0 - 2.0 * s) * change + s * r * (
         r * scaled_rate_0 - s * scaled_rate_1
     )
@@ -905,7 +906,7 @@ def _add_brace(scene, i, h, rise, bend, memory, factors):
     """Add the damper with its brace to the force at the end and to the impulse of story `i`.
 
     The force is integrated along the parabola of drift with the change `rise` and the change `bend`
-    of h times the drift rate (m). The return value is that of `_add_damper`.
+    of h times the drift rate (m). The return value is the same as for `_add_damper`.
     """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory

@@ -96,7 +96,7 @@ class _Rows(NamedTuple):
     CORRECTION: int = 2  # corrections of D0 and D1 in the last iteration of Newton's method, m
     # Rounding errors of the displacements, as a force, divided by the tolerance of the residuals, N
     ROUNDING_FORCE: int = 1
-    # 1 if the story leaves its branch in the step; the last column is 1 if any story leaves its
+    # 1 if the story changes its branch in the step; the last column is 1 if any story changes its
     # branch
     LEAVES_BRANCH: int = 1
     NO_REVERSAL: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
@@ -425,7 +425,7 @@ def _add_tangent_damping(scene, i, h, rise, bend, memory):
     mean, mean_by_rise = scratch[ROW.PATH + path.MEAN, i], scratch[ROW.PATH + path.MEAN_BY_RISE, i]
     mean_by_bend = scratch[ROW.PATH + path.MEAN_BY_BEND, i]
     # After a reversal, f1 also depends on the drift at the reversal, d0 + rise t + bend (t^2 - t) /
-    # 2, where the stiffness changes. For a curved law, whose slope is infinite, this is neglected.
+    # 2, where the stiffness changes. For a curved law, with an infinite slope, this is neglected.
     by_rise, by_bend = slope, 0.0
     if 2.0 * abs(rise) < abs(bend) and first_slope < math.inf:
         t = 0.5 - rise / bend
@@ -468,7 +468,7 @@ def _commit_tangent_damping(linear_terms, h, state, scratch):
 @outlined
 def _add_brace(linear_terms, i, h, rise, bend, state, scratch):
     """Add mean and first moment of the force of damper and brace, and their derivatives, to the
-    rows PATH of story `i`. Rows DASHPOT receive mean and moment alone."""
+    rows PATH of story `i`. Rows DASHPOT receive only mean and moment."""
     force_0 = state[rows.BRACE_FORCE, i]
     follow_brace(linear_terms, i, h, rise, bend, force_0, scratch, ROW.BRACE)
     # The first six rows of the results have the order of the rows PATH.

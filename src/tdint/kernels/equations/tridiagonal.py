@@ -397,7 +397,7 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
         m        -(by_v m + by_a c)        kinematics
         c                 m                momentum
 
-    plus the blocks B_i and B_(i+1) of the stories below and above. The blocks beside the diagonal,
+    plus the blocks B_i and B_(i+1) of the stories below and above. The blocks next to the diagonal,
     for the floors below and above, are -B_i and -B_(i+1). They are not stored: the table contains
     B_i, and `factor_blocks` assumes the minus sign. A story on the ground has no floor below: its
     block is added to the diagonal, and is then set to zero in the table.
@@ -645,8 +645,8 @@ def _is_full(linear_terms, modal, n):
     6 m + 1 rows are reserved (for the Woodbury formula). It can therefore be used if m is at least
     2 n / 3. For each such m it also needs fewer operations: about (2 n)^3 / 3 for the
     factorization, compared with about (2 m)^3 + 4 m^2 n + 32 m n for the terms of the Woodbury
-    formula, which is at least 4 n^3. It is not used for trees, whose floors are not in the order of
-    their neighbors.
+    formula, which is at least 4 n^3. It is not used for trees, because their floors are not in the
+    order of their neighbors.
     """
     if _TREE and is_tree(linear_terms):
         return False
@@ -918,7 +918,7 @@ def _factor_tree_pairs(linear_terms, law_state, root, factors, n):
         scratch[pivot, i] = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i]
         scratch[pivot + 1, i] = im * linear_terms[rows.FLOOR_DAMPER, i]
         scratch[coupling, i] = scratch[coupling + 1, i] = 0.0
-    # The columns of links come first: their contributions are complete before the elimination.
+    # The columns of links are first: their contributions are complete before the elimination.
     for i in range(n - 1, -1, -1):
         spring = law_state[rows.SLOPE, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]

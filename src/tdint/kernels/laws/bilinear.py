@@ -9,7 +9,7 @@ law state contains. The second spring yields at the drift Fy / k, as the story d
 
 For a < 0 the lines of yielding fall. The line of a side has no force beyond the drift
 (1 - a) Fy / (|a| k), where the story has lost its resistance. The elastic spring would store a
-negative energy, so the energies are those of a spring k in series with a plastic hinge:
+negative energy, so the energies are the energies of a spring k in series with a plastic hinge:
 
     strain energy       f^2 / (2 k)
     dissipated energy   integral of f over the plastic drift d - f / k

@@ -82,7 +82,7 @@ def extra_rows(law_state, block):
         First row of the state in `law_state`.
     """
     # block // LAW_STATE_ROWS is the index of the state (0 for the committed state). The remaining
-    # rows of the table are divided equally among all states.
+    # rows of the table are divided equally between all states.
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
     )
@@ -103,7 +103,7 @@ def copy_extra_rows(law_state, i, previous, trial):
     trial : int
         First row of the target block.
     """
-    # The rows of the table from row EXTRA_ROWS on are divided equally among the states.
+    # The rows of the table from row EXTRA_ROWS on are divided equally between the states.
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
             extra_rows(law_state, previous) + row, i

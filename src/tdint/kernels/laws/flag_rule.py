@@ -3,7 +3,7 @@
 With the upper curve U(x), the lower curve L(x) and the stiffness k between them, for x >= 0:
 
     hi(d) = U(d) for d >= 0, -L(-d) for d < 0;   lo(d) = L(d) for d >= 0, -U(-d) for d < 0
-    f' = k d' as long as lo(d) <= f <= hi(d); otherwise f stays on the curve
+    f' = k d' if lo(d) <= f <= hi(d); otherwise f remains on the curve
 
 The curves of both sides can differ. The force follows a curve in the direction of movement if its
 slope is less than k, and the curve behind it if its slope exceeds k. In the functions below, drifts

@@ -2,8 +2,8 @@
 
 `fracturing` returns a law that follows another law until the drift reaches one of the rows
 FRACTURE_HIGH and FRACTURE_LOW of `law_parameters`. From then on its force is 0, also after a
-return. The stored energy counts as dissipated. The number of this law is that of the other law plus
-FRACTURING, so that laws without fracture are compiled without it.
+return. The stored energy counts as dissipated. The number of this law is the number of the other
+law plus FRACTURING, so that laws without fracture are compiled without this law.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ The story fails if beta reaches 1 or if the drift reaches the ultimate drift. It
 zero permanently.
 
 In the functions below, `side` is 1 or -1, and drifts and forces with a `side` are positive in the
-direction of that side. k is the initial stiffness, Fy the initial yield force, and Fc = (capping
+direction of the side. k is the initial stiffness, Fy the initial yield force, and Fc = (capping
 ratio) Fy the initial capping force.
 """
 
@@ -28,9 +28,9 @@ from dataclasses import replace
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters`: first the parameters of the positive side, then those of the negative
-# side (_SIDE rows later), then those of both sides. The capacities are the reference energies
-# Lambda Fy of deterioration divided by the yield force Fy, m.
+# Rows of `law_parameters`: first the parameters of the positive side, then the parameters of the
+# negative side (_SIDE rows later), then the parameters of both sides. The capacities are the
+# reference energies Lambda Fy of deterioration divided by the yield force Fy, m.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _PLASTIC_DRIFT = rows.FIRST_PARAMETER + 1
 _POST_CAPPING_DRIFT = rows.FIRST_PARAMETER + 2
@@ -72,7 +72,8 @@ _SOFTENING = 6.0
 _RESIDUAL = 7.0
 _FAILED = 8.0  # no strength; positive for both sides
 
-# Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
+# Fraction of a drift. A point is regarded as reached if its distance from the drift is smaller than
+# this fraction.
 _REACHED_TOLERANCE = 1e-12
 # Relative to the maximum drift. A reversal within this distance of the last reversal is regarded as
 # the same reversal, which a time step did not locate exactly.
@@ -234,7 +235,7 @@ def _functions() -> LawFunctions:
             set_loading_branch(
                 law_parameters, law_state, i, block, side, _PLASTIC, hardening_slope, capping_drift
             )
-        # The capping line ends where it falls to the residual force.
+        # The capping line ends at the residual force.
         elif (
             drift >= capping_drift - tolerance
             and drift < (residual_force - capping_force) / capping_slope - tolerance
@@ -294,7 +295,7 @@ def _functions() -> LawFunctions:
         """Set the reloading branch of a side towards the last peak or the point of maximum drift.
 
         The last peak is the point of the last reversal on this side. It is selected if it is ahead,
-        has a smaller force than the point of maximum drift, and the line to it is steeper.
+        has a smaller force than the point of maximum drift, and the line to this point is steeper.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -448,7 +449,7 @@ def _functions() -> LawFunctions:
         """Set the branch after an interrupted unloading that returned to the last reversal.
 
         Loading continues towards the pinched point if it is ahead, between the current point and
-        the point of maximum drift, and the line to it is less steep.
+        the point of maximum drift, and the line to this point is less steep.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]

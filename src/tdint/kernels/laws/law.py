@@ -32,7 +32,7 @@ class LawParameter:
     low, high : float
         Bounds of the value, in SI units.
     low_allowed, high_allowed : bool
-        True if the bound itself is a valid value.
+        True if the bound is a valid value.
     many : bool
         True if the parameter is a list of any length. Entry j (counted from 1) has the dimension
         force^1 length^-j.
@@ -194,7 +194,7 @@ class DriftLaw:
         invalid, otherwise None.
     stiffness_after_yield : callable, optional
         (initial stiffness, parameter values) -> stiffness after the first yield and before
-        softening, N/m. Default: the slope is measured a tenth beyond `yield_drift`. A law without
+        softening, N/m. Default: the slope is measured a tenth above `yield_drift`. A law without
         `yield_drift` does not yield.
     warning : callable
         (initial stiffness, parameter values) -> warning about allowed but unusual parameters,

@@ -19,7 +19,7 @@ after the last point. The rule determines the forces inside the curve:
 A falling curve ends at zero force, where the story fails (rules `isotropic`, `origin`, `peak`) or
 has no resistance left (`last_line`).
 
-In the functions below, drifts and forces with a `side` are positive in the direction of that side.
+In the functions below, drifts and forces with a `side` are positive in the direction of the side.
 `tdint.kernels.laws.law.LawFunctions` describes the functions and their arguments.
 """
 
@@ -372,9 +372,9 @@ def _functions() -> LawFunctions:
     def set_segment(law_parameters, law_state, i, block, index):
         """Set a segment of the curve as the branch, rule `elastic`.
 
-        Index 0 and the positive ones are the segments of the positive side, -1 and below those of
-        the negative side. The first segments of both sides are one branch if their slopes are
-        equal.
+        Index 0 and the positive ones are the segments of the positive side, -1 and below are
+        the segments of the negative side. The first segments of both sides are one branch if their
+        slopes are equal.
         """
         side = 1.0 if index >= 0.0 else -1.0
         j = int(index) if index >= 0.0 else int(-1.0 - index)

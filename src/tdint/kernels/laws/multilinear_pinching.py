@@ -1,6 +1,6 @@
 """Multilinear law with pinched reloading, for the capacity curves of regional models.
 
-The backbone curve of each side rises or falls through four points. Beyond the last point it is
+The backbone curve of each side rises or falls through four points. After the last point it is
 constant, or continues with its last slope if this slope is positive. A reversal starts a path of at
 most three linear parts to the point of maximum drift of the side towards which the story moves:
 unloading to the fraction `unloading` of the force at the third point, then to the fractions `drift`
@@ -21,7 +21,7 @@ reversal. The energy capacity is the parameter `capacity` times the area below t
 There is no degradation before the first yielding.
 
 In the functions below, `side` is 1 or -1, and drifts and forces with a `side` are positive in the
-direction of that side. The stored maximum drifts (rows HIGH_DRIFT and LOW_DRIFT) are positive on
+direction of the side. The stored maximum drifts (rows HIGH_DRIFT and LOW_DRIFT) are positive on
 both sides.
 """
 
@@ -66,7 +66,8 @@ _ON_PATH = 1.0
 _ON_BACKBONE = 2.0
 _FAILED = 3.0  # no strength; positive for both sides
 
-# Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
+# Fraction of a drift. A point is regarded as reached if its distance from the drift is smaller than
+# this fraction.
 _REACHED_TOLERANCE = 1e-12
 # Fraction of the drift of the first backbone point. Until the drift of a story first exceeds this
 # fraction in either direction, its reversals are not counted and do not change the path. Otherwise,
@@ -220,7 +221,7 @@ def _functions() -> LawFunctions:
 
         As in Pinching4, the current drift is not part of the maximum drift, even if it is larger:
         `start_path` updates the stored values after it has called this function. The energy
-        capacity is that of the side with the larger area.
+        capacity is the capacity of the side with the larger area.
 
         ks is bounded: the remaining fraction 1 - ks of the stiffness is at least the ratio of the
         secant stiffness, to the point of maximum drift on the degraded backbone curve, to the
@@ -673,7 +674,7 @@ def _functions() -> LawFunctions:
         The first branch ends at the drift of the first point of the backbone curve. If the paths
         before the first yielding do not coincide with a straight line, reversals below the first
         point change the path. The first branch then ends at the very small fraction _MIN_REVERSAL
-        of this drift.
+        of the maximum drift.
         """
         fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else _MIN_REVERSAL
         law_state[rows.HIGH_DRIFT, i] = point_drift(law_parameters, i, 1.0, 1)

@@ -8,7 +8,7 @@ drifts and forces are positive in the direction of s:
     dy, K    drift of the first point of the backbone curve, its steepest slope
     m        farthest drift of a side, at least dy
     ku       unloading stiffness of a side, K (dy / m)^unloading, with the bounds below
-    z        drift at zero force from which a side is loaded
+    z        drift at zero force where the loading of a side starts
 
 1. Virgin loading follows the backbone curve.
 2. After a reversal, the story unloads with ku of the unloaded side to zero force, at z of the other
@@ -32,7 +32,7 @@ M dm. At the first bound, E = M m / 2 and S m <= M. At the second bound, E' = M 
 E' = M (S / ku + unloading M / (2 ku m)) <= M ((1 - unloading / 2) + unloading / 2). A bound that
 acts at the end of a segment remains, because a smaller ku would increase E.
 
-A side without a curve has no force. The spring is slack there, and reloads from its own z.
+A side without a curve has no force. The spring is slack on this side, and reloads from its own z.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class BackboneCurve(NamedTuple):
     slope, end : function
         (law_parameters, i, side, j) -> slope of a segment, N/m, and drift at its end, m.
     segment : function
-        (law_parameters, i, side, drift) -> segment that begins at a drift, or that contains it.
+        (law_parameters, i, side, drift) -> segment that starts at a drift, or that contains it.
     force : function
         (law_parameters, i, side, j, drift) -> force of segment j at a drift, N.
     """
@@ -456,7 +456,7 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
         elif force == 0.0:
             cross_zero_force(law_parameters, law_state, i, block, side)
         else:
-            # Seen from the unloaded side, whose force is positive
+            # Seen from the unloaded side, with a positive force
             top = -side * drift
             limits = (top - abs(force) / stiffness, top)
             set_line(law_parameters, law_state, i, block, -side, stiffness, limits, side)

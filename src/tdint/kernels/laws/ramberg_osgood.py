@@ -5,7 +5,7 @@ dy = fy / k. After a reversal at (d_r, f_r), the story follows the curve of twic
 
     (d - d_r) / (2 dy) = y (1 + alpha |y|^(n - 1)),   y = (f - f_r) / (2 fy)
 
-A branch ends where it closes a loop: at the last reversal on its side, or, for the first
+A branch ends at the point that closes a loop: at the last reversal on its side, or, for the first
 reversal, at the opposite point of the skeleton curve. From there the story follows the earlier
 branch, or the skeleton curve (Jennings 1964). The points of reversal of all open loops are extra
 rows; row INTERNAL is their number. The law is the limit of infinitely many parallel
@@ -194,7 +194,7 @@ def _functions() -> LawFunctions:
     def switch(law_parameters, law_state, i, block, event):
         """Start a branch at a reversal, or close a loop.
 
-        `force` has already closed the loop if the drift is slightly beyond its end.
+        `force` has already closed the loop if the drift is slightly outside the branch.
         """
         if event == rows.REVERSED:
             reverse(law_state, i, block)

@@ -1,7 +1,7 @@
 """Steel law of Menegotto and Pinto (1973), with the isotropic part of Filippou, Popov and Bertero
 (1983): `Steel02` of OpenSees.
 
-Each reversal at (d_r, f_r) towards the side q (1 or -1) starts a curve that leaves with the slope k
+Each reversal at (d_r, f_r) towards the side q (1 or -1) starts a curve that has the initial slope k
 and approaches the line of the slope b k. Both lines intersect in the corner (d_0, f_0). With the
 extremes d_max and d_min of the reversals, at first dy and -dy:
 
@@ -100,7 +100,7 @@ def _functions() -> LawFunctions:
     @outlined
     def curve_after_reversal(law_parameters, law_state, i, block, side):
         """Return the extremes after a reversal towards a side at the current point, and d_0 - d_r
-        and R of the curve that starts there."""
+        and R of the curve that starts at that point."""
         k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[_HARDENING, i]
         strength = law_parameters[_YIELD_FORCE, i]

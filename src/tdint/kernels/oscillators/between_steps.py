@@ -2,8 +2,8 @@
 step.
 
 If the ground acceleration is linear within the step, the second derivative q'' of every required
-quantity q is a free vibration. This bounds the amount by which q can exceed its values at both
-endpoints. With omega h <= 1, a short Taylor series represents q.
+quantity q is a free vibration. This bounds the excess of q over its values at both endpoints. With
+omega h <= 1, a short Taylor series represents q.
 
 At the endpoints, the recursion from step to step is exact (Nigam and Jennings 1969): u1 = A11 u0 +
 A12 v0 - B10 g0 - B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that
@@ -269,11 +269,11 @@ def _value(coefficients, n, x):
 @inline
 def narrow_bracket(left, at_left, right, at_right, side, t, value):
     """Narrow the bracket of a root to the side of a new argument that contains the root; return
-    also the distance by which an endpoint was moved.
+    also the distance that an endpoint was moved.
 
     The function is used by regula falsi with halved weights (Illinois method, Dowell and Jarratt
-    1971): if an endpoint remains unchanged twice in succession, the value stored for it is halved,
-    so that the next secant moves this endpoint. `value` is not zero.
+    1971): if an endpoint remains unchanged twice in succession, the value stored for this endpoint
+    is halved, so that the next secant moves this endpoint. `value` is not zero.
     """
     # The new argument replaces the endpoint with the same sign.
     if (value > 0.0) == (at_right > 0.0):

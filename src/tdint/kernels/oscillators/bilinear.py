@@ -111,7 +111,7 @@ def _taylor(series, u, v, load, slope, k, c, t):
 def _displacement(series, terms, t):
     """Return the displacement s_0 + s_1 t + s_2 t^2 + ... at time `t` (s), m.
 
-    `series` contains the coefficients s_j, of which the first `terms` are used.
+    `series` contains the coefficients s_j; only the first `terms` coefficients are used.
     """
     value = 0.0
     for j in range(terms - 1, -1, -1):
@@ -215,10 +215,10 @@ def _end_of_yielding(series, terms, side, middle, remaining):
 @outlined
 def _end_of_elastic_branch(series, terms, state, middle, remaining):
     """Return the time (s) when the displacement reaches a limit of the elastic branch within a
-    step, or NEVER (-1), and update the peak displacement. `middle` and `remaining` are those of
-    `_end_of_yielding`.
+    step, or NEVER (-1), and update the peak displacement. `middle` and `remaining` are the same as
+    for `_end_of_yielding`.
 
-    The step is divided into parts in which u is monotonic. PEAK is updated with |u| at the end of
+    The step is divided into parts with monotonic u. PEAK is updated with |u| at the end of
     each part before the returned time. These times include all extrema of u.
     """
     start = 0.0

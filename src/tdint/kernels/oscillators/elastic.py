@@ -58,7 +58,7 @@ from tdint.kernels.oscillators.between_steps import (
 )
 from tdint.kernels.stepping import Array
 
-# Rows of the table of oscillators after those of the recursion
+# Rows of the table of oscillators after the rows of the recursion
 BY_DISPLACEMENT = RECURSION_ROWS  # omega^2, 1/s^2
 BY_VELOCITY = RECURSION_ROWS + 1  # 2 xi omega, 1/s
 COEFFICIENTS = RECURSION_ROWS + 2
@@ -251,7 +251,7 @@ def _vibration(oscillator):
 def _search(oscillator, maxima, ground_maxima):
     """Compute the maxima of an oscillator from its maxima at the steps of each interval (`maxima`).
 
-    Intervals in which the bound of a quantity (`excess_factor`) does not exceed the maximum of the
+    Intervals where the bound of a quantity (`excess_factor`) does not exceed the maximum of the
     run are skipped. The bounds of the second derivatives are
 
         |u''| <= max |p| + max |ag|,   |v''| <= 2 xi omega |u''| + omega^2 |v| + max |ag'|

@@ -55,7 +55,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
         b10, b11 = oscillators[B10, i], oscillators[B11, i]
         b20, b21 = oscillators[B20, i], oscillators[B21, i]
         u, v = 0.0, 0.0  # at the start of the step
-        # Extrema with a smaller pseudo-acceleration are neither stored nor the largest so far.
+        # Extrema with a smaller pseudo-acceleration are not stored and are not the largest until
+        # now.
         threshold = 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.size - 1):
@@ -113,8 +114,8 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
     the number of stored local maxima of the distance from the origin.
 
     The distance is the square root of the sum of the squared displacements along both components.
-    It has a maximum where its rate changes from positive to negative. The arguments are those of
-    `extremes`, with these differences:
+    It has a maximum where its rate changes from positive to negative. The arguments are the same as
+    for `extremes`, with these differences:
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ that can contain the maximum between the steps again, and computes the maximum f
 of the modes.
 
 After the last sample, the ground acceleration decreases to zero within a sampling interval. The
-modes then vibrate freely, and the time integration continues as long as the sum of their amplitudes
+modes then vibrate freely, and the time integration continues while the sum of their amplitudes
 exceeds a maximum.
 """
 
@@ -38,7 +38,7 @@ from tdint.kernels.oscillators.between_steps import (
 from tdint.kernels.stepping import Array
 from tdint.kernels.time_loop.ground import ground_at
 
-# Rows of the table of modes after those of the recursion. The variables u and v of the recursion
+# Rows of the table of modes after the rows of the recursion. The variables u and v of the recursion
 # are the modal coordinate q and its rate.
 OMEGA = RECURSION_ROWS
 DAMPING = RECURSION_ROWS + 1
@@ -251,7 +251,7 @@ def _maximum_after(sums, steps, row, c, size):
 
     If the rate has different signs at both steps, its zero is located by regula falsi, and all
     values of the iteration are considered. The values at both steps are not evaluated: `size` is
-    the absolute value at one of them.
+    the absolute value at one step.
     """
     h = sums.h
     slope = (steps.motion[row + 1] - steps.motion[row]) / h

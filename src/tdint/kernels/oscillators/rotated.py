@@ -7,7 +7,7 @@ all oscillators are integrated together first. This pass stores the maximum disp
 `AXES` axes, the directions at steps of 30 degrees, for each interval of INTERVAL_STEPS steps. The
 displacement in a direction between two adjacent axes is at most the larger of both displacements
 divided by the cosine of half their angle. Therefore only few intervals can contain a maximum. In
-these intervals, the same rule for sectors of 10 degrees leaves few steps and directions for the
+these intervals, the same rule for sectors of 10 degrees keeps few steps and directions for the
 exact computation.
 
 The equation of motion along each component is u'' + 2 xi omega u' + omega^2 u = -ag. Displacement,
@@ -107,7 +107,7 @@ LANES = 16
 """Number of oscillators that are integrated together. A constant, so that the compiler knows the
 position of their values."""
 
-# Rows of the values of the oscillators in a group, after those of the table of oscillators
+# Rows of the values of the oscillators in a group, after the rows of the table of oscillators
 _STATE = COEFFICIENTS
 _X, _V = _STATE, _STATE + 1  # displacement and velocity along the first component
 _Y, _W = _STATE + 2, _STATE + 3  # displacement and velocity along the second component
@@ -160,7 +160,7 @@ def rotated_peaks(
     parts : int
         Steps per sampling interval. The option `parts` of the decorator is a different quantity.
     oscillators : ndarray, shape (COEFFICIENTS, multiple of LANES)
-        Table of oscillators, one column each, as in `tdint.kernels.oscillators.elastic`.
+        Table of oscillators, one column per oscillator, as in `tdint.kernels.oscillators.elastic`.
     directions : ndarray, shape (2, ANGLES)
         Cosine and sine of each direction, at 0, 1, ..., 179 degrees.
     between_steps : int
@@ -175,7 +175,7 @@ def rotated_peaks(
     interpolate_samples(second, parts, ground[1])
     intervals = (ground.shape[1] - 1) // INTERVAL_STEPS
     # Value `row` of oscillator `i` is element row * LANES + i. The rows are the COEFFICIENTS rows
-    # of the table of oscillators, then those from _STATE on.
+    # of the table of oscillators, then the rows from _STATE on.
     lane = local(_ROWS * LANES)
     # The table of sectors has a column for each of their edges, at 0, 10, ..., 180 degrees. The
     # last edge is equal to the first edge, because only absolute displacements are used.

@@ -1,7 +1,7 @@
 """Force of a damper in series with its brace (Maxwell element) over a time step.
 
 The drift d of the story is the sum of the deformations b of the brace and p of the damper. Both
-carry the same force F, which is the state of the element:
+have the same force F, which is the state of the element:
 
     d = b + p,   F = kb b = q(p') = c p' (p'^2 + y0^2)^e,   F' = kb (d' - g(F))
 
@@ -20,9 +20,9 @@ first moment of the force are
 
     mean = (F_1 + F_2) / 2,   moment = 12 int s F dt = F(end) - F0
 
-With them, rise * mean + bend * moment / 12 is equal to the change of F^2 / (2 kb) plus the energy
-(h / 2) (F_1 g(F_1) + F_2 g(F_2)) that the damper dissipates. For a linear damper, two points give
-the (2,2) Pade approximation of the exponential of the complete system.
+With these values, rise * mean + bend * moment / 12 is equal to the change of F^2 / (2 kb) plus the
+energy (h / 2) (F_1 g(F_1) + F_2 g(F_2)) that the damper dissipates. For a linear damper, two points
+give the (2,2) Pade approximation of the exponential of the complete system.
 
 The unknown of a point is its force, because g is flat at F = 0 for exponents up to 1. For larger
 exponents, where g is vertical, for dampers with a linear part (y0 > 0), where g has no closed
@@ -53,7 +53,7 @@ from tdint.kernels.stories.path import (
     MOMENT_BY_RISE,
 )
 
-# Rows of the results of a story, relative to the first row. The first six are those of
+# Rows of the results of a story, relative to the first row. The first six rows are the same as in
 # `tdint.kernels.stories.path`; the last is the energy that the damper dissipates in the step, J.
 DISSIPATED = 6
 BRACE_RESULT_ROWS = 7
@@ -357,7 +357,7 @@ def commit_brace(linear_terms, i, h, rates, state, scratch, row):
 @outlined
 def add_reported_accelerations(linear_terms, state, scratch, row):
     """Replace the forces of braces in the accelerations of a scratch row (m/s^2) by the reported
-    forces. The accelerations are those of equilibrium with BRACE_FORCE."""
+    forces. The accelerations are the accelerations of equilibrium with BRACE_FORCE."""
     n = linear_terms.shape[1] - 1
     for i in range(n):
         difference = state[rows.BRACE_FORCE, i] - state[rows.BRACE_REPORTED, i]

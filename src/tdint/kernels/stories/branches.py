@@ -162,7 +162,7 @@ def sum_branches(law_parameters, law_state, i, block):
     The branch is curved (infinite SLOPE) if an element is on a curved branch. INTERNAL is 1 if all
     elements have failed, otherwise 0. If a movement within the tolerances of a reversal has left
     the elements with different directions, the story has the direction of a linear branch: a change
-    of stiffness at a reversal must be located, whereas a curved branch follows its path in any
+    of stiffness at a reversal must be located, but a curved branch follows its path in any
     case.
     """
     force = 0.0
@@ -213,7 +213,7 @@ def turns_at_reversal(law_parameters, law_state, i):
 def column_of_event(law_parameters, law_state, i, event):
     """Return the column of the law whose branch ends at the event `event` of story `i`.
 
-    It is an element, or the story itself for a story with a single element. At a reversal, the
+    It is an element, or the story for a story with a single element. At a reversal, the
     branches of several elements can end, and the result is the story. The branches must not have
     changed since the event was located.
     """
@@ -338,7 +338,7 @@ def _crossing(cubic, limit, tolerance, known_event):
     - It starts below the limit: the result is the first crossing, or `NONE` without a crossing.
 
     `tolerance` is an excess that is tolerated, m: the result is `NONE` if no rising part exceeds
-    the limit by more. Otherwise the crossing of `limit` itself is located. `known_event` is the
+    the limit by more. Otherwise the crossing of `limit` is located. `known_event` is the
     fraction of the step at the first event found so far. It only saves time: for a crossing that is
     not before this event, the result can be `NONE`.
     """
@@ -418,7 +418,7 @@ def _root(cubic, limit, part_start, part_end, known_event):
             lower_s = s
         r = 1.0 - s
         rate = 3.0 * (r * r * (d1 - d0) + 2.0 * r * s * (d2 - d1) + s * s * (d3 - d2))
-        # Bisect if Newton's step leaves the interval that contains the crossing.
+        # Bisect if Newton's step ends outside the interval that contains the crossing.
         new_s = s - value / rate if rate != 0.0 else lower_s
         if not lower_s < new_s < upper_s:
             new_s = 0.5 * (lower_s + upper_s)

@@ -146,7 +146,7 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
         Block of the state at the end of the path, with the result (J) in row DISSIPATED.
     """
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-        # Elements that follow their branches accumulate their energies on the way.
+        # Elements that follow their branches accumulate their energies along the path.
         if law_parameters[rows.CODE, i] < rows.ELEMENTS:
             for element in range(
                 int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
@@ -263,7 +263,7 @@ def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, d
     """Compute the force of story `i` without changes of linear branches; return the tangent, N/m.
 
     An element that is on a linear branch in the committed state remains on this branch, even if the
-    drift is beyond its limits. A step that locates changes of branch iterates with this force,
+    drift is outside its limits. A step that locates changes of branch iterates with this force,
     because an element must not change its branch before the change is located. Other laws follow
     their path as in `restoring_force`.
     """
@@ -444,8 +444,9 @@ def step_start(flags, follows_reversal=False):
     It is STEP_START, if the state at the start of the step is kept, by flags[KEEPS_START] or
     because the law has followed a reversal within the step (`follows_reversal`). Otherwise it is
     the committed state at the end of the step: a piecewise-linear law reloads on the branch on
-    which it unloads, so that the way back to the reversal ends at the force of the reversal. If the
-    law has unloaded within the step, this is only valid for the drift of its own reversal.
+    which it unloads, so that the path back to the reversal ends at the force of the reversal. If
+    the law has unloaded within the step, this is only valid for the drift of the reversal of the
+    law.
     """
     if follows_reversal or flags[rows.KEEPS_START] != 0.0:
         return rows.STEP_START
@@ -508,8 +509,8 @@ def start(law_parameters, law_state, i, drift):
 def raise_element_peaks(law_parameters, law_state, i, block, excess):
     """Raise the peak forces of the elements of story `i` by their forces in a block.
 
-    `excess` is 0, or the distance (m) by which the committed drift is beyond the limit of a branch.
-    The forces are then evaluated at the limit, on the present branches.
+    `excess` is 0, or the distance (m) from the limit of a branch to a committed drift outside the
+    branch. The forces are then evaluated at the limit, on the present branches.
     """
     owner = branch_owner(law_state, i, block)
     drift = law_state[block + rows.DRIFT, i] - excess

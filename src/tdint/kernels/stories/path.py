@@ -194,7 +194,7 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     direction : float
         Direction of the initial movement, 1 or -1.
     first_reversal, second_reversal, third_reversal : float
-        Fractions of the step in (0, 1) at which the rate changes its sign; 1 for no further
+        Fractions of the step in (0, 1) where the rate changes its sign; 1 for no further
         reversal.
     min_extremum : float
         Minimum absolute rate at an extremum within the step, m. It is infinite if there is no
@@ -636,7 +636,7 @@ def along_branches(add_part, process_end):
         if side == 0.0:
             add_part(law_state, i, block, segment, results)
             return
-        # A branch that is valid only for the opposite direction ends at once.
+        # A branch that is valid only for the opposite direction ends immediately.
         if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
             switch(law_parameters, law_state, i, block, rows.REVERSED)
         t_now = segment.begin
@@ -758,7 +758,7 @@ def dividing_at_kink(integrate):
     """Return a compiled function that integrates a curved law along a path without reversal, in two
     parts if the force has a kink on the path.
 
-    At a kink, the tangent stiffness changes rapidly, and Gauss integration over it would be
+    At a kink, the tangent stiffness changes rapidly, and Gauss integration over the kink would be
     inaccurate.
 
     Parameters
@@ -883,8 +883,8 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
     The path is integrated to the reversal and from there to the end. For the derivatives with
     respect to the drift at the reversal, the path after it is integrated a second time, from a
     slightly shifted drift (`_add_after_reversal`). FIRST_TRIAL finally contains the state at the
-    last Gauss point, from which `commit_path_end` continues. The rows of `results` are zero at the
-    start; the next twelve rows are used for intermediate results.
+    last Gauss point; `commit_path_end` continues from this state. The rows of `results` are zero at
+    the start; the next twelve rows are used for intermediate results.
     """
     reversal_time = time_of_extremum(story_path)
     previous = _integrate_divided(

@@ -7,7 +7,7 @@ to order 4 with kinks and jumps inside the step. The relative accelerations and 
 of the line. Lines of successive steps can differ at their common endpoint. The accelerations of the
 loaded floors then jump by the difference, divided by the mass.
 
-The absolute acceleration of a floor follows from the table itself: with the force p of the table
+The absolute acceleration of a floor follows from the table: with the force p of the table
 and the line q, it is the acceleration under the line plus (p - q) / m. Displacements, velocities
 and internal forces of the stories are the same under both, except for the error of the method.
 """
@@ -341,10 +341,10 @@ def start_step(scene, points, h, load, shifts, memory, seen):
 @outlined
 def _bound_deviations(scene, h, state, observer_state):
     """Store upper bounds of the deviations of velocities and total shears from the response under
-    the lines of a step of length `h` (s), and add the effect of the dampers to those of the
-    accelerations (row DEVIATION_BOUND).
+    the lines of a step of length `h` (s), and add the effect of the dampers to the deviations of
+    the accelerations (row DEVIATION_BOUND).
 
-    The deviation of a table has neither mean nor first moment over the step. If it is at most B,
+    The deviation of a table has no mean and no first moment over the step. If it is at most B,
     its integral is at most B times the distance, in the mean over the step, of a step function from
     the nearest straight line, which is less than h / 3. The bound of a power-law dashpot uses the
     drift rate at the start of the step.
@@ -422,8 +422,8 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
     """Change the accelerations of the state by row ACCELERATION_JUMP, and the rates of powers that
     depend on them.
 
-    The accelerations after the jump are peaks of the response, except in a kinked step, in which
-    they are those of the line (`raise_peaks_in_parts`).
+    The accelerations after the jump are peaks of the response, except in a kinked step, where they
+    are the accelerations of the line (`raise_peaks_in_parts`).
     """
     linear_terms, _, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
@@ -469,7 +469,7 @@ def _shift_accelerations(scene, load, shifts, memory, seen, is_kinked):
 @outlined
 def raise_peaks_in_parts(scene, points, span, memory, seen):
     """Raise the peaks of velocities, drift rates, absolute accelerations and total shears in a step
-    in which a table is not linear.
+    where a table is not linear.
 
     The step is searched in parts between the points of the tables. In a part, the response is that
     of `peaks_between_steps`, which is valid for the lines, plus deviations. The deviation of a
@@ -541,7 +541,8 @@ def _store_deviations(scene, points, span, begin, end, observer_state):
     from `begin` to `end` (s): of the forces of the tables, of the velocities and of the forces of
     modal damping.
 
-    The deviations of the velocities at the start are those at the end of the previous part.
+    The deviations of the velocities at the start are the deviations at the end of the previous
+    part.
     """
     linear_terms, modal, _, forces, _ = scene
     n = linear_terms.shape[1] - 1
@@ -569,7 +570,8 @@ def _store_deviations(scene, points, span, begin, end, observer_state):
         )
         velocity += (end - begin) * linear_terms[rows.INVERSE_MASS, i] * mean
         observer_state[rows.VELOCITY_DEVIATION + 1, i] = velocity if end < span.t else 0.0
-        # The deviation of the acceleration is linear in the part, that of the velocity a parabola.
+        # The deviation of the acceleration is linear in the part, the deviation of the velocity is
+        # a parabola.
         change = observer_state[rows.LOAD_DEVIATION, i] - observer_state[rows.LOAD_DEVIATION + 1, i]
         observer_state[rows.VELOCITY_DEVIATION + 2, i] = (
             0.5 * (end - begin) * linear_terms[rows.INVERSE_MASS, i] * change

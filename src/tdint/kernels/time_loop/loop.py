@@ -36,12 +36,12 @@ from tdint.kernels.time_loop.observer import (
     update_law_energies,
 )
 
-# The first arguments change from call to call; the others are constant in the runs of a building
-# (`tdint.kernels.building.compilable.bind`).
+# The first arguments change from call to call; the other arguments are constant in the runs of a
+# building (`tdint.kernels.building.compilable.bind`).
 INTEGRATE = I8(
     I8,  # number of steps of the run
     I8,  # number of completed steps
-    I8,  # number of steps at which the call ends
+    I8,  # number of steps where the call ends
     I8,  # number of steps that have the length of the next argument
     I8,  # number of sampling intervals; 1 if a step is not longer than a sampling interval
     STEP,  # step of the method
@@ -140,7 +140,7 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
 def _record_collapse(sum_law_energies, scene, memory, steps, seen):
     """Update the energies and record the collapse: story, step and energies.
 
-    Compiled separately, because it is called once per run at most.
+    Compiled separately, because it is called at most once per run.
     """
     update_law_energies(sum_law_energies, scene, memory, seen)
     record_collapse(memory.law_state, steps, seen)

@@ -217,14 +217,14 @@ def observe(scene, span, slope, memory, seen):
             - ground
         )
         if LINKS and upper_of(linear_terms, i) != i:
-            a = 0.0  # the floor at which the link ends accelerates, not its column
+            a = 0.0  # the floor at the end of the link accelerates, not its column
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
         floor_damping_above += floor_damping
         if MODAL:
             floor_damping_above += observer_state[rows.MODAL_FORCE, i]
         total_shear = story_force + floor_damping_above
         if LINKS and is_tree(linear_terms):
-            # Links carry a part of the shear: sum of load minus inertia instead of forces
+            # Links transmit a part of the shear: sum of load minus inertia instead of forces
             floor_damping_above = observer_state[rows.DAMPING_ON, i] - mass * (a + ground)
             floor_damping_above += (
                 observer_state[rows.FLOOR_FORCE, i] + observer_state[rows.MODAL_FORCE, i]
@@ -355,7 +355,7 @@ def _may_exceed_tree_peaks(scene, span, memory, seen):
     """Return True if the drift or the shear of a story can exceed its peak in the step.
 
     The accelerations of all floors at the end of the step are known, so that no story has to wait
-    for those of its lower floor as in the loop of `observe`.
+    for the accelerations of its lower floor as in the loop of `observe`.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state = memory.state, memory.law_state
@@ -571,7 +571,7 @@ def _observe_braces(linear_terms, state, seen):
     """Update the work of the dampers with braces and of tangent damping, and the peak forces.
 
     The dissipated energy of the dampers is added to the work of the dashpots (ENERGY_DASHPOTS), the
-    work of tangent damping to that of viscous damping (ENERGY_VISCOUS).
+    work of tangent damping to the work of viscous damping (ENERGY_VISCOUS).
     """
     totals = seen.totals
     dissipated = work = 0.0
@@ -703,9 +703,9 @@ def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, s
 def _merge_step_peaks(first, scratch, peaks, is_kinked, n):
     """Merge the peaks in the scratch rows from `first` on into the peaks of the run.
 
-    The scratch rows receive the merged peaks, so that the next step can compare with them. In a
-    kinked step, the step has computed the accelerations with the lines of the tables. They are only
-    possible peaks.
+    The scratch rows receive the merged peaks, so that the next step can compare with these peaks.
+    In a kinked step, the step has computed the accelerations with the lines of the tables. They are
+    only possible peaks.
     """
     if is_kinked:
         for i in range(n):
@@ -866,10 +866,11 @@ def store(ground, fitted_ground, memory, seen, row):
     """Write row `row` of the history; the energies in `totals` must have been updated before.
 
     In a step longer than a sampling interval, the load of the equations is not the ground
-    acceleration itself, but a straight line fitted to it. The relative accelerations of the floors
-    are in equilibrium with this line. The absolute accelerations are therefore their sums with the
-    value of the line, `fitted_ground`. The history shows the actual ground acceleration, `ground`.
-    Both are equal at the start of a run and in steps that are not longer than a sampling interval.
+    acceleration, but a straight line fitted to the ground acceleration. The relative accelerations
+    of the floors are in equilibrium with this line. The absolute accelerations are therefore their
+    sums with the value of the line, `fitted_ground`. The history shows the actual ground
+    acceleration, `ground`. Both are equal at the start of a run and in steps that are not longer
+    than a sampling interval.
     """
     state, law_state = memory.state, memory.law_state
     observer_state, _, _, totals, history = seen
@@ -884,7 +885,7 @@ def store(ground, fitted_ground, memory, seen, row):
         history[row, 1 + 2 * n + i] = acceleration
         history[row, 1 + 3 * n + i] = law_state[rows.FORCE, i]
     energies = 1 + rows.HISTORY_FIELDS * n
-    # A longer row has space for the forces of the braces. Each element has a column, too.
+    # A longer row has space for the forces of the braces. Each element also has a column.
     if history.shape[1] > energies + rows.ENERGY_TERMS + law_state.shape[1] - n - 1:
         for i in range(n):
             history[row, energies + i] = state[rows.BRACE_REPORTED, i]

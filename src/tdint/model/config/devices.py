@@ -93,7 +93,7 @@ class _Names:
         """Return the name of an entry, or its default; report a name that is already used."""
         value = section.get("name")
         name = (value.text() if value else None) or f"{kind}_{number}"
-        # Attachments are ends of links, whose names are those of floors otherwise.
+        # Attachments are ends of links; otherwise the names of the ends are the names of floors.
         if kind == "attachment" and (name in (_GROUND, ROOF) or name.isdecimal()):
             (value or section.value).fault(f"{name!r} is the name of a floor; use another name")
         elif column_name(name) in map(column_name, self.used):

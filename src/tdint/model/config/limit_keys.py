@@ -1,8 +1,8 @@
 """Read the section `limits` of a model file.
 
-A limit is one value for all stories, or a mapping from stories to values. The keys of the mapping
-are numbers (`3`, `2-5`), types of hysteretic laws, or `others`. A number has priority over a type,
-and a type over `others`. The stories of the model are empty after an error in them.
+A limit is a single value for all stories, or a mapping from stories to values. The keys of the
+mapping are numbers (`3`, `2-5`), types of hysteretic laws, or `others`. A number has priority over
+a type, and a type over `others`. The stories of the model are empty after an error in the stories.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def read_table_forces(
 ) -> tuple[TableForce, ...]:
     """Return the forces from tables, in the order of the model file.
 
-    Each file is read once, and the forces from its columns share one table.
+    Each file is read one time, and the forces from its columns share one table.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def _time_column(table: CsvTable) -> tuple[str, float]:
     }
     found = [name for name in table.header if name in names]
     if len(found) != 1:
-        # Without a column of times, the file can be of another kind. Its text is not repeated.
+        # Without a column of times, the file can be of another type. Its text is not repeated.
         problem = f"several columns of times, {', '.join(found)}; keep one of them"
         if not found:
             problem = (

@@ -665,7 +665,7 @@ def _read_stories(
     derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("cannot be used with `stories`; give one of the two")
-    # Damping is read even if the building is invalid, so that errors in it are reported.
+    # Damping is read even if the building is invalid, so that errors in the damping are reported.
     if derived is None:
         read_damping(damping, None)
         return (), None, None
@@ -841,7 +841,7 @@ def _replace_parts(text: str, edits: Sequence[tuple[int, int, str]], offset: int
     """Return a text with replaced parts.
 
     `edits` is the start and end of each replaced part, as indices in the file, and its new text.
-    `offset` is the index of the first character of `text` in the file to which the indices refer.
+    `offset` is the index of the first character of `text` in the file that the indices refer to.
     """
     # Replace from the end to the start, because a replacement changes the indices after it.
     for start, end, replacement in sorted(edits, reverse=True):
@@ -856,7 +856,7 @@ def _stiffness_edit(
     scaled stiffnesses.
 
     `factors` is the factor on the stiffness of each story of the entry. If all are equal, the entry
-    is written once, otherwise once per story.
+    is written one time, otherwise once per story.
     """
     start, end = entry.start_mark.index, _end_index(entry)
     is_uniform = all(factor == factors[0] for factor in factors)

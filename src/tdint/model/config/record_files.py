@@ -1,7 +1,7 @@
 """Description of a set of records: the files, and how they are read and processed.
 
-A YAML file with these keys stands for the records wherever a command accepts a record, a pattern or
-a directory. The key `records` of a campaign file has the same keys.
+A YAML file with these keys represents the records in every place where a command accepts a record,
+a pattern or a directory. The key `records` of a campaign file has the same keys.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def description_text(files: Sequence[str], choice: RecordChoice, folder: Path) -
     files : sequence of str
         Files, patterns and directories, relative to the working directory.
     folder : Path
-        Directory of the description, to which its paths are relative.
+        Directory of the description; its paths are relative to this directory.
     """
     lines = ["files:"]
     for file in files:

@@ -191,7 +191,7 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     # The initial stiffness follows from the parameters. It may be invalid although each parameter
     # is valid.
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
-    # A law that stiffens may start without stiffness, beside a dashpot or in a chain with masses.
+    # A law that stiffens may start without stiffness, next to a dashpot or in a chain with masses.
     is_without = stiffness == 0.0 and law.stiffens(parameters)
     if (stiffness <= 0.0 and not is_without) or stiffness == math.inf:
         stiffness_text = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
@@ -741,7 +741,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Eleme
         name_entry.fault(
             f"must contain a letter and none of [ ] , = and quotation marks, got {name!r}"
         )
-    # The file contains the numbers along the element. In the direction of the drift, forces are
+    # The file contains the values along the element. In the direction of the drift, forces are
     # multiplied by the cosine of its inclination and lengths divided by it, as by other units.
     cosine = _read_inclination(section)
     if not math.isnan(cosine):

@@ -51,7 +51,7 @@ class SourceText:
     name : str
         Default name of the model.
     folder : Path
-        Directory to which relative paths in the file refer.
+        Directory that relative paths in the file refer to.
     """
 
     label: str
@@ -220,8 +220,8 @@ class _Composer:
         self._faults = faults
         # Node of each anchor and its number of nodes with all aliases; None while it is read
         self._anchors: dict[str, tuple[Node, int] | None] = {}
-        self._count = 0  # nodes so far, with all aliases
-        self._aliased = 0  # the part of them that aliases repeat
+        self._count = 0  # nodes until now, with all aliases
+        self._aliased = 0  # the part of the nodes that aliases repeat
 
     def document(self) -> Node:
         """Return the root of the only document."""

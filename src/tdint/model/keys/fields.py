@@ -1,8 +1,8 @@
 """Convert the nodes of a model file to numbers, text and sections, and collect all errors.
 
-Reading continues after an error, so that one call reports all errors of a file with their lines and
-columns. An invalid number is reported and read as nan. Comparisons with nan are false, so later
-checks do not report the same number again.
+Reading continues after an error, so that a single call reports all errors of a file with their
+lines and columns. An invalid number is reported and read as nan. Comparisons with nan are false, so
+later checks do not report the same number again.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNo
 from tdint.model.story import MAX_STORIES
 from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, ratio_parts
 
-# ---- Declarations of keys. Both the reader and the JSON schema (with which editors check a file
-# during writing) use the names and bounds that are declared here.
+# ---- Declarations of keys. Both the reader and the JSON schema (editors use the schema to check a
+# file during writing) use the names and bounds that are declared here.
 
 Schema = dict[str, Any]
 
@@ -194,8 +194,8 @@ class ByName:
     description, empty_message : str
         Description of the mapping in messages; message if it is empty.
     make : callable
-        Converts the mapping. Receives the `Value` of the mapping and a dictionary whose keys are
-        the names in the file and whose values are pairs of `Value` and converted value.
+        Converts the mapping. Receives the `Value` of the mapping and a dictionary with the names in
+        the file as keys and, as values, pairs of `Value` and converted value.
     """
 
     type: ValueType
@@ -246,7 +246,7 @@ class Keys(Sequence[str]):
     Attributes
     ----------
     declared : tuple of Key
-        Keys in the order in which messages list them.
+        Keys in their order in messages.
     one_of : tuple of tuple of str
         Groups of keys. Exactly one key of each group is required.
     alternative_groups : tuple of tuple of str
@@ -572,7 +572,8 @@ class Value:
         ):
             names = ", ".join(name for group in keys.alternative_groups for name in group)
             self.fault(f"must be {keys.description}, got a mapping without any of the keys {names}")
-        # All keys of the used group are required; without groups, the keys that are declared so.
+        # All keys of the used group are required; without groups, the keys that are declared as
+        # required.
         if alternatives:
             needed = {*alternatives[0]}
         else:
@@ -592,7 +593,7 @@ class Value:
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
         """Return the result of `parse` for the text; None after reporting an error.
 
-        A UsageError that `parse` raises is reported as an error of this value.
+        A UsageError that `parse` raises is reported as an error of the value.
         """
         text = self.text()
         if text is None:
@@ -656,7 +657,7 @@ class Value:
             assert isinstance(self.type, Keys)
             keys = self.type
         if not isinstance(self.node, MappingNode):
-            # A file that is no mapping is of another kind. Its text is not repeated.
+            # A file that is no mapping is of another type. Its text is not repeated.
             is_other_file = not self.key and self.word
             self.fault(
                 f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got "
@@ -706,7 +707,7 @@ class Value:
     def _number_in_file(self, bounds: Bounds) -> float:
         """Return the number in the file without conversion of units; nan if it is not a number.
 
-        If the bounds are those of a ratio, a percentage or a fraction is converted to a ratio.
+        If the bounds are for a ratio, a percentage or a fraction is converted to a ratio.
         """
         text, divisor = self._plain_text(), "1"
         if bounds.ratio and isinstance(self.node, ScalarNode) and set(self.node.text) & set("%/"):
@@ -833,7 +834,7 @@ class Section:
     @staticmethod
     def _is_of_kind(node: MappingNode, keys: Collection[str]) -> bool:
         """Return True if a mapping has a key that is allowed or similar to an allowed key. A file
-        without such a key is of another kind: its text is not repeated in messages."""
+        without such a key is of another type: its text is not repeated in messages."""
         names = [key.text for key, _ in node.entries if isinstance(key, ScalarNode)]
         return any(name in keys or _related_key(name, keys) for name in names)
 
