@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-MAX_RATE = 59.5  # markers per 10 000 words of all layers but the tests, measured 2026-11-26
+MAX_RATE = 46  # markers per 10 000 words of all layers but the tests, measured 2026-11-27
 TESTS = "tests"  # layer of the test suite
 
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
