@@ -91,10 +91,12 @@ class _Transition:
             by_load = self.matrix[:, 2 * n :]
             end = load_0 @ by_load[:, :loads].T + load_1 @ by_load[:, loads:].T
             return np.asarray(end.reshape(*load_0.shape[:-1], 2, n))
-        modal_0, modal_1 = ((load @ self.patterns.T)[..., None, :] for load in (load_0, load_1))
-        state = self.columns[2] * modal_0
-        state += self.columns[3] * modal_1
-        return np.asarray(state)
+        modal_0, modal_1 = (load @ self.patterns.T for load in (load_0, load_1))
+        state = np.empty((*modal_0.shape[:-1], 2, modal_0.shape[-1]))
+        for row in range(2):
+            np.multiply(self.columns[2, row], modal_0, out=state[..., row, :])
+            state[..., row, :] += self.columns[3, row] * modal_1
+        return state
 
     def free(self, state: Array) -> Array:
         """Return the part of the state at the end due to the state at the start."""
