@@ -268,8 +268,8 @@ _GROWTH = 1e-6
 1e-5."""
 
 _PART_OF_TRIANGLE = 0.5
-"""Dimensionless. Energy for a drift of a story that is not linear, divided by the triangle of
-`_may_grow`. The path of a law with pinching is below the triangle.
+"""Dimensionless. Energy for a drift of a story, divided by the triangle of `_may_grow`, if a law of
+the building is not concave. The path of a law with pinching is below the triangle.
 """
 
 
@@ -297,7 +297,7 @@ def _may_grow(building: Building, space: Workspace) -> bool:
     triangle = 0.5 * peaks[rows.PEAK_SHEAR] * (peaks[rows.PEAK_DRIFT] - at_rest)
     # A story without a force, such as a gap that does not close, does not need energy.
     least = triangle.min(initial=math.inf, where=peaks[rows.PEAK_SHEAR] > 0.0)
-    return bool(energy > least * (1.0 if building.linear else _PART_OF_TRIANGLE))
+    return bool(energy > least * (1.0 if building.concave else _PART_OF_TRIANGLE))
 
 
 def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> None:
