@@ -493,8 +493,8 @@ def _missed_excess(
     if finer_run is not None:
         possible = getattr(finer_run.stories, name) + getattr(finer_run.interstep_bound, name)
         excess = np.minimum(excess, possible - size)
-    if start is not None:
-        excess = np.maximum(excess, getattr(start, name) - size)
+    if start is not None:  # of all springs; the stories are the first
+        excess = np.maximum(excess, getattr(start, name)[: size.size] - size)
     return excess
 
 

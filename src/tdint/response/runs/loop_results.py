@@ -75,7 +75,15 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     dissipated += space.law_state[rows.ENERGY_SPENT, part]
     if np.any(building.linear_terms[rows.BRACE]):
         dissipated += space.state[rows.BRACE_DISSIPATED, part]
-    return DevicePeaks(columns(peaks, part), columns(bounds, part), dissipated)
+    stories = columns(peaks, part)
+    stories = replace(stories, residual_drift=stories.residual_drift * _signs(building))
+    return DevicePeaks(stories, columns(bounds, part), dissipated)
+
+
+def _signs(building: Building) -> Array:
+    """Return the signs of the deformations of attachments and links: the ends of a link in the
+    model can be in the order opposite to that of the floors."""
+    return np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
 
 
 def flexure_peaks(building: Building, space: Workspace) -> FlexurePeaks | None:
@@ -313,7 +321,7 @@ def _device_history(building: Building, series: dict[str, Array]) -> DeviceHisto
     """Return the histories of attachments and links; the deformations of links have the sign of
     their ends in the model."""
     part = building.device_columns
-    signs = np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
+    signs = _signs(building)
     signed = ("drift", "shear", "damper_force")
     return DeviceHistory(
         attachments=tuple(column_name(item.name) for item in building.attachments),
