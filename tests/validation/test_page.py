@@ -10,8 +10,8 @@ import manufactured
 import numpy as np
 import opensees
 import pytest
-import run
 from file_cases import kaikoura_cases
+from validation import run
 
 from tdint.assessment.validation.validation import closed_form_cases, compute_case, textbook_cases
 
