@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat
+from itertools import chain, repeat
 from operator import attrgetter
 from typing import Any
 
@@ -175,6 +175,13 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
         for value in values
     )
     return list(zip(*cells_of_columns, strict=True))
+
+
+def joined_rows(groups: Iterable[tuple[Sequence[Column], Any]]) -> list[tuple[Cell, ...]]:
+    """Return the rows of several results side by side: for each group of columns, the cells of its
+    result. Groups without a result (None) are omitted."""
+    parts = [rows_of(columns, result) for columns, result in groups if result is not None]
+    return [tuple(chain.from_iterable(row)) for row in zip(*parts, strict=True)]
 
 
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:

@@ -345,6 +345,7 @@ def _with_devices(response: Response) -> Response | _AllPeaks:
     devices = response.devices
     if devices is None:
         return response
+    assert devices.interstep_bound is not None
 
     def joined(values: Any, others: Any) -> dict[str, Array]:
         """Return all arrays of both objects, joined."""

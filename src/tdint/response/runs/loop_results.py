@@ -71,11 +71,17 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     peaks = all_peaks(building, space)
     bounds = _interstep_errors(building, space, late, peaks)
     part = building.device_columns
+    return DevicePeaks(columns(peaks, part), device_energy(building, space), columns(bounds, part))
+
+
+def device_energy(building: Building, space: Workspace) -> Array:
+    """Return the energies dissipated by attachments and links since the start of a run, J."""
+    part = building.device_columns
     dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
     dissipated += space.law_state[rows.ENERGY_SPENT, part]
     if np.any(building.linear_terms[rows.BRACE]):
         dissipated += space.state[rows.BRACE_DISSIPATED, part]
-    return DevicePeaks(columns(peaks, part), columns(bounds, part), dissipated)
+    return dissipated
 
 
 def flexure_peaks(building: Building, space: Workspace) -> FlexurePeaks | None:
@@ -98,10 +104,11 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
     Returns
     -------
     StoryPeaks
-        Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units.
+        Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units:
+        first the stories, then attachments and links.
     """
     values = story_values(building, peaks, residual_drift)
-    return columns(StoryPeaks(height=building.heights, **values), slice(building.floors))
+    return StoryPeaks(height=building.heights, **values)
 
 
 def residual_oscillation(

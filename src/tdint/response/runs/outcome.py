@@ -494,10 +494,10 @@ class DevicePeaks:
     stories : StoryPeaks
         Peaks, as of stories: the drift is the deformation (the stroke of an attachment), the shear
         the force of the spring. Displacement, velocity and acceleration are motions of the mass.
-    interstep_bound : StoryErrors
-        As for a `Response`.
     dissipated_energy : ndarray
         Energies dissipated by spring and dashpot since the start, J.
+    interstep_bound : StoryErrors | None
+        As for a `Response`; None for a run of a batch, which has no error estimate.
     errors : StoryErrors | None
         Estimated errors.
     dissipated_energy_error : ndarray | None
@@ -505,8 +505,8 @@ class DevicePeaks:
     """
 
     stories: StoryPeaks
-    interstep_bound: StoryErrors
     dissipated_energy: Array
+    interstep_bound: StoryErrors | None = None
     errors: StoryErrors | None = None
     dissipated_energy_error: Array | None = None
 

@@ -48,6 +48,7 @@ from tdint.response.runs.compiled_steps import (
     unsupported_reason,
     validate_plugin_step,
 )
+from tdint.response.runs.loop_results import device_energy
 from tdint.response.time_steps import Steps
 
 if TYPE_CHECKING:
@@ -172,6 +173,8 @@ class BatchResult:
     elements : ndarray, shape (runs, 2, elements)
         Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
         elements.
+    device_energy : ndarray, shape (runs, devices)
+        Energies dissipated by attachments and links, J.
     """
 
     peaks: Array
@@ -179,13 +182,15 @@ class BatchResult:
     totals: Array
     ends: Array
     elements: Array
+    device_energy: Array
 
     @classmethod
     def empty(cls, runs: int, building: Building) -> BatchResult:
         """Return results of zeros for a number of runs of a building."""
-        n = building.stories
-        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,)
-        return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, (2, building.elements))))
+        n, elements = building.stories, building.elements
+        devices = len(building.attachments) + len(building.links)
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,), (2, elements), (devices,)
+        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 def element_results(law_state: Array, stories: int) -> Array:
@@ -672,6 +677,8 @@ class PreparedBuilding:
             result.ends[i] = code, completed, at_rest
             if self.building.elements:
                 result.elements[i] = element_results(space.law_state, n)
+            if self.building.branched:
+                result.device_energy[i] = device_energy(self.building, space)
 
         return integrate_run
 
