@@ -134,6 +134,9 @@ LIMIT_MEANINGS = {
         ("residual_drift_ratio", "1"),
         ("isolator_displacement", "m"),
         ("floor_acceleration", "m/s^2"),
+        ("attachment_stroke", "m"),
+        ("link_deformation", "m"),
+        ("link_force", "N"),
     )
     for part, text in (
         ("", "demand with the largest ratio to its limit:"),

@@ -510,6 +510,15 @@ class DevicePeaks:
     errors: StoryErrors | None = None
     dissipated_energy_error: Array | None = None
 
+    def demands(self, attachments: int) -> dict[str, Array]:
+        """Return the demands of one run that limits apply to (`tdint.model.limits`), shape
+        (1, attachments) or (1, links); `attachments` is the number of attachments."""
+        from tdint.model.limits import device_demands
+
+        peaks = self.stories
+        arrays = peaks.peak_drift, peaks.peak_shear, peaks.peak_damper_force
+        return device_demands(*(array[np.newaxis] for array in arrays), attachments)
+
 
 @dataclass(frozen=True)
 class FlexureValues:
@@ -871,6 +880,8 @@ class Response(Tabular):
             quantity.name: getattr(stories, quantity.name)[np.newaxis]
             for quantity in STORY_QUANTITIES
         }
+        if self.devices is not None:
+            peaks |= self.devices.demands(len(self.model.attachments))
         return check_demands(
             self.model.limits,
             limit,
