@@ -299,7 +299,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     for number, (name, _) in store.buildings().items():
         limits = store.limits(number)
         values_by_run = _story_values(store, number, has_errors)
-        devices = _device_values(store, number, limits.limits)
+        devices = device_values(store, number, limits.limits)
         for level in rules.levels_of(store, number):
             # `runs` are the runs of a motion: two of a pair, with both components in the name.
             motions, collapsed_motions = (
@@ -349,7 +349,7 @@ _DEVICE_VALUES = {
 """Table and value of the limited quantities of attachments and links, as in `device_demands`."""
 
 
-def _device_values(
+def device_values(
     store: Store, building: int, limits: Iterable[Limit]
 ) -> dict[str, dict[Run, list[float]]]:
     """Read the demands of attachments and links in all runs of a building: for each limited
@@ -371,7 +371,7 @@ def _device_values(
 def _device_demands(
     level: SuiteLevel, values: Mapping[str, Mapping[Run, list[float]]]
 ) -> dict[str, Array]:
-    """Return the demands of `_device_values` in the completed runs of a level, shape (motions,
+    """Return the demands of `device_values` in the completed runs of a level, shape (motions,
     attachments or links), by the name of the quantity."""
     return {
         quantity: np.array(
