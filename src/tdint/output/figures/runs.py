@@ -44,6 +44,7 @@ _MIN_BAND = 0.01
 _MIN_RESIDUAL = 0.05  # minimum residual drift that is shown, as a fraction of the peak drift
 _MIN_ENERGY = 1e-4  # minimum energy that is shown, as a fraction of the maximum input energy
 _ROUNDING = 1e-9  # relative difference up to which times or accelerations are considered equal
+_MAX_HEIGHT = 10.5  # inches; A4 with margins of 15 mm
 _MAX_NAMED = 3  # maximum number of events that the title names
 _MAX_DEVICES = 4  # maximum number of attachments and of links in a figure
 _LEGEND_ABOVE = {
@@ -84,7 +85,8 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     has_loads = bool(response.model.excitation.tables)
     more = int(response.record is not None and has_loads)
     has_devices = history.devices is not None
-    height = (12.4 if narrow else 9.4) + 1.3 * more + 2.2 * has_devices
+    height = (12.4 if narrow else 9.4) + 1.3 * more + 2.0 * has_devices
+    height = height if narrow else min(height, _MAX_HEIGHT)
     figure = Figure(figsize=(8.0, height), layout="constrained")
     ratios = (*(1.0,) * (1 + more), 1.6, 1.9, *(1.9,) * has_devices, 6.4 if narrow else 3.4)
     grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)

@@ -37,7 +37,7 @@ from tdint.response.runs.case import (
 from tdint.response.runs.elements import element_peaks
 from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.response.runs.load_case import LoadCase
-from tdint.response.runs.loop_results import columns, energy_errors, named_peaks
+from tdint.response.runs.loop_results import columns, device_columns, energy_errors, named_peaks
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Collapse,
@@ -183,7 +183,7 @@ class Outcomes:
         return cls(
             columns(peaks, slice(building.floors)),
             batch.elements,
-            columns(peaks, building.device_columns),
+            device_columns(building, peaks),
             batch.device_energy,
             energy_errors(batch.totals),
             batch.ends[:, STEPS_COMPLETED].astype(int),

@@ -69,9 +69,21 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     if not building.branched:
         return None
     peaks = all_peaks(building, space)
-    bounds = _interstep_errors(building, space, late, peaks)
-    part = building.device_columns
-    return DevicePeaks(columns(peaks, part), device_energy(building, space), columns(bounds, part))
+    bounds = columns(_interstep_errors(building, space, late, peaks), building.device_columns)
+    return DevicePeaks(device_columns(building, peaks), device_energy(building, space), bounds)
+
+
+def device_columns(building: Building, peaks: StoryPeaks) -> StoryPeaks:
+    """Return the peaks of attachments and links; the residual deformations of links have the sign
+    of their ends in the model."""
+    devices = columns(peaks, building.device_columns)
+    return replace(devices, residual_drift=devices.residual_drift * _signs(building))
+
+
+def _signs(building: Building) -> Array:
+    """Return the signs of the deformations of attachments and links: -1 for a link whose end is
+    below its start, otherwise 1."""
+    return np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
 
 
 def device_energy(building: Building, space: Workspace) -> Array:
@@ -319,8 +331,7 @@ def named_history(
 def _device_history(building: Building, series: dict[str, Array]) -> DeviceHistory:
     """Return the histories of attachments and links; the deformations of links have the sign of
     their ends in the model."""
-    part = building.device_columns
-    signs = np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
+    part, signs = building.device_columns, _signs(building)
     signed = ("drift", "shear", "damper_force")
     return DeviceHistory(
         attachments=tuple(column_name(item.name) for item in building.attachments),

@@ -37,7 +37,7 @@ from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import integrate_case
 from tdint.response.spectra.elastic import SA_DAMPING
-from tdint.response.spectra.floor_motions import FloorSpectrum, floor_numbers, floor_spectra
+from tdint.response.spectra.floor_motions import FloorSpectrum, floor_spectra, floors_of
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.motions.intensity import SPECTRAL, measure_at
@@ -624,11 +624,18 @@ class FloorSuite(SuiteLevel):
     """
 
     building: str
-    floor: int
+    floor: int | str
     damping: float
     periods: Array
     psa: Array
     base: int = 0
+
+    def place(self, lowest: int) -> str:
+        """Return the floor as text, counted from the isolators of the building with the fewest
+        isolators (`lowest`) below its first story; or the name of an attachment."""
+        if isinstance(self.floor, str):
+            return self.floor
+        return f"floor {self.floor - self.base + lowest}"
 
     @property
     def mean(self) -> Array:
@@ -686,7 +693,7 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         choice = replace(requested, floors=floors)
         subject = plan.buildings[building].subject()
         # Raise the error of an invalid floor before the runs.
-        floor_numbers(choice.floors, plan.buildings[building].stories)
+        floors_of(choice.floors, subject.model)
         result += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
     return sorted(result, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
 
