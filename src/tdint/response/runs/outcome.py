@@ -516,8 +516,12 @@ class DevicePeaks:
         from tdint.model.limits import device_demands
 
         peaks = self.stories
-        arrays = peaks.peak_drift, peaks.peak_shear, peaks.peak_damper_force
-        return device_demands(*(array[np.newaxis] for array in arrays), attachments)
+        return device_demands(
+            peaks.peak_drift[np.newaxis],
+            peaks.peak_shear[np.newaxis],
+            peaks.peak_damper_force[np.newaxis],
+            attachments,
+        )
 
 
 @dataclass(frozen=True)
