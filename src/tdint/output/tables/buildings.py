@@ -596,13 +596,15 @@ def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
     law and dashpot; None without them."""
     if not model.devices:
         return None
-    attachments = [(item, f"floor {item.floor}") for item in model.attachments]
-    links = [(item, " to ".join(end_name(model, end) for end in item.ends)) for item in model.links]
+    places = [
+        *(f"floor {item.floor}" for item in model.attachments),
+        *(" to ".join(end_name(model, end) for end in item.ends) for item in model.links),
+    ]
     numbers = Table.of(
         DEVICE,
         [
             (item.name, place, item.spring.mass or None, item.spring.stiffness or None)
-            for item, place in (*attachments, *links)
+            for item, place in zip(model.devices, places, strict=True)
         ],
     ).in_units(units)
     rows = [

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -89,7 +89,7 @@ class IdaRun:
         for demand, row_name in _ROW_NAMES.items():
             values[demand] = getattr(row, row_name)
             values[f"{demand}_error"] = errors.get(row_name)
-        float_values = {
+        float_values: dict[str, Any] = {
             name: math.nan if value is None else float(value) for name, value in values.items()
         }
         return cls(im, row.scale, row.status, finer=row.repeats, **float_values)

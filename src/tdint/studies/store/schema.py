@@ -728,7 +728,7 @@ class PartTable(RowTable):
         the first column identifies it.
         """
         shown, errors = columns
-        types = {
+        types: dict[str, type] = {
             column.name: {TEXT: str}.get(column.unit, int if column.name in _NUMBERS else float)
             for column in (*shown, *errors)
         }
