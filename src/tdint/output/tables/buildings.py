@@ -16,7 +16,6 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.model.building import period
 from tdint.model.story_laws import LAWS, default_numbers
-from tdint.output.tables.devices import end_name
 from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
@@ -598,7 +597,7 @@ def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
         return None
     places = [
         *(f"floor {item.floor}" for item in model.attachments),
-        *(" to ".join(end_name(model, end) for end in item.ends) for item in model.links),
+        *(" to ".join(map(model.end_name, item.ends)) for item in model.links),
     ]
     numbers = Table.of(
         DEVICE,

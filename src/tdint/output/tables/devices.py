@@ -163,17 +163,10 @@ def device_rows(
             for item, cells in zip(model.attachments, attachment_cells[:count], strict=True)
         ],
         [
-            (item.name, *(end_name(model, end) for end in item.ends), *cells)
+            (item.name, *map(model.end_name, item.ends), *cells)
             for item, cells in zip(model.links, link_cells[count:], strict=True)
         ],
     )
-
-
-def end_name(model: Model, end: int) -> str:
-    """Return the name of an end of a link: ground, the number of a floor, or an attachment."""
-    if end > len(model.stories):
-        return model.attachments[end - len(model.stories) - 1].name
-    return str(end) if end else "ground"
 
 
 def device_sentences(response: Response, units: OutputUnits) -> list[str]:

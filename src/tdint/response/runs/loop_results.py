@@ -30,6 +30,7 @@ from tdint.response.runs.outcome import (
     StoryPeaks,
     story_values,
 )
+from tdint.response.runs.prepared import device_energy
 
 Loads = tuple[Array, Array]
 """Forces on floors and points of their tables (`load_arrays`)."""
@@ -84,16 +85,6 @@ def _signs(building: Building) -> Array:
     """Return the signs of the deformations of attachments and links: -1 for a link whose end is
     below its start, otherwise 1."""
     return np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
-
-
-def device_energy(building: Building, space: Workspace) -> Array:
-    """Return the energies dissipated by attachments and links since the start of a run, J."""
-    part = building.device_columns
-    dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
-    dissipated += space.law_state[rows.ENERGY_SPENT, part]
-    if np.any(building.linear_terms[rows.BRACE]):
-        dissipated += space.state[rows.BRACE_DISSIPATED, part]
-    return dissipated
 
 
 def flexure_peaks(building: Building, space: Workspace) -> FlexurePeaks | None:

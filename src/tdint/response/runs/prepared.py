@@ -48,7 +48,6 @@ from tdint.response.runs.compiled_steps import (
     unsupported_reason,
     validate_plugin_step,
 )
-from tdint.response.runs.loop_results import device_energy
 from tdint.response.time_steps import Steps
 
 if TYPE_CHECKING:
@@ -200,6 +199,16 @@ def element_results(law_state: Array, stories: int) -> Array:
     `law_state` contains the law states of a building with `stories` stories.
     """
     return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
+
+
+def device_energy(building: Building, space: Workspace) -> Array:
+    """Return the energies dissipated by attachments and links since the start of a run, J."""
+    part = building.device_columns
+    dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
+    dissipated += space.law_state[rows.ENERGY_SPENT, part]
+    if np.any(building.linear_terms[rows.BRACE]):
+        dissipated += space.state[rows.BRACE_DISSIPATED, part]
+    return dissipated
 
 
 @dataclass(frozen=True)
