@@ -280,7 +280,6 @@ def columns():
             f"{name} of tdint campaign": (*BUILDING_COLUMNS, *table.shown)
             for name, table in PART_TABLES.items()
         },
-        "shocks.csv of tdint campaign": campaign.SHOCKS,
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,
         "damage.csv of tdint campaign": damage_states.damage_columns(

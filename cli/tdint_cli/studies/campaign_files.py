@@ -350,8 +350,8 @@ class Profiles:
 # ---- Campaigns
 
 RUNS, STORIES = "runs.csv", "stories.csv"
-PARTS = ("elements.csv", "attachments.csv", "links.csv")
-SHOCKS, SUMMARY = "shocks.csv", "summary.json"
+PARTS = ("elements.csv", "attachments.csv", "links.csv", "shocks.csv")
+SUMMARY = "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet", "losses.parquet")
 SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts.geojson"
@@ -368,7 +368,6 @@ _WRITTEN_FILES = (
         RUNS,
         STORIES,
         *PARTS,
-        SHOCKS,
         PROFILES,
         RATIOS,
         DAMAGE,
@@ -878,13 +877,11 @@ def _write(
     files |= contents
     settings = store.parameters()
     for name, table in PART_TABLES.items():
-        # Rows of stories are also stored for profiles.csv. Elements, attachments and links have
-        # rows only if the buildings have them.
+        # Rows of stories are also stored for profiles.csv. Elements, attachments, links and events
+        # have rows only if the buildings or the motions have them.
         is_written = settings["stories"] if name == STORIES else any(store.parts(table))
         if is_written:
             files[name] = partial(tables.write_parts, table=table, store=store, units=units)
-    if next(store.shocks(), None) is not None:
-        files[SHOCKS] = lambda stream: tables.write_shocks(store, stream, units)
     if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.write_profiles(store, stream, units)
     files |= _damage(store, units, profiles.by)

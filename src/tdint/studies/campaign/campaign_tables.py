@@ -31,7 +31,6 @@ from tdint.output.tables.table import (
     harmless,
     names,
 )
-from tdint.response.runs.demands import DEMANDED
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
@@ -120,15 +119,6 @@ PROFILES = (
 
 PROFILE_ERRORS = error_columns(PROFILES[5:10])
 """Additional columns of a campaign with error estimates."""
-
-SHOCKS = (
-    *BUILDING_COLUMNS,
-    Column("shock", "1", "shock", "event of the sequence, from 1"),
-    Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
-    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
-    *(Column.of_quantity(quantity) for quantity in DEMANDED),
-)
-"""Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
 FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *COUNTS)
 """Columns of floor-spectra-mean.csv."""
@@ -287,7 +277,8 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
 
 def part_columns(store: Store, table: PartTable) -> tuple[Column, ...]:
     """Return the columns of stories.csv, elements.csv, attachments.csv or links.csv, the results of
-    these parts of the buildings in all runs of a campaign.
+    these parts of the buildings in all runs of a campaign; or of shocks.csv, the response to each
+    event of a sequence.
 
     The column `sample` is included if ground motions were sampled, because two samples can be the
     same ground motion.
@@ -388,16 +379,6 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
     errors = PROFILE_ERRORS if store.checked else ()
     columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
     write_rows(columns, profile_rows(profiles(store), units), stream)
-
-
-def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write shocks.csv, the response to each event of the sequences of a campaign, to a stream."""
-    name_cells = run_heads(store)
-    rows = (
-        [*name_cells(building, record), scale, *values]
-        for building, record, scale, _, *values in store.shocks()
-    )
-    write_rows(SHOCKS, rows, stream, units)
 
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:

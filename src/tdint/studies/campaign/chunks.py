@@ -160,31 +160,12 @@ _INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
 """Index of each quantity in `RunRow.values`, by the name of the quantity."""
 
 
-class EventRow(NamedTuple):
-    """Demands of a single event in a run under a sequence of earthquakes.
-
-    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `shock` is
-    the number of the event, from 1; `start` is the time of its first sample, s; `pga` is its peak
-    ground acceleration, m/s^2. `values` contains the demands in the order of
-    `tdint.response.runs.demands.DEMANDED`.
-    """
-
-    building: int
-    motion: int
-    scale: float
-    sample: int
-    shock: int
-    start: float
-    pga: float
-    values: tuple[Any, ...]
-
-
 class PartRow(NamedTuple):
-    """Results of a story, an element, an attachment or a link in one run.
+    """Results of a story, an element, an attachment, a link or an event in one run.
 
     The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `cells` are
-    the cells of its table in `tdint run`, without errors if these were not estimated. Rows of
-    elements, attachments and links start with their number in the model, from 1.
+    the cells of its table, without errors if these were not estimated. Rows of elements,
+    attachments and links start with their number in the model, from 1.
     """
 
     building: int
@@ -201,7 +182,7 @@ class Rows:
 
     runs: list[RunRow] = field(default_factory=list)
     stories: list[PartRow] = field(default_factory=list)
-    shocks: list[EventRow] = field(default_factory=list)
+    shocks: list[PartRow] = field(default_factory=list)
     elements: list[PartRow] = field(default_factory=list)
     attachments: list[PartRow] = field(default_factory=list)
     links: list[PartRow] = field(default_factory=list)
@@ -238,22 +219,15 @@ class Rows:
         return replace(self, **rows_by_name)
 
 
-def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[EventRow]:
-    """Return the rows of the events of a run under a sequence of earthquakes.
-
-    Parameters
-    ----------
-    events : sequence of EventResponse
-        Responses to the events, in chronological order.
-    """
-    rows = []
-    for number, event in enumerate(events, start=1):
-        # The peaks of an event have one run on their first axis, so there is one dictionary.
-        (demands,) = demand_cells(event.stories)
-        rows.append(
-            EventRow(building, *run, number, event.start, event.record.pga, tuple(demands.values()))
-        )
-    return rows
+def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[PartRow]:
+    """Return the rows of the events of a run under a sequence of earthquakes, in chronological
+    order: number, start time (s), peak ground acceleration (m/s^2), and demands."""
+    # The peaks of an event have one run on their first axis, so there is one dictionary of demands.
+    return [
+        PartRow(building, *run, (number, event.start, event.record.pga, *demands.values()))
+        for number, event in enumerate(events, start=1)
+        for demands in demand_cells(event.stories)
+    ]
 
 
 # ---- Time step of a building from a tolerance
@@ -459,7 +433,7 @@ class Batch:
         joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
         (run_row,) = joined_rows.runs
         # A failed run has no number of steps, and no demands of its events.
-        rows_of_events: list[EventRow] = []
+        rows_of_events: list[PartRow] = []
         if run_row.steps is not None:
             # The demands of the events require the response history: the run is repeated with the
             # same time step and the same number of steps.

@@ -540,14 +540,9 @@ class Store:
         return [schema.run_of(row) for row in rows]
 
     def parts(self, table: schema.PartTable) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per story, element, attachment or link and run, with the key of the run
-        and the values of the columns of its table, in the order of its key."""
+        """Yield one tuple per story, element, attachment, link or event and run, with the key of
+        the run and the values of the columns of its table, in the order of its key."""
         yield from self.connection.execute(table.select_shown(self.checked))
-
-    def shocks(self) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per event and run under a sequence of earthquakes, with the values of the
-        columns of `schema.SHOCKS`, in the order of its key."""
-        yield from self.connection.execute(schema.SHOCKS.select())
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Return name and method of each building by its number."""

@@ -29,8 +29,9 @@ from tdint.output.tables.responses import (
     STORY_COLUMNS,
     STORY_ERROR,
 )
+from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column, names
-from tdint.response.runs.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import RunRow
 from tdint.system import (
     file_system,
@@ -575,7 +576,7 @@ class RowTable:
     ----------
     key, others : dict of str to type
         Type of each column by its name: the columns of the primary key, and the remaining columns,
-        in the order of the fields of a row (`RunRow`, `PartRow`, `EventRow`).
+        in the order of the fields of a row (`RunRow`, `PartRow`).
     hidden : tuple of str
         Columns that the view does not show.
     """
@@ -700,13 +701,11 @@ _HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)
 RUNS = RowTable(
     "run_rows", _KEY, _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN
 )
-_SHOCK_COLUMN_TYPES = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
-SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _SHOCK_COLUMN_TYPES, "shocks")
 
 
 @dataclass(frozen=True)
 class PartTable(RowTable):
-    """Table of the rows of stories, elements, attachments or links of all runs.
+    """Table of the rows of stories, elements, attachments, links or events of all runs.
 
     Attributes
     ----------
@@ -744,7 +743,7 @@ class PartTable(RowTable):
         return f"SELECT {_quoted(columns)} FROM {self.name} ORDER BY {_quoted(self.key)}"
 
 
-_NUMBERS = ("story", "floor")
+_NUMBERS = {"story", "floor", "shock", *(item.column for item in RUN if item.value_type is int)}
 """Columns of whole numbers in the tables of parts."""
 STORIES = PartTable.of("story_rows", "stories", (STORY_COLUMNS, STORY_ERROR), numbered=False)
 ELEMENTS = PartTable.of("element_rows", "elements", (ELEMENT_COLUMNS, ELEMENT_ERROR), numbered=True)
@@ -752,7 +751,9 @@ ATTACHMENTS, LINKS = (
     PartTable.of(f"{kind}_rows", f"{kind}s", columns, numbered=True)
     for kind, columns in zip(("attachment", "link"), DEVICE_TABLES, strict=True)
 )
-PART_TABLES = {f"{table.view}.csv": table for table in (STORIES, ELEMENTS, ATTACHMENTS, LINKS)}
+SHOCKS = PartTable.of("shock_rows", "shocks", (SHOCK_COLUMNS, ()), numbered=False)
+_PARTS = (STORIES, ELEMENTS, ATTACHMENTS, LINKS, SHOCKS)
+PART_TABLES = {f"{table.view}.csv": table for table in _PARTS}
 """Tables of parts by the name of their file."""
 ROW_TABLES = (RUNS, STORIES, SHOCKS, ELEMENTS, ATTACHMENTS, LINKS)
 """Tables in the order of the fields of `tdint.studies.campaign.chunks.Rows`."""
