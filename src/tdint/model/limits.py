@@ -377,16 +377,17 @@ def uniform_drift_limit(limits: Iterable[Limit]) -> float | None:
     return values.pop() if len(values) == 1 else None
 
 
-def isolator_limits(isolators: Iterable[int], stories: int) -> tuple[Limit, ...]:
-    """Return an infinite limit of the displacements of isolators.
+def isolator_check(
+    isolators: Sequence[int], peaks: Mapping[str, Array], height: Array, motions: Sequence[str]
+) -> LimitCheck | None:
+    """Return the maximum displacement of isolators as a comparison with an infinite limit; None
+    without isolators or motions.
 
-    The comparison of demands with this limit returns the maximum displacement of the isolators.
-
-    Parameters
-    ----------
-    isolators : iterable of int
-        Numbers of the stories that are isolators, from 1. Without isolators the result is empty.
+    `isolators` are the numbers of the stories that are isolators, from 1; the other arguments are
+    those of `check_limits`.
     """
-    numbers = set(isolators)
-    values = tuple(math.inf if number in numbers else math.nan for number in range(1, stories + 1))
-    return (Limit("", ISOLATOR, values),) if numbers else ()
+    values = tuple(
+        math.inf if number in isolators else math.nan for number in range(1, len(height) + 1)
+    )
+    limits = (Limit("", ISOLATOR, values),) if isolators else ()
+    return next(iter(check_limits(limits, peaks, height, motions)), None)

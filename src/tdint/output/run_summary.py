@@ -379,14 +379,7 @@ def _elements(response: Response) -> dict[str, Any]:
     from tdint.output.tables.responses import element_table
 
     table = element_table(response)
-    if table is None:
-        return {}
-    return {
-        "elements": [
-            {key: None if value != value else value for key, value in row.items()}
-            for row in table.as_dictionaries()
-        ]
-    }
+    return {"elements": table.as_dictionaries()} if table else {}
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:

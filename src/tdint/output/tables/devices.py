@@ -6,8 +6,6 @@ from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tdint.model.definition import Attachment, Link
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
 from tdint.response.runs.outcome import STORY_QUANTITIES, DeviceHistory, History
@@ -198,13 +196,7 @@ def device_sentences(response: Response, units: OutputUnits) -> list[str]:
 def as_json(response: Response) -> dict[str, Any]:
     """Return the rows of both tables under the keys `attachments` and `links`, if they exist."""
     return {
-        key: [
-            {
-                name: None if isinstance(value, float) and np.isnan(value) else value
-                for name, value in row.items()
-            }
-            for row in table.as_dictionaries()
-        ]
+        key: table.as_dictionaries()
         for key, table in zip(("attachments", "links"), device_tables(response), strict=True)
         if table is not None
     }

@@ -94,7 +94,7 @@ def as_json(response: Response) -> dict[str, Any]:
     """Return the parts of summary.json of such models: `rows`, or `flexure` and `base`."""
     flexure = response.flexure
     if response.model.rows:
-        return {"rows": _without_nan(row_table(response))}
+        return {"rows": row_table(response).as_dictionaries()}
     if flexure is None:
         return {}
     base = {quantity.column: getattr(flexure, quantity.name) for quantity in _OF_BASE}
@@ -104,12 +104,4 @@ def as_json(response: Response) -> dict[str, Any]:
             for quantity in _OF_BASE
         }
     stories = Table.of(FLEXURE_COLUMNS, rows_of(FLEXURE_COLUMNS, flexure))
-    return {"flexure": _without_nan(stories), "base": base}
-
-
-def _without_nan(table: Table) -> list[dict[str, Any]]:
-    """Return the rows of a table as dictionaries, with None instead of nan."""
-    return [
-        {key: None if value != value else value for key, value in row.items()}
-        for row in table.as_dictionaries()
-    ]
+    return {"flexure": stories.as_dictionaries(), "base": base}

@@ -262,8 +262,16 @@ class Table:
         return {key: self.as_dictionaries(), "meanings": dict(self.meanings)}
 
     def as_dictionaries(self) -> list[dict[str, Any]]:
-        """Return the rows, each as a dictionary by column."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        """Return the rows, each as a dictionary by column; None for nan, which JSON does not
+        have."""
+        # A nan differs from itself.
+        return [
+            {
+                name: None if cell != cell else cell
+                for name, cell in zip(self.columns, row, strict=True)
+            }
+            for row in self.rows
+        ]
 
     def chosen(self, names: Iterable[str]) -> Table:
         """Return the table with only the columns in `names`, in this order. Names that the table

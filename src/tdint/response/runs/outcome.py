@@ -901,15 +901,12 @@ class Response(Tabular):
         """Peak displacement of the isolators, as a comparison with an infinite limit; None without
         isolators.
         """
-        from tdint.model.limits import check_limits, isolator_limits
+        from tdint.model.limits import isolator_check
 
         isolators = [i for i, story in enumerate(self.model.stories, start=1) if story.isolator]
         peaks = {"peak_drift": self.stories.peak_drift[np.newaxis]}
-        # One limit applies to all isolators, so there is at most one comparison. It states the
-        # isolator with the largest displacement. The last argument [""] is the list of the names of
-        # the motions.
-        limits = isolator_limits(isolators, len(self.model.stories))
-        return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
+        # The last argument is the list of the names of the motions.
+        return isolator_check(isolators, peaks, self.stories.height, [""])
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

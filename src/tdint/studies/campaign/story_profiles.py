@@ -29,8 +29,7 @@ from tdint.model.limits import (
     Limit,
     LimitCheck,
     check_demands,
-    check_limits,
-    isolator_limits,
+    isolator_check,
 )
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.batch import Subject
@@ -265,8 +264,7 @@ class Profile(SuiteLevel):
     def isolator_check(self) -> LimitCheck | None:
         """Comparison that reports the displacement of the isolators; its limit is infinite. None
         without isolators."""
-        limits = isolator_limits(self.isolators, len(self.height))
-        return next(iter(check_limits(limits, self.peaks, self.height, self.motions)), None)
+        return isolator_check(self.isolators, self.peaks, self.height, self.motions)
 
     def statistics(self, quantity: Quantity) -> Statistics:
         """Return the statistics of a quantity of `STORY_QUANTITIES` in each story, SI units."""
