@@ -125,9 +125,9 @@ def shaken(folder):
     return folder
 
 
-def tables(directory):
-    """Return the rows of all tables of stories and devices in a directory."""
-    return {name: rows(Path(directory, name).read_text()) for name in TABLES}
+def tables(directory, names=TABLES):
+    """Return the rows of tables of stories and devices in a directory."""
+    return {name: rows(Path(directory, name).read_text()) for name in names}
 
 
 @pytest.mark.parametrize("check", every(2, ["--no-check", "--check"]))
@@ -143,7 +143,8 @@ def test_campaigns_have_the_tables_of_single_runs(shaken, tdint, check):
             for table, lines in tables(out).items():
                 expected[table] += [head | line for line in lines]
     assert [line["attachment"] for line in expected["attachments.csv"][:2]] == ["tank", "absorber"]
-    tdint("run m.yaml a.csv b.csv --scale 1,2", check, "-o several", code=None)
+    tdint(f"run m.yaml a.csv b.csv --scale 1,2 {check} -o several", code=0)
+    assert tables("several", TABLES[1:]) == {name: expected[name] for name in TABLES[1:]}
     Path("c.yaml").write_text(
         "buildings: {models: [m.yaml]}\nrecords: {files: [a.csv, b.csv]}\n"
         f"intensity: {{scales: [1, 2]}}\nanalysis: {{check: {str(check == '--check').lower()}}}\n"

@@ -207,8 +207,9 @@ def command(request: IdaRequest) -> None:
     undeformed building.
 
     CSV of the capacities on standard output, or with -o in a directory: one row per record and
-    drift threshold; the collapse drift is the last threshold. With -o, the same call
-    continues an interrupted analysis; --overwrite starts again.
+    drift threshold; the collapse drift is the last threshold. If the model limits attachments or
+    links, rows of these limits follow. With -o, the same call continues an interrupted analysis;
+    --overwrite starts again.
     """
     from tdint.ground_motion.measures import cut_off
     from tdint.model.config.model_file import load_model
