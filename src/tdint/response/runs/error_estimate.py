@@ -278,18 +278,15 @@ def with_error_estimate(
     )
     if response.devices is not None and other.devices is not None:
         count = len(response.model.stories)
-        parts = [
-            {field.name: getattr(errors, field.name)[part] for field in fields(StoryErrors)}
-            for part in (slice(count), slice(count, None))
-        ]
-        errors = StoryErrors(**parts[0])
+        device_errors = columns(errors, slice(count, None))
+        errors = columns(errors, slice(count))
         energy = response.devices.dissipated_energy
         energy_error = _extrapolated(
             energy, other.devices.dissipated_energy, np.abs(energy), factors(case.method)
         )
         devices = replace(
             response.devices,
-            errors=StoryErrors(**parts[1]),
+            errors=device_errors,
             dissipated_energy_error=energy_error,
         )
         response = replace(response, devices=devices)
@@ -345,6 +342,7 @@ def _with_devices(response: Response) -> Response | _AllPeaks:
     devices = response.devices
     if devices is None:
         return response
+    assert devices.interstep_bound is not None
 
     def joined(values: Any, others: Any) -> dict[str, Array]:
         """Return all arrays of both objects, joined."""

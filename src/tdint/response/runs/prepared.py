@@ -172,6 +172,8 @@ class BatchResult:
     elements : ndarray, shape (runs, 2, elements)
         Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
         elements.
+    device_energy : ndarray, shape (runs, devices)
+        Energies dissipated by attachments and links, J.
     """
 
     peaks: Array
@@ -179,13 +181,15 @@ class BatchResult:
     totals: Array
     ends: Array
     elements: Array
+    device_energy: Array
 
     @classmethod
     def empty(cls, runs: int, building: Building) -> BatchResult:
         """Return results of zeros for a number of runs of a building."""
-        n = building.stories
-        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,)
-        return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, (2, building.elements))))
+        n, elements = building.stories, building.elements
+        devices = len(building.attachments) + len(building.links)
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,), (2, elements), (devices,)
+        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 def element_results(law_state: Array, stories: int) -> Array:
@@ -195,6 +199,16 @@ def element_results(law_state: Array, stories: int) -> Array:
     `law_state` contains the law states of a building with `stories` stories.
     """
     return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
+
+
+def device_energy(building: Building, space: Workspace) -> Array:
+    """Return the energies dissipated by attachments and links since the start of a run, J."""
+    part = building.device_columns
+    dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
+    dissipated += space.law_state[rows.ENERGY_SPENT, part]
+    if np.any(building.linear_terms[rows.BRACE]):
+        dissipated += space.state[rows.BRACE_DISSIPATED, part]
+    return dissipated
 
 
 @dataclass(frozen=True)
@@ -672,6 +686,8 @@ class PreparedBuilding:
             result.ends[i] = code, completed, at_rest
             if self.building.elements:
                 result.elements[i] = element_results(space.law_state, n)
+            if self.building.branched:
+                result.device_energy[i] = device_energy(self.building, space)
 
         return integrate_run
 
