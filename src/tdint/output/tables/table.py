@@ -62,6 +62,11 @@ class Column:
     meaning: str
 
     @classmethod
+    def named(cls, name: str, meaning: str, unit: str = "1") -> Column:
+        """Return the column of the attribute of a result that has the name of the column."""
+        return cls(name, unit, name, meaning)
+
+    @classmethod
     def of_quantity(cls, quantity: Quantity) -> Column:
         """Return the column of a declared quantity, which is an attribute of the result."""
         return cls(quantity.column, quantity.unit, quantity.name, quantity.meaning)

@@ -12,6 +12,7 @@ from tdint.output.tables.table import (
     NAMED_RECORD_COLUMNS,
     PERIOD,
     RECORD_COLUMNS,
+    TEXT,
     Column,
     Table,
 )
@@ -23,17 +24,14 @@ if TYPE_CHECKING:
 
 FACTORS = (
     *RECORD_COLUMNS,
-    Column(
-        "factor", "1", "factor", "scale factor of the record, equal for both components of a pair"
-    ),
+    Column.named("factor", "scale factor of the record, equal for both components of a pair"),
 )
 
 SCALED = (
-    Column(
-        "curve",
-        "text",
+    Column.named(
         "curve",
         "`scaled`: scaled ground motion; `mean`: mean of the scaled ground motions; `target`",
+        TEXT,
     ),
     *NAMED_RECORD_COLUMNS,
     PERIOD,

@@ -7,13 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tdint.arrays import Array
-from tdint.output.tables.table import (
-    FLOOR,
-    Cell,
-    Column,
-    Table,
-    rows_of,
-)
+from tdint.output.tables.table import FLOOR, TEXT, Cell, Column, Table, rows_of
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -23,27 +17,15 @@ from tdint.output.tables.buildings import COMPARISON_SPECTRA, of_event
 
 COMPARISON = (
     FLOOR,
-    Column(
-        "quantity",
-        "text",
-        "quantity",
-        "absolute acceleration, or displacement relative to the base",
+    Column.named("quantity", "absolute acceleration, or displacement relative to the base", TEXT),
+    Column.named(
+        "correlation", "Pearson correlation coefficient of the computed and the recorded response"
     ),
-    Column(
-        "correlation",
-        "1",
-        "correlation",
-        "Pearson correlation coefficient of the computed and the recorded response",
-    ),
-    Column(
-        "peak_ratio",
-        "1",
+    Column.named(
         "peak_ratio",
         "maximum absolute computed value divided by the maximum absolute recorded value",
     ),
-    Column(
-        "rms_difference",
-        "1",
+    Column.named(
         "rms_difference",
         "root mean square of the difference divided by the root mean square of the recording",
     ),
@@ -57,13 +39,11 @@ FITTED = (
         "number",
         "story or mode of the parameter, from 1; empty if it applies to the whole building",
     ),
-    Column("start", "1", "start", "value in the model file"),
+    Column.named("start", "value in the model file"),
     Column("fitted", "1", "value", "value with the best agreement with the recording"),
     Column("lower_bound", "1", "low", "lower bound of the fit"),
     Column("upper_bound", "1", "high", "upper bound of the fit"),
-    Column(
-        "standard_error",
-        "1",
+    Column.named(
         "standard_error",
         "standard error of the fitted value if the differences are independent; inf: unknown",
     ),
