@@ -359,9 +359,6 @@ SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts
 MEASURES = "measures.csv"
 """Name of the table of the intensity measures of the runs, for `tdint fragility`."""
 
-FLOOR_FILES = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
-"""Names of the files of floor spectra over a suite."""
-
 _WRITTEN_FILES = (
     *(
         RUNS,

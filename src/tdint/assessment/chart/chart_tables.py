@@ -132,11 +132,3 @@ def profile_table(chart: FieldChart) -> Table:
     """Return the table of performance profiles (costs of methods over many problems), with one row
     per quantity, tolerance and method."""
     return Table.of_results(PROFILE, chart.profiles)
-
-
-MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[7:]))
-"""Columns of a chart that depend on measured times and differ between runs."""
-
-MEASURED_KEYS = ("timing", "recommended", "usual", "peers", "profiles", "notes", "warnings")
-"""Keys of the JSON file of a chart with measured times, or with choices and notes that depend on
-them."""

@@ -19,13 +19,14 @@ from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
+from tdint.output.tables.loads import LOAD_COLUMNS
 from tdint.output.tables.table import Cell, Table
+from tdint.response.runs.load_case import LoadCase
 from tdint.response.spectra.target import read_target
 from tdint.studies.campaign import suite_figures
 from tdint.studies.campaign.assigned_motions import MotionFactors
 from tdint.studies.campaign.campaign_summary import campaign_summary
 from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
-from tdint.studies.campaign.load_case_report import load_case_chapter
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
 from tdint.studies.motions.pairs import PairRule, describe_demand
@@ -113,7 +114,7 @@ def suite_page(
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(subject.model, units) for subject in subjects.values()),
-        load_case_chapter(plan, units)
+        _load_case_chapter(plan, units)
         or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
         _suite_assumptions(plan, store, [*subjects.values()]),
         Chapter("Notes", (once(notes),)),
@@ -128,6 +129,35 @@ def suite_page(
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)
+
+
+_MAX_PICTURES = 6
+"""Maximum number of load cases with a figure."""
+
+
+def _load_case_chapter(plan: Plan, units: OutputUnits) -> Chapter | None:
+    """Return the chapter of the load cases of a campaign, with the forces on the first building;
+    None if the campaign has records instead."""
+    load_cases = [motion.record for motion in plan.motions if isinstance(motion.record, LoadCase)]
+    if not load_cases:
+        return None
+    building = plan.buildings[0].subject().model
+    loaded = [load_case.on(building) for load_case in load_cases]
+    forces = [force for model in loaded for force in model.excitation.tables]
+    parts: list[Part] = [
+        f"Each load case is a file of forces on floors; the ground is at rest. Forces on "
+        f"{building.name}, without the scale factors of the runs:",
+        Table.of_results(LOAD_COLUMNS, forces).in_units(units),
+    ]
+    for load_case, model in list(zip(load_cases, loaded, strict=True))[:_MAX_PICTURES]:
+        end = plan.settings.duration or building.analysis.duration or load_case.duration
+        parts.append(
+            Picture(
+                partial(figures.loads.load_picture, model, end, units),
+                f"{load_case.source}: forces on floors over time",
+            )
+        )
+    return Chapter("Load cases", parts)
 
 
 def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) -> Chapter:

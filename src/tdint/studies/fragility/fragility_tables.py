@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from tdint.output.tables.table import PAIR_DEMAND, TEXT, Cell, Column, Table
 from tdint.studies.fragility.fragility_function import BINS, Fragility
 from tdint.studies.fragility.measure_comparison import MeasureFit
 from tdint.studies.ida.ida_tables import DAMAGE
-
-if TYPE_CHECKING:
-    pass
 
 FRAGILITY_DAMAGE = Column.named("damage", DAMAGE.meaning)
 FRAGILITY_STATES = (

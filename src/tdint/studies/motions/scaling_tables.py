@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tdint.ground_motion.reading.suites import components
@@ -17,10 +15,6 @@ from tdint.output.tables.table import (
     Table,
 )
 from tdint.studies.motions.scaling import Scaling
-
-if TYPE_CHECKING:
-    pass
-
 
 FACTORS = (
     *RECORD_COLUMNS,

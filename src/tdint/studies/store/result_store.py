@@ -27,8 +27,7 @@ from tdint.studies.campaign.buildings import (
 from tdint.studies.campaign.chunks import ChunkResult, RunRow
 from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
 from tdint.studies.store import schema
-from tdint.studies.store.differences import ComparedValues
-from tdint.studies.store.identity import Identity, metadata_of, stored_text
+from tdint.studies.store.identity import ComparedValues, Identity, metadata_of, stored_text
 from tdint.studies.store.schema import (
     UntrustedStoreError,
     sqlite_errors_reported,
