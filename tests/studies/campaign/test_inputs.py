@@ -171,7 +171,8 @@ def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
     grid_periods = np.geomspace(0.5, 1.0, 100)
     rule = {"target": target, "damping": 0.2}
     same(
-        scale(4 * pairs, **rule, rule="asce7"), scale_to_target(4 * pairs, **rule, rule="asce7", periods=grid_periods)
+        scale(4 * pairs, **rule, rule="asce7"),
+        scale_to_target(4 * pairs, **rule, rule="asce7", periods=grid_periods),
     )
     for wrong in ({}, {"measure": "pga"}, {"value": 3.0}):
         with pytest.raises(UsageError, match="scale requires an intensity measure"):
