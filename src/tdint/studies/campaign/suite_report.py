@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +29,8 @@ from tdint.studies.campaign import suite_figures
 from tdint.studies.campaign.assigned_motions import MotionFactors
 from tdint.studies.campaign.campaign_summary import campaign_summary
 from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.story_profiles import level_ranks
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
 from tdint.studies.motions.pairs import PairRule, describe_demand
@@ -380,15 +384,10 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
     """Return for each intensity level its unscaled records with their scale factors, smallest
     factors first. Levels that are equal for several buildings are returned once.
     """
-    factors: dict[tuple[int, int, int], list[float]] = {}
-    for building, motion, scale, sample, *_ in store.runs():
-        factors.setdefault((building, motion, sample), []).append(scale)
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
-    for (building, motion, _), scales in factors.items():
-        # Levels are ranks, because each ground motion can have separate scale factors: the smallest
-        # factor of each ground motion belongs to the first level.
-        for rank, scale in enumerate(sorted(scales, key=abs)):
-            levels.setdefault((building, rank), []).append((motion, scale))
+    for building, rows in groupby(store.runs(), key=itemgetter(0)):
+        for run, rank in level_ranks(Run(*row[1:4]) for row in rows).items():
+            levels.setdefault((building, rank), []).append((run.motion, run.scale))
     return [
         [(plan.motions[motion].record, scale) for motion, scale in level]
         for level in dict.fromkeys(map(tuple, levels.values()))

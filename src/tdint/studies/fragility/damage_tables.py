@@ -20,6 +20,7 @@ from tdint.studies.campaign.campaign_tables import (
     EVENT,
     copied_cells,
     copied_columns,
+    run_heads,
     with_pair_demand,
     write_rows,
 )
@@ -147,13 +148,9 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
 
     The columns are the columns of `damage_table_columns`.
     """
-    records = {
-        number: (cell_text(name), cell_text(component))
-        for number, (name, component, _) in store.records().items()
-    }
-    inventory_cells = copied_cells(store)
+    name_cells, inventory_cells = run_heads(store), copied_cells(store)
     for damage in building_damages(store):
-        building, type_name = cell_text(damage.building), cell_text(damage.type)
+        type_name = cell_text(damage.type)
         # A row of `values_of_runs` contains the probabilities of all outcomes of a run and, if
         # there are losses, its loss ratio.
         loss_columns = [damage.loss] if damage.states.losses else []
@@ -169,7 +166,7 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
         for (record, scale, sample), status, demand, state, values in cells_of_runs:
             results = [scale, sample, type_name, status, demand, state, *values]
             copied = inventory_cells(damage.number, sample)
-            yield [building, *records[record], *results, *copied]
+            yield [*name_cells(damage.number, record), *results, *copied]
 
 
 def damage_summary(store: Store) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -85,30 +85,17 @@ class Identity:
     def of(cls, plan: Plan, building_numbers: Sequence[int] | None) -> Identity:
         """Return the identity of the store of a campaign."""
         # Attributes that have the same name and meaning in `Plan` and `Identity`.
-        plan_attributes = (
-            "buildings",
-            "motions",
-            "chunks",
-            "runs",
-            "size",
-            "unused",
-            "damage",
-            "outputs",
-            "rates",
-            "style",
-            "pair_demand",
-            "scaling",
-        )
-        return cls(
-            **{name: getattr(plan, name) for name in plan_attributes},
-            name=plan.name,
-            study_type="campaign",
-            settings=as_json(
+        attributes = {
+            item.name: getattr(plan, item.name) for item in fields(cls) if hasattr(plan, item.name)
+        }
+        attributes |= {
+            "study_type": "campaign",
+            "settings": as_json(
                 asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
             ),
-            units=output_units(plan.buildings),
-            building_numbers=building_numbers,
-            files=model_files(plan.buildings)
+            "units": output_units(plan.buildings),
+            "building_numbers": building_numbers,
+            "files": model_files(plan.buildings)
             | {
                 entry.file: entry.sha256
                 for motion in plan.motions
@@ -116,7 +103,8 @@ class Identity:
                 for entry in motion.record.inputs
             }
             | {file: digest_of(Path(file)) for file in plan.inventory},
-        )
+        }
+        return cls(**attributes)
 
     @cached_property
     def code(self) -> dict[str, str]:

@@ -108,9 +108,7 @@ class Store:
 
     def _optional_meta(self, key: str) -> dict[str, Any]:
         """Return the mapping of a key of the table `meta`; empty if the key does not exist."""
-        query = "SELECT value FROM meta WHERE key = ?"
-        row = self.connection.execute(query, (key,)).fetchone()
-        return dict(json.loads(row[0])) if row else {}
+        return dict(json.loads(self._meta_or_none(key) or "{}"))
 
     def settings(self) -> dict[str, str]:
         """Return the settings of all runs as JSON texts by name."""
