@@ -356,8 +356,10 @@ def _scale_function(request: ScaleRequest) -> Any:
     target.check_damping(request.damping, "of the records")
     if request.select is not None:
         return _select_function(request, target, periods)
-    rule, settings = request.rule or "mean", {"damping": request.damping, "pair": request.pair}
-    return lambda motions: scaling.scale_to_target(motions, target, periods, rule, **settings)
+    rule, damping, pair = request.rule or "mean", request.damping, request.pair
+    return lambda motions: scaling.scale_to_target(
+        motions, target, periods, rule, damping=damping, pair=pair
+    )
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:

@@ -93,7 +93,7 @@ def suite_page(
         lambda: suite_figures.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, story shears: ground motions, mean, maximum{limit_text}",
     )
-    periods = _first_periods(store)
+    periods = store.first_periods()
     spectra = Picture(
         lambda: suite_figures.floor_suite_picture(floors, units, periods),
         "Floor spectra: mean, envelope",
@@ -240,12 +240,6 @@ def _steps_and_errors(store: Store) -> tuple[str, str]:
         )
     # Either clause is empty if no run has a result.
     return step, "; ".join(filter(None, (estimated, imbalance)))
-
-
-def _first_periods(store: Store) -> list[tuple[str, float]]:
-    """Return the names and the first periods, s, of the buildings of a campaign."""
-    periods = [(name, store.period(number)) for number, (name, _) in store.buildings().items()]
-    return [(name, period) for name, period in periods if period is not None]
 
 
 def _statistics_chapter(

@@ -478,6 +478,11 @@ class Store:
         row = self.connection.execute(query, (building,)).fetchone()
         return row and float(row[0])
 
+    def first_periods(self) -> list[tuple[str, float]]:
+        """Return the names of the buildings with their first natural periods, s, if known."""
+        periods = [(name, self.period(number)) for number, (name, _) in self.buildings().items()]
+        return [(name, period) for name, period in periods if period is not None]
+
     def limits(self, building: int) -> BuildingLimits:
         """Return the limits and the isolators of the building with this number; empty for an
         inventory."""
