@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from tdint.output.tables.table import Cell, Column, Table, columns_of, error_columns, rows_of
+from tdint.output.tables.table import TEXT, Cell, Column, Table, columns_of, error_columns, rows_of
 from tdint.response.runs.outcome import FLEXURE_QUANTITIES, STORY_QUANTITIES, FlexureValues
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ FLEXURE_COLUMNS = columns_of(FlexureValues)
 """Further columns of stories.csv for flexural stories."""
 FLEXURE_ERROR = error_columns(FLEXURE_COLUMNS)
 
-ROW_NAME = Column("row", "text", "row", "name of the row in the model file")
+ROW_NAME = Column.named("row", "name of the row in the model file", TEXT)
 _OF_ROWS = {
     "residual_drift": ("residual_displacement_m", "displacement at the end of the run"),
     "peak_displacement": ("peak_displacement_m", "maximum absolute displacement"),
