@@ -74,7 +74,11 @@ def test_class_names_are_unique_among_layers():
 
 def test_columns_are_declared_in_table_modules():
     """Columns are created in the modules of their tables."""
-    makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
+    makers = {
+        path
+        for _, path, node in nodes(ast.Call)
+        if ast.unparse(node.func) in {"Column", "Column.named"}
+    }
     other = {path for path in makers if not path.endswith("_tables.py")}
     names = ["buildings", "devices", "responses", "runs", "spectra", "methods", "loads"]
     names += ["transfer", "table", "matrices"]

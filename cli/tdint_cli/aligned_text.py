@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -120,12 +121,8 @@ def draw(
 
 def _common_folder(files: Sequence[str]) -> str:
     """Return the common directory of all files, with its slash; empty without such a directory."""
-    # In alphabetical order, the common prefix of the first and the last text is common to all.
-    first, last = min(files), max(files)
-    prefix_length = 0
-    while first[prefix_length : prefix_length + 1] == last[prefix_length : prefix_length + 1] != "":
-        prefix_length += 1
-    return first[: first.rfind(_FOLDER, 0, prefix_length) + 1]
+    prefix = os.path.commonprefix(files)  # noqa: RUF071  of letters
+    return prefix[: prefix.rfind(_FOLDER) + 1]
 
 
 def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: int) -> str:

@@ -3,11 +3,14 @@ that a description replaces."""
 
 import re
 import shlex
+from dataclasses import fields
 
 import pytest
 
 from csv_rows import rows
 from ground_motion.free_tables import accelerogram, column
+from tdint.ground_motion.choice import Processing, TextLayout
+from tdint_cli.options.grammar import DESCRIBED_OPTIONS
 
 PGA = ("--to", "pga=0.3g")
 
@@ -104,6 +107,12 @@ def test_moved_option_is_answered_by_lines(columns, tdint, command, options):
     result = tdint(*study)
     assert study[:2] == [command, "records.yaml"]
     assert {row["record"] for row in rows(result.stdout)} == {"a.dat", "b.dat"}
+
+
+def test_moved_options_are_those_of_layout_and_processing():
+    """Every setting of the layout and the processing has an answer in commands without options."""
+    names = [item.name for item in (*fields(TextLayout), *fields(Processing))]
+    assert set(DESCRIBED_OPTIONS) == {f"--{name.replace('_', '-')}" for name in names}
 
 
 @pytest.mark.parametrize("arguments", [("info", "a.dat"), ("scale", "a.dat", *PGA)])

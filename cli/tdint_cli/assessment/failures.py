@@ -50,22 +50,9 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     time reached. The number of each verdict is written to standard error. The exit code is 0 also
     if a method fails.
     """
-    from tdint.assessment.failures.failures import (
-        attempt,
-        compile_for,
-        find_problems,
-        usual_methods,
-    )
+    from tdint.assessment.failures.failures import failures
 
-    integrators = options.analysis.integrators(methods) if methods else usual_methods()
-    named_problems = find_problems(problems or ())
-    compile_for(integrators, named_problems)
-    trials = [
-        trial
-        for problem in named_problems
-        for integrator in integrators
-        for trial in attempt(integrator, problem)
-    ]
+    trials = list(failures(methods or None, problems or ()))
     outputs.deliver(
         assessment.failures.failure_tables.failure_table(trials),
         lambda: assessment.failures.failure_figures.failure_picture(trials),

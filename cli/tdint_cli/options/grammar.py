@@ -473,7 +473,7 @@ class Command(HelpAsData):
         try:
             remaining = super().parse_args(ctx, with_named_files(args, option_names))
         except click.NoSuchOption as error:
-            if error.option_name in DESCRIBED_OPTIONS and "--units" in option_names:
+            if error.option_name in DESCRIBED_OPTIONS and "--inventory" in option_names:
                 raise UsageError(self._described_line(ctx, args, error.option_name)) from None
             new_name, example = _FORMER.get(error.option_name, ("", ""))
             if new_name not in option_names:
@@ -586,6 +586,7 @@ DESCRIBED_OPTIONS = {
     "--lowpass": True,
     "--filter-order": True,
     "--resample": True,
+    "--time-scale": True,
 }
 """Options of the layout and the processing of records, with True if they have a value. Commands
 without these options take both from a description of records."""

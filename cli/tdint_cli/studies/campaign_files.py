@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, is_there, refuse_protected
+from tdint.files import check_outputs, is_there, refuse_protected, write_files
 from tdint.number_parsing import pluralize
 from tdint.output import figures
 from tdint.units import OutputUnits
@@ -123,6 +123,11 @@ class Profiles:
         return studies.campaign.campaign_tables.ratio_table(
             self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
         )
+
+    def emit_runs(self) -> None:
+        """Write the table of the runs to standard output."""
+        tables = studies.campaign.campaign_tables
+        emit_table(tables.runs_table(self.store).in_units(self.units))
 
     def draw(self, file: Path) -> Content:
         """Return the figure of the demands over the height of the buildings.
@@ -360,9 +365,6 @@ SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts
 MEASURES = "measures.csv"
 """Name of the table of the intensity measures of the runs, for `tdint fragility`."""
 
-FLOOR_FILES = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
-"""Names of the files of floor spectra over a suite."""
-
 _WRITTEN_FILES = (
     *(
         RUNS,
@@ -436,14 +438,49 @@ def execute_campaign(
             profiles = Profiles(store, request)
             finish(profiles, folder, plan)  # write all tables, figures and the summary
             if show:
-                emit_table(
-                    studies.campaign.campaign_tables.runs_table(store).in_units(profiles.units)
-                )
-            if request.baseline is not None and is_complete(store):
-                emit_table(profiles.ratios(stories=False))
-            _report_progress(advance)
-            report_outcomes(store)
-            unmet_limits = profiles.report_results()
+                profiles.emit_runs()
+            unmet_limits = _report(profiles, advance)
+    _raise_failures(plan, unmet_limits)
+
+
+def execute_in_memory(plan: Plan, engine: Engine, request: SuiteRequest) -> None:
+    """Execute a campaign without -o: print the table of the runs, and write the figure and the
+    report.
+
+    Failures is raised as by `execute_campaign`.
+    """
+    from tdint.studies.store.opening import open_store
+
+    report_pairs(plan, request)
+    _check_result_options(plan, request)
+    store, _ = open_store(None, plan)
+    warn_of_plan(plan)
+    note_of_runs(*plan.notes)
+    with store:
+        profiles = Profiles(store, request)
+        advance = advance_with_bar(plan, store, engine)
+        profiles.emit_runs()
+        contents = _suite_contents(profiles, None, plan)
+        write_files(
+            {Path(file): content for file, content in contents.items()},
+            overwrite=request.overwrite,
+        )
+        unmet_limits = _report(profiles, advance)
+    _raise_failures(plan, unmet_limits)
+
+
+def _report(profiles: Profiles, advance: Advance) -> list[TdintError]:
+    """Print the results of a call, and return the errors of `Profiles.report_results`."""
+    store = profiles.store
+    if profiles.request.baseline is not None and is_complete(store):
+        emit_table(profiles.ratios(stories=False))
+    _report_progress(advance)
+    report_outcomes(store)
+    return profiles.report_results()
+
+
+def _raise_failures(plan: Plan, unmet_limits: Sequence[TdintError]) -> None:
+    """Raise Failures if inputs of a campaign could not be used, or limits are not met."""
     # A building without a motion is omitted and reported in the same way as an unreadable record.
     without_motion: list[TdintError] = []
     if too_far := plan.too_far_from_sites:
@@ -708,7 +745,7 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
 
 
 def _suite_contents(
-    profiles: Profiles, folder: Path, plan: Plan | None = None
+    profiles: Profiles, folder: Path | None, plan: Plan | None = None
 ) -> dict[str, Content]:
     """Return the name and the content of each requested file with results over all motions: the
     figure of the profiles and the ratios to the baseline; with a plan, the floor spectra, the

@@ -207,9 +207,9 @@ def _write(
     and of the blind recordings. `fitted` contains the fitted values; None without --fit.
     """
     from tdint.model.config.model_file import rewrite_model
-    from tdint.studies.recordings.comparison_summary import comparison_summary
     from tdint.studies.recordings.comparison_tables import (
         comparison_spectra_table,
+        comparison_summary,
         comparison_table,
         fitted_table,
     )

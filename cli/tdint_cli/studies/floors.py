@@ -55,21 +55,13 @@ def suite_spectra(
     choice = FloorChoice(wanted.floors, wanted.chosen_periods(), wanted.floor_damping)
     floors = run_floors(plan, store, choice, jobs or processors())
     suites = list(floor_suites(store, floors))
+    tables = studies.campaign.campaign_tables
     contents: dict[str, Content] = {
-        SPECTRA: studies.campaign.campaign_tables.run_floor_table(store, floors)
-        .in_units(units)
-        .csv(),
-        SPECTRA_MEAN: studies.campaign.campaign_tables.floor_suite_table(store, suites)
-        .in_units(units)
-        .csv(),
+        SPECTRA: tables.run_floor_table(store, floors).in_units(units).csv(),
+        SPECTRA_MEAN: tables.floor_suite_table(store, suites).in_units(units).csv(),
     }
     if plot and suites:
-        # The figure marks the first periods of the buildings. A store may contain no periods.
-        periods = []
-        for number, (name, _) in store.buildings().items():
-            period = store.period(number)
-            if period is not None:
-                periods.append((name, period))
+        periods = store.first_periods()  # marked by the figure
         draw = partial(studies.campaign.suite_figures.floor_suite_picture, suites, units, periods)
         contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
     return contents, suites

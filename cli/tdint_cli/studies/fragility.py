@@ -231,9 +231,9 @@ def _fit(request: Request) -> None:
         EVERY_DEMAND,
         FragilityRequest,
         fit_table,
+        study_summary,
     )
     from tdint.studies.fragility.fit_types import fit_types
-    from tdint.studies.fragility.study_summary import study_summary
 
     outputs, by = request.outputs, request.by
     _check_options(request)

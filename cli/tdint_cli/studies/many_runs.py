@@ -6,28 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdint import studies
 from tdint.errors import UsageError
-from tdint.files import write_files
-from tdint.number_parsing import pluralize
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
-from tdint_cli.demand_limits import check_limit_options
-from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.studies.campaign_files import (
-    Profiles,
-    advance_with_bar,
     check_names,
     execute_campaign,
-    report_outcomes,
-    report_pairs,
-    warn_of_plan,
+    execute_in_memory,
 )
-from tdint_cli.terminal import Failures, note_of_runs, say
 
 if TYPE_CHECKING:
-    from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.studies.campaign.plan import Plan
 
@@ -53,7 +42,6 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     """
     from tdint.model.config.model_file import load_model
     from tdint.studies.campaign.execute import threads
-    from tdint.studies.store.opening import open_store
 
     if "-" in (request.model, *records):
         raise UsageError("with several records or scales, inputs must be files, not standard input")
@@ -64,28 +52,10 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     engine = threads(request.jobs or processors())
     # With a directory the runs are a campaign that can be resumed; otherwise the store is in
     # memory.
-    if request.output is not None:
+    if request.output is None:
+        execute_in_memory(plan, engine, request)
+    else:
         execute_campaign(plan, engine, request, show=True)
-        return
-    report_pairs(plan, request)
-    check_limit_options(request.limit, request.require, plan.models)
-    store, _ = open_store(None, plan)
-    warn_of_plan(plan)
-    note_of_runs(*plan.notes)
-    with store:
-        profiles = Profiles(store, request)
-        advance = advance_with_bar(plan, store, engine)
-        emit_table(studies.campaign.campaign_tables.runs_table(store).in_units(profiles.units))
-        say(f"{pluralize(advance.done, 'run')}.")
-        report_outcomes(store)
-        picture = request.picture(None)
-        files: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
-        if request.report:
-            files[Path(request.report)] = profiles.report(plan)
-        write_files(files, overwrite=request.overwrite)
-        unmet_limits = profiles.report_results()
-    if plan.failures or unmet_limits:
-        raise Failures([*plan.failures, *unmet_limits])
 
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:

@@ -356,13 +356,10 @@ def _scale_function(request: ScaleRequest) -> Any:
     target.check_damping(request.damping, "of the records")
     if request.select is not None:
         return _select_function(request, target, periods)
-    if request.rule == "asce7":
-        return lambda motions: scaling.scale_asce7(
-            motions, target, periods, damping=request.damping
-        )
-    pair = request.pair
-    scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
-    return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
+    rule, damping, pair = request.rule or "mean", request.damping, request.pair
+    return lambda motions: scaling.scale_to_target(
+        motions, target, periods, rule, damping=damping, pair=pair
+    )
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from tdint import assessment
 from tdint.output.presentations import Presentation, fixed_columns
-
-if TYPE_CHECKING:
-    pass
 
 PRESENTATIONS: dict[str, Presentation] = {
     "Chart": Presentation(

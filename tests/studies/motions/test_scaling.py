@@ -26,8 +26,6 @@ from tdint.studies.motions.intensity import (
     sa_average,
 )
 from tdint.studies.motions.scaling import (
-    scale_asce7,
-    scale_ec8,
     scale_p695,
     scale_to_target,
     scale_to_value,
@@ -200,7 +198,7 @@ def test_asce7_scaling_meets_floor_with_common_factor():
     and all factors are multiplied by a common factor."""
     motions, grid = pairs(11), np.geomspace(0.4, 2.0, 3)
     target = read_target(str(ROOT / "configs" / "design-spectrum.csv"))
-    scaling = scale_asce7(motions, target, grid, damping=0.2)
+    scaling = scale_to_target(motions, target, grid, "asce7", damping=0.2)
     dense = np.unique([*grid, 0.6, 1.5, scaling.least[1]])
     spectra = np.array([rotated_spectrum(pair, dense, 0.2, [100]).psa[0] for pair in motions])
     target_psa = np.exp(np.interp(np.log(dense), np.log(target.periods), np.log(target.psa)))
@@ -225,7 +223,7 @@ def test_asce7_raises_too_low_suite():
     peaked = TargetSpectrum(
         "peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0])
     )
-    scaling = scale_asce7(pairs(11), peaked, grid, damping=0.2)
+    scaling = scale_to_target(pairs(11), peaked, grid, "asce7", damping=0.2)
     dense = np.append(np.geomspace(0.2, 2.0, 500), 0.63)  # the peak is at no period of the fit
     average = np.mean(scaling.spectra(dense), axis=0) / peaked.at(dense)
     assert average.min() == pytest.approx(0.9, rel=1e-12)
@@ -240,9 +238,8 @@ def test_ec8_floor_is_met_between_periods_of_fit(period):
         read_target("ec8:type=1,soil=B,ag=0.1g"),
         np.geomspace(0.2 * period, 2.0 * period, 5),
     )
-    scaling = scale_ec8(
-        [component for pair in pairs(3) for component in (pair.first, pair.second)], target, grid
-    )
+    motions = [component for pair in pairs(3) for component in (pair.first, pair.second)]
+    scaling = scale_to_target(motions, target, grid, "ec8")
     dense = np.append(np.geomspace(0.2 * period, 2.0 * period, 5000), scaling.least[1])
     average = np.mean(scaling.spectra(dense), axis=0) / target.at(dense)
     assert average.min() == pytest.approx(scaling.least[0], rel=1e-5)
@@ -267,7 +264,7 @@ def test_p695_normalization_and_scaling():
 
 def test_rules_refuse_incomplete_input():
     with pytest.raises(UsageError, match="asce7 requires pairs"):
-        scale_asce7([record(i) for i in range(11)], TARGET, PERIODS)
+        scale_to_target([record(i) for i in range(11)], TARGET, PERIODS, "asce7")
     with pytest.raises(UsageError, match="p695 requires pairs"):
         scale_p695([record(1)])
     with pytest.raises(UsageError, match="or neither"):

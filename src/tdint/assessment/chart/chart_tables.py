@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from tdint.output.tables.table import METHOD_SPEC, Cell, Column, Table
+from tdint.output.tables.table import METHOD_SPEC, TEXT, Cell, Column, Table
 
 if TYPE_CHECKING:
     from tdint.assessment.chart.performance_profiles import FieldChart
@@ -29,15 +29,13 @@ def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
     )
 
 
-CHART_STORIES = Column("stories", "1", "stories", "number of stories of the building")
+CHART_STORIES = Column.named("stories", "number of stories of the building")
 
 CHART = (
     METHOD_SPEC,
     Column("dt_s", "s", "dt", "time step"),
-    Column("steps", "1", "steps", "number of time steps"),
-    Column(
-        "iterations",
-        "1",
+    Column.named("steps", "number of time steps"),
+    Column.named(
         "iterations",
         "number of solutions of the equations; for scipy, number of evaluations of the derivatives",
     ),
@@ -59,7 +57,7 @@ CHART = (
         "error of the absolute accelerations (L2 norm of the response history)",
         name="absolute_acceleration",
     ),
-    Column("outcome", "text", "outcome", "status with which `tdint run` ends"),
+    Column.named("outcome", "status with which `tdint run` ends", TEXT),
     _chart_error(
         "velocity",
         "error of the velocities relative to the ground (L2 norm of the response history)",
@@ -97,31 +95,22 @@ def _within(factor: float, name: str = "") -> Column:
 
 
 PROFILE = (
-    Column("quantity", "text", "quantity", "quantity of the error"),
-    Column("tolerance", "1", "tolerance", "maximum relative error over the stories"),
+    Column.named("quantity", "quantity of the error", TEXT),
+    Column.named("tolerance", "maximum relative error over the stories"),
     METHOD_SPEC,
-    Column(
-        "problems",
-        "1",
+    Column.named(
         "problems",
         "number of problems with a sufficiently accurate reference, minus those of not_run",
     ),
-    Column(
-        "taken",
-        "1",
-        "taken",
-        "number of these problems that the method accepts; the others count as not solved",
+    Column.named(
+        "taken", "number of these problems that the method accepts; the others count as not solved"
     ),
-    Column(
-        "not_run",
-        "1",
+    Column.named(
         "not_run",
         "number of excluded problems, for which no time step of the method is within the tolerance "
         "and smaller time steps were not run",
     ),
-    Column(
-        "solved",
-        "1",
+    Column.named(
         "solved",
         "number of these problems that are within the tolerance with one time step and all smaller "
         "time steps",
@@ -143,11 +132,3 @@ def profile_table(chart: FieldChart) -> Table:
     """Return the table of performance profiles (costs of methods over many problems), with one row
     per quantity, tolerance and method."""
     return Table.of_results(PROFILE, chart.profiles)
-
-
-MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[7:]))
-"""Columns of a chart that depend on measured times and differ between runs."""
-
-MEASURED_KEYS = ("timing", "recommended", "usual", "peers", "profiles", "notes", "warnings")
-"""Keys of the JSON file of a chart with measured times, or with choices and notes that depend on
-them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tdint.output.tables.table import METHOD_SPEC, Column, Table
+from tdint.output.tables.table import METHOD_SPEC, TEXT, Column, Table
 from tdint.units import suffix
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def _example_errors(reference: str, description: str, prefix: str = "") -> tuple
 
 
 EXAMPLE = (
-    Column("example", "1", "example", "example of the paper"),
+    Column.named("example", "example of the paper"),
     METHOD_SPEC,
     Column("variant", "text", lambda run: run.variant or None, "variant of the analysis"),
     Column("dt_s", "s", "dt", "time step"),
@@ -48,7 +48,7 @@ EXAMPLE = (
     *_example_errors("finer", "rk5 with 8 times smaller time steps", "finer_"),
 )
 
-OUTCOME = Column("outcome", "text", "outcome", "status of the run")
+OUTCOME = Column.named("outcome", "status of the run", TEXT)
 
 
 def rank(rank_of: Callable[[Any], int | None]) -> Column:

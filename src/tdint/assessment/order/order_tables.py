@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.table import METHOD_SPEC, Column, Table
+from tdint.output.tables.table import METHOD_SPEC, TEXT, Column, Table
 
 if TYPE_CHECKING:
     from tdint.assessment.order.order import ObservedOrder
@@ -23,13 +23,10 @@ def _order(quantity: str) -> Column:
 
 ORDER = (
     METHOD_SPEC,
-    Column("load", "text", "load", "load of the oscillator"),
-    Column("law", "text", "law", "hysteretic law of the oscillator"),
-    Column(
-        "frequency_ratio",
-        "1",
-        "frequency_ratio",
-        "frequency of the load divided by the frequency of the oscillator",
+    Column.named("load", "load of the oscillator", TEXT),
+    Column.named("law", "hysteretic law of the oscillator", TEXT),
+    Column.named(
+        "frequency_ratio", "frequency of the load divided by the frequency of the oscillator"
     ),
     *map(_order, ("displacement", "velocity", "acceleration", "algorithmic_acceleration")),
     Column(

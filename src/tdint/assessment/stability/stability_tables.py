@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, Column, Table
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Column, Table
 
 if TYPE_CHECKING:
     from tdint.assessment.stability.stability import Overshoot, StabilityCurve
@@ -37,43 +37,25 @@ DECLARATION = (
     Column("faults", "1", lambda result: len(result.faults), "number of incorrect declarations"),
 )
 
-_DT_OVER_T = Column(
-    "dt_over_t", "1", "dt_over_t", "time step divided by the undamped period of the oscillator"
-)
+_DT_OVER_T = Column.named("dt_over_t", "time step divided by the undamped period of the oscillator")
 
 STABILITY: tuple[Column, ...] = (
     METHOD_SPEC,
     DAMPING,
     _DT_OVER_T,
-    Column(
-        "spectral_radius",
-        "1",
-        "spectral_radius",
-        "maximum modulus of the eigenvalues of the amplification matrix",
+    Column.named(
+        "spectral_radius", "maximum modulus of the eigenvalues of the amplification matrix"
     ),
-    Column(
-        "period_error",
-        "1",
-        "period_error",
-        "numerical damped period divided by exact damped period, minus 1",
-    ),
-    Column(
-        "numerical_damping",
-        "1",
+    Column.named("period_error", "numerical damped period divided by exact damped period, minus 1"),
+    Column.named(
         "numerical_damping",
         "damping ratio of the numerical oscillation minus the exact damping ratio",
     ),
-    Column(
-        "amplitude_decay",
-        "1",
-        "amplitude_decay",
-        "fraction by which the method reduces the amplitude in one cycle",
+    Column.named(
+        "amplitude_decay", "fraction by which the method reduces the amplitude in one cycle"
     ),
-    Column(
-        "spurious_radius",
-        "1",
-        "spurious_radius",
-        "maximum modulus of the eigenvalues other than the principal pair",
+    Column.named(
+        "spurious_radius", "maximum modulus of the eigenvalues other than the principal pair"
     ),
 )
 
@@ -81,20 +63,15 @@ OVERSHOOT: tuple[Column, ...] = (
     METHOD_SPEC,
     DAMPING,
     _DT_OVER_T,
-    Column("start", "text", "start", "initial condition of the oscillator"),
+    Column.named("start", "initial condition of the oscillator", TEXT),
     Column(
         "step",
         "1",
         lambda motion: np.arange(motion.displacement.size),
         "number of the time step; 0 is the start",
     ),
-    Column(
-        "displacement",
-        "1",
-        "displacement",
-        "displacement divided by the maximum of the exact displacement",
-    ),
-    Column("velocity", "1", "velocity", "velocity divided by the maximum of the exact velocity"),
+    Column.named("displacement", "displacement divided by the maximum of the exact displacement"),
+    Column.named("velocity", "velocity divided by the maximum of the exact velocity"),
     Column(
         "displacement_power",
         "1",
@@ -109,7 +86,7 @@ OVERSHOOT: tuple[Column, ...] = (
         "exponent of omega dt in the velocity times dt after the first step; empty if this "
         "velocity is zero",
     ),
-    Column("law", "text", "law", "restoring force of the oscillator"),
+    Column.named("law", "restoring force of the oscillator", TEXT),
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.table import Column, Table
+from tdint.output.tables.table import TEXT, Column, Table
 
 if TYPE_CHECKING:
     from tdint.assessment.validation.validation import ValidationResult
@@ -41,7 +41,7 @@ VALIDATION = (
         _without_commas("case.difference_is"),
         "cause of the difference: rounding of the source, numerical error or model error",
     ),
-    Column("within", "text", "within", "true if all differences are within the tolerance"),
+    Column.named("within", "true if all differences are within the tolerance", TEXT),
 )
 
 

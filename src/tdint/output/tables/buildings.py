@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tdint.response.static.target_displacement import TargetDisplacement
 
 CYCLIC = (
-    Column("story", "1", "story", "story, numbered from the ground"),
+    Column.named("story", "story, numbered from the ground"),
     Column(
         "step",
         "1",
@@ -163,12 +163,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
             "roof_displacement",
             "roof displacement relative to the ground",
         ),
-        Column(
-            "roof_drift_ratio",
-            "1",
-            "roof_drift_ratio",
-            "roof displacement divided by the height of the building",
-        ),
+        Column.named("roof_drift_ratio", "roof displacement divided by the height of the building"),
         Column("base_shear_N", "N", "base_shear", "base shear: sum of the forces on the floors"),
         *(
             Column(
@@ -188,9 +183,9 @@ def pushover_table(result: Pushover) -> Table:
 
 
 ELEMENT_EVENTS = (
-    Column("story", "1", "story", "story, numbered from the ground"),
-    Column("element", "text", "element", "name of the element in the model file"),
-    Column("law", "text", "law", "hysteretic law of the element"),
+    Column.named("story", "story, numbered from the ground"),
+    Column.named("element", "name of the element in the model file", TEXT),
+    Column.named("law", "hysteretic law of the element", TEXT),
     Column("drift_m", "m", "drift", "drift of the story"),
     Column("roof_displacement_m", "m", "roof_displacement", "roof displacement"),
     Column("base_shear_N", "N", "base_shear", "base shear"),
@@ -206,9 +201,7 @@ def events_table(result: Pushover) -> Table:
 
 
 TARGET_DISPLACEMENT = (
-    Column(
-        "method", "text", "method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)"
-    ),
+    Column.named("method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)", TEXT),
     Column(
         "story",
         "1",
@@ -216,8 +209,8 @@ TARGET_DISPLACEMENT = (
         "story, numbered from the ground",
     ),
     Column("drift_m", "m", "drift", "drift at the target displacement"),
-    Column("drift_ratio", "1", "drift_ratio", "drift divided by story height"),
-    Column("ductility", "1", "ductility", "drift divided by the drift at first yield"),
+    Column.named("drift_ratio", "drift divided by story height"),
+    Column.named("ductility", "drift divided by the drift at first yield"),
 )
 TARGET_OF_BUILDING = (
     TARGET_DISPLACEMENT[0],
@@ -230,9 +223,7 @@ TARGET_OF_BUILDING = (
         "spectral_acceleration",
         "pseudo-acceleration of the target spectrum at period_s",
     ),
-    Column(
-        "participation",
-        "1",
+    Column.named(
         "participation",
         "roof displacement divided by the displacement of the oscillator: Gamma, C0",
     ),
@@ -246,7 +237,7 @@ TARGET_OF_BUILDING = (
     Column(
         "yield_displacement_m", "m", "yield_displacement", "roof displacement at which it yields"
     ),
-    Column("strength_ratio", "1", "strength_ratio", "elastic force divided by yield force"),
+    Column.named("strength_ratio", "elastic force divided by yield force"),
     Column(
         "c1",
         "1",
@@ -330,7 +321,7 @@ MODAL_SHARE = (
         "spectral_acceleration",
         "pseudo-acceleration of the target spectrum; 0 for an omitted mode",
     ),
-    Column("mass_ratio", "1", "mass_ratio", "effective modal mass divided by the total mass"),
+    Column.named("mass_ratio", "effective modal mass divided by the total mass"),
     Column("base_shear_N", "N", "base_shear", "base shear of this mode"),
     Column(
         "base_shear_share",
@@ -355,7 +346,7 @@ def modal_response_table(result: ModalResponse) -> Table:
 OVERVIEW = (
     Column("model", "text", "model.source", "model file"),
     Column("name", "text", "model.name", "name of the building"),
-    Column("stories", "1", "stories", "number of stories"),
+    Column.named("stories", "number of stories"),
     Column("height_m", "m", "height", "height of the building; empty if a story has no height"),
     Column("mass_kg", "kg", "mass", "total mass of the floors"),
     Column("t1_s", "s", "period", "fundamental period of the initial stiffness, P-delta included"),
@@ -365,14 +356,11 @@ OVERVIEW = (
         "damping",
         "viscous damping ratio of the first mode, without power-law dashpots and braced dampers",
     ),
-    Column(
-        "laws",
-        "text",
-        "laws",
-        "hysteretic laws; with several laws, also the number of stories of each law",
+    Column.named(
+        "laws", "hysteretic laws; with several laws, also the number of stories of each law", TEXT
     ),
     METHOD_SPEC,
-    Column("record", "text", "record", "file of the ground motion"),
+    Column.named("record", "file of the ground motion", TEXT),
 )
 OVERVIEW_WITH_DAMPERS = (
     *OVERVIEW,
@@ -397,10 +385,8 @@ MODE = (
     Column("frequency_hz", "Hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
 )
 MODE_END = (
-    Column(
-        "participation", "1", "participation", "participation factor for unit roof displacement"
-    ),
-    Column("mass_ratio", "1", "mass_ratio", "effective modal mass divided by the total mass"),
+    Column.named("participation", "participation factor for unit roof displacement"),
+    Column.named("mass_ratio", "effective modal mass divided by the total mass"),
     Column(
         "cumulative_mass_ratio",
         "1",
@@ -483,8 +469,8 @@ MODEL = (
 )
 """Stories of a model; the text columns of hysteretic laws and dashpots follow."""
 DEVICE = (
-    Column("name", TEXT, "name", "name of the attachment or link"),
-    Column("place", TEXT, "place", "floor of an attachment, start and end of a link"),
+    Column.named("name", "name of the attachment or link", TEXT),
+    Column.named("place", "floor of an attachment, start and end of a link", TEXT),
     Column("mass_kg", "kg", "mass", "attached mass"),
     Column("stiffness_N_m", "N/m", "stiffness", "initial stiffness of the spring"),
 )

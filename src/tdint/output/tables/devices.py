@@ -59,7 +59,7 @@ ENERGY_ERROR = tuple(
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),
-    Column("floor", "1", "floor", "floor on which it stands, numbered from the ground"),
+    Column.named("floor", "floor on which it stands, numbered from the ground"),
 )
 LINK_NAMES = (
     Column("link", "text", "name", "name of the link"),

@@ -10,12 +10,12 @@ from tdint.model.definition import Excitation, TableForce
 from tdint.output.tables.table import Column, Table, rows_of
 
 LOAD_COLUMNS = (
-    Column("floor", "1", "floor", "floor, numbered from the ground"),
+    Column.named("floor", "floor, numbered from the ground"),
     Column(
         "table", "text", lambda force: force.table.source, "file; empty for points of the model"
     ),
     Column("column", "text", lambda force: force.table.columns[force.column], "column of the file"),
-    Column("factor", "1", "factor", "factor on the forces of the column"),
+    Column.named("factor", "factor on the forces of the column"),
     Column("first_time_s", "s", lambda force: float(force.times[0]), "time of the first force"),
     Column("last_time_s", "s", lambda force: float(force.times[-1]), "time of the last force"),
     Column("peak_load_N", "N", lambda force: _peak(force), "maximum absolute force"),

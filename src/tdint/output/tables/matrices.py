@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tdint.output.tables.table import (
+    TEXT,
     Cell,
     Column,
     Table,
@@ -24,7 +25,7 @@ FLEXURE_COLUMNS = columns_of(FlexureValues)
 """Further columns of stories.csv for flexural stories."""
 FLEXURE_ERROR = error_columns(FLEXURE_COLUMNS)
 
-ROW_NAME = Column("row", "text", "row", "name of the row in the model file")
+ROW_NAME = Column.named("row", "name of the row in the model file", TEXT)
 _OF_ROWS = {
     "residual_drift": ("residual_displacement_m", "displacement at the end of the run"),
     "peak_displacement": ("peak_displacement_m", "maximum absolute displacement"),

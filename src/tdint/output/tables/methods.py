@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from tdint.methods.catalogue import references_of
-from tdint.output.tables.table import Cell, Column, Table, cell_text
+from tdint.output.tables.table import TEXT, Cell, Column, Table, cell_text
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator, Method
@@ -51,32 +51,25 @@ METHOD = (
     Column("name", "text", "method.name", "name"),
     Column("family", "text", "family.name", "methods that share one compiled step"),
     Column("parameters", "text", _parameter_texts, "default values and ranges"),
-    Column(
-        "order", "1", "order", "order of accuracy of displacement and velocity for a smooth load"
-    ),
-    Column(
-        "implicit", "text", "implicit", "true if a step solves for the restoring force at its end"
-    ),
+    Column.named("order", "order of accuracy of displacement and velocity for a smooth load"),
+    Column.named("implicit", "true if a step solves for the restoring force at its end", TEXT),
     Column(
         "stability_limit",
         "1",
         _limit_or_none("stability_limit"),
         "largest stable omega dt without damping; none if stable for all time steps",
     ),
-    Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
+    Column.named("rho_inf", "spectral radius for omega dt to infinity"),
     Column("source", "text", _without_commas("method.source"), "publication"),
 )
 
 
 REFERENCE = (
-    Column("method", "text", "method", "name of the method"),
-    Column(
-        "reference",
-        "text",
-        "reference",
-        "authors, year, title, publication; for a method of a plug-in its source",
+    Column.named("method", "name of the method", TEXT),
+    Column.named(
+        "reference", "authors, year, title, publication; for a method of a plug-in its source", TEXT
     ),
-    Column("doi", "text", "doi", "DOI, if it is known with certainty"),
+    Column.named("doi", "DOI, if it is known with certainty", TEXT),
 )
 
 

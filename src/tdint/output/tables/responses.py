@@ -10,6 +10,7 @@ import numpy as np
 
 from tdint.output.tables.devices import history_groups as device_groups
 from tdint.output.tables.table import (
+    TEXT,
     Cell,
     Column,
     Table,
@@ -50,9 +51,9 @@ STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
 ELEMENT_COLUMNS = (
-    Column("story", "1", "story", "story, numbered from the ground"),
-    Column("element", "text", "element", "name of the element in the model file"),
-    Column("law", "text", "law", "hysteretic law of the element"),
+    Column.named("story", "story, numbered from the ground"),
+    Column.named("element", "name of the element in the model file", TEXT),
+    Column.named("law", "hysteretic law of the element", TEXT),
     Column.of_quantity(_ELEMENT["peak_force"]),
     Column.of_quantity(_ELEMENT["dissipated_energy"]),
     Column("yield_drift_m", "m", "yield_drift", "drift at first yield; empty without yielding"),
@@ -64,7 +65,7 @@ ELEMENT_FORCE = Column("force_N", "N", "element_force", "force of the element")
 """Column of each element in a response history; the story and the name of the element precede the
 name of the column."""
 _ALL = "all"
-SHOCK = Column("shock", "text", "shock", f"event of a sequence, from 1; {_ALL}: the whole sequence")
+SHOCK = Column.named("shock", f"event of a sequence, from 1; {_ALL}: the whole sequence", TEXT)
 
 HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
     tuple(

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from tdint.model.parameters import parameter_meaning
-from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, Column, error_columns
+from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, TEXT, Column, error_columns
 from tdint.response.runs.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 
 BUILDING_COLUMNS = (
-    Column("building", "text", "building", "name of the building"),
+    Column.named("building", "name of the building", TEXT),
     *NAMED_RECORD_COLUMNS,
-    Column("scale", "1", "scale", "scale factor of the ground motion"),
+    Column.named("scale", "scale factor of the ground motion"),
 )
 
-SAMPLE = Column(
-    "sample",
-    "1",
+SAMPLE = Column.named(
     "sample",
     "number of the random sample from a grid of ground motions, or of the event, from 1; 0 without "
     "samples and events",
@@ -31,7 +29,7 @@ RUNS = (
 """Columns of runs.csv."""
 
 SHOCKS = (
-    Column("shock", "1", "shock", "event of the sequence, from 1"),
+    Column.named("shock", "event of the sequence, from 1"),
     Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
     Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
     *(Column.of_quantity(quantity) for quantity in DEMANDED),

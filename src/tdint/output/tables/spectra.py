@@ -112,7 +112,7 @@ MOTION = (
     *RECORD_COLUMNS,
     Column("dt_s", "s", "dt", "sampling interval"),
     Column("duration_s", "s", "duration", "time from the first to the last sample"),
-    Column("scale", "1", "scale", "scale factor of the recorded acceleration"),
+    Column.named("scale", "scale factor of the recorded acceleration"),
     Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration"),
 )
 """Columns of ground motions after processing and scaling."""
@@ -178,12 +178,7 @@ def difference(published: str) -> tuple[Column, ...]:
         *SPECTRUM[:2],
         Column(compared.name, compared.unit, "computed", compared.meaning),
         Column(f"published_{compared.name}", compared.unit, "expected", published_meaning),
-        Column(
-            "relative_difference",
-            "1",
-            "relative_difference",
-            "computed value divided by published value, minus 1",
-        ),
+        Column.named("relative_difference", "computed value divided by published value, minus 1"),
     )
 
 
@@ -333,17 +328,13 @@ def _end_displacement(index: int) -> Callable[[Any], Any]:
 
 
 MATCHED = (
-    Column("factor", "1", "factor", "scale factor of the seed before matching"),
-    Column(
-        "largest_misfit",
-        "1",
+    Column.named("factor", "scale factor of the seed before matching"),
+    Column.named(
         "largest_misfit",
         "maximum relative difference from the target at 1000 periods; for a pair of RotD100",
     ),
-    Column("mean_misfit", "1", "mean_misfit", "mean relative difference from the target"),
-    Column(
-        "change",
-        "1",
+    Column.named("mean_misfit", "mean relative difference from the target"),
+    Column.named(
         "change",
         "root mean square of the change divided by the root mean square of the scaled seed",
     ),

@@ -62,6 +62,11 @@ class Column:
     meaning: str
 
     @classmethod
+    def named(cls, name: str, meaning: str, unit: str = "1") -> Column:
+        """Return the column of the attribute of a result that has the name of the column."""
+        return cls(name, unit, name, meaning)
+
+    @classmethod
     def of_quantity(cls, quantity: Quantity) -> Column:
         """Return the column of a declared quantity, which is an attribute of the result."""
         return cls(quantity.column, quantity.unit, quantity.name, quantity.meaning)
@@ -412,22 +417,21 @@ RECORD_COLUMNS = (
 )
 """First columns of tables over records. The components of several records are named together."""
 
-PAIR_DEMAND = Column(
-    "pair_demand",
-    "text",
+PAIR_DEMAND = Column.named(
     "pair_demand",
     "how the two components of a recording are counted: larger or mean (one ground motion with the "
     "larger or the mean demand) or separate (two ground motions)",
+    TEXT,
 )
 """Last column of tables over ground motions that include pairs."""
 
 NAMED_RECORD_COLUMNS = (
-    Column("record", "text", "record", "file of the record"),
-    Column("component", "text", "component", "component of the record"),
+    Column.named("record", "file of the record", TEXT),
+    Column.named("component", "component of the record", TEXT),
 )
 """First columns of tables over results that store only the names of record and component."""
 
-DAMPING = Column("damping", "1", "damping", "viscous damping ratio")
+DAMPING = Column.named("damping", "viscous damping ratio")
 PERIOD = Column("period_s", "s", "periods", "natural period")
-FLOOR = Column("floor", "1", "floor", "floor, from 1 at the bottom")
-METHOD_SPEC = Column("method", "text", "method", "time-integration method with its parameters")
+FLOOR = Column.named("floor", "floor, from 1 at the bottom")
+METHOD_SPEC = Column.named("method", "time-integration method with its parameters", TEXT)

@@ -49,9 +49,9 @@ def transfer_table(result: TransferFunction) -> Table:
 
 
 RESONANCE = (
-    Column("floor", "1", "floor", "floor, numbered from the ground"),
+    Column.named("floor", "floor, numbered from the ground"),
     Column("frequency_hz", "Hz", "frequency", "frequency of the maximum amplitude"),
-    Column("amplitude", "1", "amplitude", "maximum absolute acceleration over ground acceleration"),
+    Column.named("amplitude", "maximum absolute acceleration over ground acceleration"),
 )
 RESONANCE_OF_FORCE = (
     *RESONANCE[:2],

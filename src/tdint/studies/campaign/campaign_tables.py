@@ -46,35 +46,26 @@ if TYPE_CHECKING:
     from tdint.studies.store.result_store import Store
     from tdint.studies.store.schema import PartTable
 
-EVENT = Column("event", "text", "event", "event of a ground motion field")
+EVENT = Column.named("event", "event of a ground motion field", TEXT)
 
 
-LEVEL = Column(
-    "level",
-    "1",
+LEVEL = Column.named(
     "level",
     "value of the intensity measure in SI units; if each ground motion has its own scale factors, "
     "their number, from the smallest",
 )
 COUNTS = (
-    Column(
-        "runs",
-        "1",
+    Column.named(
         "runs",
         "number of ground motions; a pair counts as one unless its components count separately",
     ),
-    Column(
-        "collapsed",
-        "1",
+    Column.named(
         "collapsed",
         "number of ground motions with collapse; they are excluded from mean and max, and count as "
         "larger than every value in the fractiles",
     ),
-    Column(
-        "failed",
-        "1",
-        "failed",
-        "number of ground motions without a result; they are excluded from the statistics",
+    Column.named(
+        "failed", "number of ground motions without a result; they are excluded from the statistics"
     ),
 )
 COLLAPSE = "collapse"
@@ -82,37 +73,28 @@ COLLAPSE = "collapse"
 
 PROFILES = (
     BUILDING_COLUMNS[0],
-    Column(
-        "scale",
-        "1",
+    Column.named(
         "scale",
         "scale factor of the ground motions; empty if each ground motion has its own factor",
     ),
-    Column(
-        "quantity",
-        "text",
-        "quantity",
-        "column of stories.csv without its unit: maximum absolute value over time",
+    Column.named(
+        "quantity", "column of stories.csv without its unit: maximum absolute value over time", TEXT
     ),
-    Column("story", "1", "story", "story (or the floor above), numbered from the ground"),
-    Column("unit", "text", "unit", "unit of the quantity"),
-    Column(
-        "mean",
-        "1",
+    Column.named("story", "story (or the floor above), numbered from the ground"),
+    Column.named("unit", "unit of the quantity", TEXT),
+    Column.named(
         "mean",
         "mean over the ground motions with a result and without collapse; pair_demand states the "
         "demand of a pair",
     ),
-    Column(
-        "median",
-        "1",
+    Column.named(
         "median",
         f"median over the ground motions with a result or collapse; `{COLLAPSE}` if the fractile "
         "is a collapse, which is larger than every value",
     ),
-    Column("p16", "1", "p16", "16 % fractile, as the median"),
-    Column("p84", "1", "p84", "84 % fractile, as the median"),
-    Column("max", "1", "max", "maximum over the ground motions of the mean"),
+    Column.named("p16", "16 % fractile, as the median"),
+    Column.named("p84", "84 % fractile, as the median"),
+    Column.named("max", "maximum over the ground motions of the mean"),
     *COUNTS,
 )
 """Columns of profiles.csv."""
@@ -125,7 +107,7 @@ FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *CO
 
 RATIOS = (
     BUILDING_COLUMNS[0],
-    Column("baseline", "text", "baseline", "name of the baseline building"),
+    Column.named("baseline", "name of the baseline building", TEXT),
     PROFILES[1],
     Column(
         "quantity",
@@ -149,9 +131,7 @@ RATIOS = (
     ),
     Column("median_ratio", "1", "median", "median divided by the median of the baseline"),
     Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline"),
-    Column(
-        "motions",
-        "1",
+    Column.named(
         "motions",
         "number of ground motions of both values: those that all buildings survive; fewer than 3 "
         "of a larger suite give no ratio",
@@ -165,9 +145,9 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
     drift, drift_unit = ("drift", "m") if by_length else ("drift_ratio", "1")
     end = "_m" if by_length else ""
     return [
-        Column("building", TEXT, "building", ""),
-        *([Column("level", TEXT, "level", "")] if has_levels else []),
-        Column("collapses", TEXT, "collapses", ""),
+        Column.named("building", "", TEXT),
+        *([Column.named("level", "", TEXT)] if has_levels else []),
+        Column.named("collapses", "", TEXT),
         Column(f"mean_{drift}{end}", drift_unit, "mean", ""),
         Column(f"largest_{drift}{end}", drift_unit, "largest", ""),
         Column("times_baseline", "1", "ratio", ""),
@@ -201,8 +181,8 @@ def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
 
 
 STATUS = (
-    Column("status", "text", "status", "status of runs; left: not completed yet"),
-    Column("runs", "1", "runs", "number of runs"),
+    Column.named("status", "status of runs; left: not completed yet", TEXT),
+    Column.named("runs", "number of runs"),
 )
 
 

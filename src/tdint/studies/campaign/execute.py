@@ -27,7 +27,7 @@ from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.store import schema
-from tdint.studies.store.differences import INVENTORY_CHANGED, all_differences
+from tdint.studies.store.identity import INVENTORY_CHANGED, all_differences
 from tdint.studies.store.opening import open_existing, open_store
 from tdint.studies.store.result_store import FILE, Store, is_empty
 from tdint.system import on_threads, processors

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,13 +21,16 @@ from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
+from tdint.output.tables.loads import LOAD_COLUMNS
 from tdint.output.tables.table import Cell, Table
+from tdint.response.runs.load_case import LoadCase
 from tdint.response.spectra.target import read_target
 from tdint.studies.campaign import suite_figures
 from tdint.studies.campaign.assigned_motions import MotionFactors
 from tdint.studies.campaign.campaign_summary import campaign_summary
 from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
-from tdint.studies.campaign.load_case_report import load_case_chapter
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.story_profiles import level_ranks
 from tdint.studies.motions import scaling_figures
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN
 from tdint.studies.motions.pairs import PairRule, describe_demand
@@ -88,7 +93,7 @@ def suite_page(
         lambda: suite_figures.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, story shears: ground motions, mean, maximum{limit_text}",
     )
-    periods = _first_periods(store)
+    periods = store.first_periods()
     spectra = Picture(
         lambda: suite_figures.floor_suite_picture(floors, units, periods),
         "Floor spectra: mean, envelope",
@@ -113,7 +118,7 @@ def suite_page(
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(subject.model, units) for subject in subjects.values()),
-        load_case_chapter(plan, units)
+        _load_case_chapter(plan, units)
         or motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
         _suite_assumptions(plan, store, [*subjects.values()]),
         Chapter("Notes", (once(notes),)),
@@ -128,6 +133,35 @@ def suite_page(
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)
+
+
+_MAX_PICTURES = 6
+"""Maximum number of load cases with a figure."""
+
+
+def _load_case_chapter(plan: Plan, units: OutputUnits) -> Chapter | None:
+    """Return the chapter of the load cases of a campaign, with the forces on the first building;
+    None if the campaign has records instead."""
+    load_cases = [motion.record for motion in plan.motions if isinstance(motion.record, LoadCase)]
+    if not load_cases:
+        return None
+    building = plan.buildings[0].subject().model
+    loaded = [load_case.on(building) for load_case in load_cases]
+    forces = [force for model in loaded for force in model.excitation.tables]
+    parts: list[Part] = [
+        f"Each load case is a file of forces on floors; the ground is at rest. Forces on "
+        f"{building.name}, without the scale factors of the runs:",
+        Table.of_results(LOAD_COLUMNS, forces).in_units(units),
+    ]
+    for load_case, model in list(zip(load_cases, loaded, strict=True))[:_MAX_PICTURES]:
+        end = plan.settings.duration or building.analysis.duration or load_case.duration
+        parts.append(
+            Picture(
+                partial(figures.loads.load_picture, model, end, units),
+                f"{load_case.source}: forces on floors over time",
+            )
+        )
+    return Chapter("Load cases", parts)
 
 
 def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) -> Chapter:
@@ -206,12 +240,6 @@ def _steps_and_errors(store: Store) -> tuple[str, str]:
         )
     # Either clause is empty if no run has a result.
     return step, "; ".join(filter(None, (estimated, imbalance)))
-
-
-def _first_periods(store: Store) -> list[tuple[str, float]]:
-    """Return the names and the first periods, s, of the buildings of a campaign."""
-    periods = [(name, store.period(number)) for number, (name, _) in store.buildings().items()]
-    return [(name, period) for name, period in periods if period is not None]
 
 
 def _statistics_chapter(
@@ -350,15 +378,10 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
     """Return for each intensity level its unscaled records with their scale factors, smallest
     factors first. Levels that are equal for several buildings are returned once.
     """
-    factors: dict[tuple[int, int, int], list[float]] = {}
-    for building, motion, scale, sample, *_ in store.runs():
-        factors.setdefault((building, motion, sample), []).append(scale)
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
-    for (building, motion, _), scales in factors.items():
-        # Levels are ranks, because each ground motion can have separate scale factors: the smallest
-        # factor of each ground motion belongs to the first level.
-        for rank, scale in enumerate(sorted(scales, key=abs)):
-            levels.setdefault((building, rank), []).append((motion, scale))
+    for building, rows in groupby(store.runs(), key=itemgetter(0)):
+        for run, rank in level_ranks(Run(*row[1:4]) for row in rows).items():
+            levels.setdefault((building, rank), []).append((run.motion, run.scale))
     return [
         [(plan.motions[motion].record, scale) for motion, scale in level]
         for level in dict.fromkeys(map(tuple, levels.values()))

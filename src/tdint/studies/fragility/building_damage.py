@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
@@ -370,6 +370,14 @@ def _mean(sums: Array) -> Mean:
         return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
 
 
+def value_and_count(cells: Mapping[str, str]) -> tuple[float, float]:
+    """Return the value of the identical buildings of a row of an inventory, which is nan without a
+    cost, and their number. `cells` are the cells of the row by the lower-case name of the column.
+    """
+    count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
+    return cell_number(cells.get(COST, "")) * count, count
+
+
 def group_damages(
     store: Store, *, by_building: bool = False, by: str | None = None
 ) -> Iterator[TypeDamage]:
@@ -404,8 +412,7 @@ def group_damages(
         if COST in columns or by:
             cells = dict(zip(columns, store.copied_cells(damage.number), strict=False))
         # A row of an inventory can represent several identical buildings, each with this cost.
-        identical_count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
-        cost = cell_number(cells.get(COST, "")) * identical_count
+        cost, identical_count = value_and_count(cells)
         name = damage.type if by is None else cells.get(by.lower(), "")
         motions = np.array([rule.recordings[record] for record, _, _ in damage.keys])
         # With ground motion fields, the sample of a run is the number of its event.

@@ -15,11 +15,12 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
 from tdint.output.tables.runs import BUILDING_COLUMNS, SAMPLE
-from tdint.output.tables.table import Column, Table, cell_text, describe, names
+from tdint.output.tables.table import TEXT, Column, Table, cell_text, describe, names
 from tdint.studies.campaign.campaign_tables import (
     EVENT,
     copied_cells,
     copied_columns,
+    run_heads,
     with_pair_demand,
     write_rows,
 )
@@ -32,40 +33,28 @@ from tdint.studies.fragility.building_damage import (
 from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits, suffix
 
-_STATUS = Column("status", "text", "status", "status of the run")
-_STATE = Column(
-    "state",
-    "text",
+_STATUS = Column.named("status", "status of the run", TEXT)
+_STATE = Column.named(
     "state",
     "damage state by comparison with the median thresholds, none below the first; collapsed or "
     "failed-story if the run ended so; empty without a result",
+    TEXT,
 )
-TYPE = Column(
-    "type",
-    "text",
-    "type",
-    "building type: Hazus type with design level, or name of the model",
+TYPE = Column.named(
+    "type", "building type: Hazus type with design level, or name of the model", TEXT
 )
-LEVEL = Column(
-    "level",
-    "1",
+LEVEL = Column.named(
     "level",
     "value of the intensity measure in SI units, or scale factor of the ground motions, or number "
     "of the scale factor if each ground motion has its own factors",
 )
 COUNTS = (
-    Column("buildings", "1", "buildings", "number of buildings of the type"),
-    Column(
-        "runs",
-        "1",
-        "runs",
-        "number of runs; a pair counts as one unless its components count separately",
+    Column.named("buildings", "number of buildings of the type"),
+    Column.named(
+        "runs", "number of runs; a pair counts as one unless its components count separately"
     ),
-    Column(
-        "failed",
-        "1",
-        "failed",
-        "number of runs without a result; they are excluded from the other columns",
+    Column.named(
+        "failed", "number of runs without a result; they are excluded from the other columns"
     ),
 )
 LOSS = Column("loss_ratio", "1", "loss", "mean loss ratio")
@@ -73,28 +62,17 @@ TYPES = (
     TYPE,
     LEVEL,
     *COUNTS,
-    Column(
-        "state",
-        "text",
-        "state",
-        "none, a damage state or a type of collapse; their probabilities sum to 1",
+    Column.named(
+        "state", "none, a damage state or a type of collapse; their probabilities sum to 1", TEXT
     ),
-    Column("probability", "1", "probability", "mean probability over runs and buildings"),
-    Column(
-        "probability_error",
-        "1",
-        "probability_error",
-        "standard error of probability over the ground motions",
-    ),
+    Column.named("probability", "mean probability over runs and buildings"),
+    Column.named("probability_error", "standard error of probability over the ground motions"),
 )
 """Columns of damage-types.csv."""
 
 _MONEY = (
-    Column(
-        "value",
-        "1",
-        "value",
-        "value of the buildings with a result: sum of cost times number in the inventory",
+    Column.named(
+        "value", "value of the buildings with a result: sum of cost times number in the inventory"
     ),
     Column("loss", "1", "money", "mean total loss of these buildings, in the unit of cost"),
     Column("loss_error", "1", "money_error", "standard error of loss over the ground motions"),
@@ -103,7 +81,7 @@ _MONEY = (
 
 LOSSES = (
     TYPE,
-    Column("building", "text", "building", "name of the building; empty for the complete type"),
+    Column.named("building", "name of the building; empty for the complete type", TEXT),
     *TYPES[1:5],
     LOSS,
     Column(
@@ -170,13 +148,9 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
 
     The columns are the columns of `damage_table_columns`.
     """
-    records = {
-        number: (cell_text(name), cell_text(component))
-        for number, (name, component, _) in store.records().items()
-    }
-    inventory_cells = copied_cells(store)
+    name_cells, inventory_cells = run_heads(store), copied_cells(store)
     for damage in building_damages(store):
-        building, type_name = cell_text(damage.building), cell_text(damage.type)
+        type_name = cell_text(damage.type)
         # A row of `values_of_runs` contains the probabilities of all outcomes of a run and, if
         # there are losses, its loss ratio.
         loss_columns = [damage.loss] if damage.states.losses else []
@@ -192,7 +166,7 @@ def damage_rows(store: Store) -> Iterator[list[Any]]:
         for (record, scale, sample), status, demand, state, values in cells_of_runs:
             results = [scale, sample, type_name, status, demand, state, *values]
             copied = inventory_cells(damage.number, sample)
-            yield [building, *records[record], *results, *copied]
+            yield [*name_cells(damage.number, record), *results, *copied]
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
@@ -351,7 +325,7 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
         *((Column(by, "text", "part", group_meaning),) if by else ()),
         LEVEL,
         EVENT,
-        Column("rate", "1", "rate", "annual rate of the event"),
+        Column.named("rate", "annual rate of the event"),
         loss,
         Column(
             f"{loss.name}_error",

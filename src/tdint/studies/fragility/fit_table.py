@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
+from tdint.output.summary import stored_summary
 from tdint.response.arguments import between, numbers_of
 from tdint.studies.fragility.fits import fit_at_threshold, fit_capacities, fit_cloud, fit_stripes
 from tdint.studies.fragility.fragility_function import (
@@ -222,6 +223,29 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
         for function in result.functions
     ]
     return replace(result, functions=tuple(functions))
+
+
+_SUMMARIES = ("ida.json", "summary.json")
+"""Names of the summaries in the directory of a study and of a campaign."""
+
+_TABLES = ("capacities.csv", "ida.csv", "runs.csv")
+"""Tables of studies that contain observations."""
+
+
+def study_summary(source: Path) -> dict[str, Any]:
+    """Return the JSON summary of the study that wrote a table; empty for a table from elsewhere.
+
+    Parameters
+    ----------
+    source : Path
+        Table with observations, or the directory of a study.
+    """
+    folder = source if source.is_dir() else source.parent
+    if not source.is_dir() and source.name not in _TABLES:
+        return {}
+    summaries = (stored_summary(folder / name) for name in _SUMMARIES)
+    content: dict[str, Any] = next(filter(None, summaries), {})
+    return content if content.get("records") else {}
 
 
 def _table_of_study(folder: Path, fit: str | None) -> str:

@@ -21,8 +21,8 @@ from tdint.output.report import (
     simplifications,
 )
 from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.studies.fragility.fit_table import study_summary
 from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
-from tdint.studies.fragility.study_summary import study_summary
 from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import SI

@@ -4,32 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.output.tables.table import (
-    PAIR_DEMAND,
-    Cell,
-    Column,
-    Table,
-)
+from tdint.output.tables.table import PAIR_DEMAND, TEXT, Cell, Column, Table
 from tdint.studies.fragility.fragility_function import BINS, Fragility
 from tdint.studies.fragility.measure_comparison import MeasureFit
 from tdint.studies.ida.ida_tables import DAMAGE
 
-if TYPE_CHECKING:
-    pass
-
-FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
+FRAGILITY_DAMAGE = Column.named("damage", DAMAGE.meaning)
 FRAGILITY_STATES = (
-    Column(
-        "type",
-        "text",
-        "type",
-        "building type: class, Hazus type with design level, or name of the model",
+    Column.named(
+        "type", "building type: class, Hazus type with design level, or name of the model", TEXT
     ),
-    Column("state", "text", "state", "damage state that is reached or exceeded"),
+    Column.named("state", "damage state that is reached or exceeded", TEXT),
 )
 """First columns of functions by type; their errors are over the ground motions."""
 
@@ -40,35 +28,29 @@ FRAGILITY_BUILDING = (
 """First columns of functions by building."""
 
 FRAGILITY = (
-    Column("threshold", "1", "threshold", "threshold of the demand"),
-    Column("fit", "text", "fit", "stripes, ida or cloud"),
-    Column("theta", "1", "theta", "median intensity"),
-    Column(
-        "beta",
-        "1",
+    Column.named("threshold", "threshold of the demand"),
+    Column.named("fit", "stripes, ida or cloud", TEXT),
+    Column.named("theta", "median intensity"),
+    Column.named(
         "beta",
         "standard deviation of the logarithm of the intensity (record-to-record variability)",
     ),
-    Column(
-        "theta_error",
-        "1",
+    Column.named(
         "theta_error",
         "standard error of ln theta, which is the relative standard error of theta; a jackknife "
         "estimate over ground motions (or events) if they are known; empty if the median is "
         "extrapolated or less than three ground motions determine it",
     ),
-    Column("beta_error", "1", "beta_error", "standard error of beta, by the same method"),
-    Column(
-        "motions",
-        "1",
+    Column.named("beta_error", "standard error of beta, by the same method"),
+    Column.named(
         "motions",
         "number of ground motions, both components of a recording being one; number of events if "
         "the runs have events; if the table states neither, of its rows or of the largest stripe",
     ),
-    Column("runs", "1", "runs", "number of runs, capacities or counted records"),
-    Column("censored", "1", "censored", "number of runs with only a lower bound of the value"),
-    Column("im", "text", "im", "intensity measure, if the table states it"),
-    Column("unit", "text", "unit", "unit of the intensity measure, if the table states it"),
+    Column.named("runs", "number of runs, capacities or counted records"),
+    Column.named("censored", "number of runs with only a lower bound of the value"),
+    Column.named("im", "intensity measure, if the table states it", TEXT),
+    Column.named("unit", "unit of the intensity measure, if the table states it", TEXT),
 )
 _SEEN = (
     "; for damage states with dispersion s, each run is used three times, with its demand times "
@@ -129,7 +111,7 @@ def _bound(bound: int, parameter: str) -> Column:
 
 
 FAILED = (
-    Column("failed", "1", "failed", "number of runs without a result, which the fit omits"),
+    Column.named("failed", "number of runs without a result, which the fit omits"),
     *(_bound(bound, parameter) for bound in (0, 1) for parameter in ("theta", "beta")),
 )
 """Columns of fits in which some runs have no result."""
@@ -169,11 +151,8 @@ COUNTED = tuple(
 )
 """Last columns: counts in bins of the intensity."""
 
-FRAGILITY_TOTAL = Column(
-    "beta_total",
-    "1",
-    "beta_total",
-    "beta including the modeling dispersion (--modeling-dispersion)",
+FRAGILITY_TOTAL = Column.named(
+    "beta_total", "beta including the modeling dispersion (--modeling-dispersion)"
 )
 
 
@@ -214,34 +193,26 @@ def fragility_table(
 
 
 COMPARED = (
-    Column("im", "text", "im", "intensity measure, as specified"),
-    Column("unit", "text", "unit", "unit of the intensity measure"),
-    Column("runs", "1", "runs", "number of completed runs in the regression"),
-    Column(
-        "left_out",
-        "1",
+    Column.named("im", "intensity measure, as specified", TEXT),
+    Column.named("unit", "unit of the intensity measure", TEXT),
+    Column.named("runs", "number of completed runs in the regression"),
+    Column.named(
         "left_out",
         "number of omitted runs: collapsed, without a result, or without the intensity measure",
     ),
-    Column("slope", "1", "slope", "slope of the regression of ln drift ratio on ln IM"),
-    Column(
-        "slope_error",
-        "1",
-        "slope_error",
-        "standard error of slope (jackknife over ground motions or events)",
+    Column.named("slope", "slope of the regression of ln drift ratio on ln IM"),
+    Column.named(
+        "slope_error", "standard error of slope (jackknife over ground motions or events)"
     ),
-    Column(
-        "beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the regression"
-    ),
-    Column("proficiency", "1", "proficiency", "beta divided by slope"),
-    Column("r_squared", "1", "r_squared", "squared correlation of the logarithms"),
+    Column.named("beta", "efficiency: standard deviation of ln drift ratio about the regression"),
+    Column.named("proficiency", "beta divided by slope"),
+    Column.named("r_squared", "squared correlation of the logarithms"),
 )
 DEPENDENCE = (
-    Column(
-        "characteristic",
-        "text",
+    Column.named(
         "characteristic",
         "characteristic of the ground motions on which the residuals may depend",
+        TEXT,
     ),
     Column(
         "residual_slope",
@@ -249,9 +220,7 @@ DEPENDENCE = (
         "slope",
         "sufficiency: slope of the residuals as a function of the characteristic",
     ),
-    Column(
-        "p_value",
-        "1",
+    Column.named(
         "p_value",
         "probability of a slope of this size if the residuals do not depend on the characteristic",
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,6 @@ from tdint.output.tables.table import (
 )
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import Capacity, IdaCurve, PairCurve
-
-if TYPE_CHECKING:
-    pass
-
 
 _RECORD = (
     *NAMED_RECORD_COLUMNS,

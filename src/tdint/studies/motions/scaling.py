@@ -7,7 +7,7 @@ Both components of a pair have the same factor.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,6 +32,9 @@ from tdint.studies.motions.intensity import (
     sa,
 )
 from tdint.tabular import Tabular
+
+RULES = ("mean", "asce7", "ec8")
+"""Rules for a target spectrum."""
 
 MIN_MOTIONS = {
     "asce7": (11, "pairs of components", "ASCE 7-16, 16.2.2"),
@@ -214,88 +217,52 @@ def scale_to_target(
     motions: Sequence[GroundMotion],
     target: TargetSpectrum,
     periods: Array,
+    rule: str = "mean",
     *,
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Scale each motion to a target spectrum by least squares of ln Sa, with equal weights of all
-    periods.
+    """Scale a suite to a target spectrum.
 
-    The factor is exp(mean(ln target - ln Sa)).
+    Each motion is fitted to the target by least squares of ln Sa, with equal weights of all
+    periods: its factor is exp(mean(ln target - ln Sa)). If the suite does not satisfy its rule, all
+    factors are multiplied by the smallest common factor that does.
 
     Parameters
     ----------
     periods : ndarray, shape (k,)
         Periods, s, in the range of the target.
+    rule : str
+        `mean` (default): no common factor. `asce7`: ASCE 7-16 (16.2.3.2), at least 11 pairs; the
+        average of the maximum-direction spectra is at least 90 % of the target at all periods
+        between the first and the last of `periods`. `ec8`: EN 1998-1:2004 (3.2.3.1.2(4)), at least
+        3 motions; the mean spectrum is at least 90 % of the target at these periods, and the mean
+        of the peak ground accelerations is not less than the target at the period 0, which is ag S.
     pair : str
-        Spectrum that represents a pair of components; by default the geometric mean.
+        Spectrum that represents a pair of components; by default the geometric mean. `asce7`
+        prescribes maximum-direction spectra.
 
     Raises
     ------
     UsageError
-        A period is outside the range of the target.
+        The rule is unknown, or it requires more motions, pairs, or a target with a value at the
+        period 0; a period is outside the range of the target.
     """
+    check_rule(rule, motions, target)
+    if text := missing_motions(rule, len(motions)):
+        raise UsageError(f"{text}; add ground motions, or use the rule mean")
+    pair = pair_of_rule(rule, pair)
     target_values = target.at(periods)
     spectra = suite_spectra(motions, periods, damping, pair)
     factors = np.exp(np.mean(np.log(target_values) - np.log(spectra), axis=1))
-    return Scaling(tuple(motions), factors, "mean", pair, damping, target=target, periods=periods)
+    fitted = Scaling(tuple(motions), factors, "mean", pair, damping, target=target, periods=periods)
+    return raise_to_rule(fitted, rule)
 
 
-def scale_asce7(
-    pairs: Sequence[GroundMotion],
-    target: TargetSpectrum,
-    periods: Array,
-    *,
-    damping: float = SA_DAMPING,
-    pair: str = MAXIMUM_DIRECTION,
-) -> Scaling:
-    """Scale at least 11 pairs by ASCE 7-16 (16.2.3.2): the average of the maximum-direction spectra
-    is at least 90 % of the target at all periods between the first and the last of `periods`.
-
-    Each pair is fitted to the target by `scale_to_target`. If the average is below 90 % of the
-    target at any period, all factors are multiplied by the smallest common factor that satisfies
-    the rule. `pair` is not used, because the rule prescribes maximum-direction spectra; all
-    functions of `scaling_function` have this argument.
-
-    Raises
-    ------
-    UsageError
-        The motions are fewer than 11 pairs, or single components; a period is outside the range of
-        the target.
-    """
-    check_rule("asce7", pairs, target)
-    _check_count("asce7", len(pairs))
-    fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
-    return raise_to_rule(fitted, "asce7")
-
-
-def scale_ec8(
-    motions: Sequence[GroundMotion],
-    target: TargetSpectrum,
-    periods: Array,
-    *,
-    damping: float = SA_DAMPING,
-    pair: str = GEOMETRIC_MEAN,
-) -> Scaling:
-    """Scale motions by EN 1998-1:2004 (3.2.3.1.2(4)).
-
-    The mean spectrum is at least 90 % of the target at all periods between the first and the last
-    of `periods`. The mean of the peak ground accelerations is not less than the target at the
-    period 0, which is ag S.
-
-    Each motion is fitted to the target by `scale_to_target`. If the mean does not satisfy the rule,
-    all factors are multiplied by the smallest common factor that does.
-
-    Raises
-    ------
-    UsageError
-        The motions are fewer than 3; a period is outside the range of the target; the target has no
-        value at the period 0.
-    """
-    check_rule("ec8", motions, target)
-    _check_count("ec8", len(motions))
-    fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
-    return raise_to_rule(fitted, "ec8")
+def pair_of_rule(rule: str, pair: str) -> str:
+    """Return the spectrum that represents a pair with a rule: `pair`, unless the rule prescribes
+    it."""
+    return MAXIMUM_DIRECTION if rule == "asce7" else pair
 
 
 def check_rule(rule: str, motions: Sequence[GroundMotion], target: TargetSpectrum) -> None:
@@ -312,7 +279,10 @@ def check_rule(rule: str, motions: Sequence[GroundMotion], target: TargetSpectru
         Single components are used with asce7, or a target without a value at the period 0 with ec8;
         the rule is unknown.
     """
-    scaling_function(rule)  # raises the error of an unknown rule
+    if rule not in RULES:
+        raise UsageError(
+            f"unknown rule {rule!r:.60}; the rules for a target are {', '.join(RULES)}"
+        )
     if rule == "asce7":
         _check_pairs(motions, rule)
     if rule == "ec8" and target.zero is None:
@@ -328,12 +298,6 @@ def missing_motions(rule: str, count: int) -> str:
     if count >= needed:
         return ""
     return f"the rule {rule} requires at least {needed} {motions} ({source}), got {count}"
-
-
-def _check_count(rule: str, count: int) -> None:
-    """Raise UsageError if a complete suite contains fewer ground motions than its rule requires."""
-    if text := missing_motions(rule, count):
-        raise UsageError(f"{text}; add ground motions, or use the rule mean")
 
 
 def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
@@ -517,7 +481,7 @@ def scale(
         if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
         spectrum, compared_periods = target_at(target, periods)
-        return scaling_function(rule)(suite, spectrum, compared_periods, damping=damping, pair=pair)
+        return scale_to_target(suite, spectrum, compared_periods, rule, damping=damping, pair=pair)
     if rule == "p695":
         measure_periods = (
             intensity_measure.periods if isinstance(intensity_measure, SpectralIntensity) else ()
@@ -540,11 +504,6 @@ def scale(
 
 
 _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets
-_SCALING_RULES: dict[str, Callable[..., Scaling]] = {
-    "mean": scale_to_target,
-    "asce7": scale_asce7,
-    "ec8": scale_ec8,
-}
 
 
 def target_at(
@@ -564,22 +523,6 @@ def target_at(
         return target_spectrum, numbers_of(periods, "periods")
     first, last = float(target_spectrum.periods[0]), float(target_spectrum.periods[-1])
     return target_spectrum, np.geomspace(first, last, _PERIOD_COUNT)
-
-
-def scaling_function(rule: str) -> Callable[..., Scaling]:
-    """Return the function that scales motions to a target by a rule. Its signature is (motions,
-    target, periods, damping=, pair=) -> Scaling.
-
-    Raises
-    ------
-    UsageError
-        The rule is unknown.
-    """
-    if rule not in _SCALING_RULES:
-        raise UsageError(
-            f"unknown rule {rule!r:.60}; the rules for a target are {', '.join(_SCALING_RULES)}"
-        )
-    return _SCALING_RULES[rule]
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tdint.ground_motion.reading.suites import components
@@ -12,28 +10,22 @@ from tdint.output.tables.table import (
     NAMED_RECORD_COLUMNS,
     PERIOD,
     RECORD_COLUMNS,
+    TEXT,
     Column,
     Table,
 )
 from tdint.studies.motions.scaling import Scaling
 
-if TYPE_CHECKING:
-    pass
-
-
 FACTORS = (
     *RECORD_COLUMNS,
-    Column(
-        "factor", "1", "factor", "scale factor of the record, equal for both components of a pair"
-    ),
+    Column.named("factor", "scale factor of the record, equal for both components of a pair"),
 )
 
 SCALED = (
-    Column(
-        "curve",
-        "text",
+    Column.named(
         "curve",
         "`scaled`: scaled ground motion; `mean`: mean of the scaled ground motions; `target`",
+        TEXT,
     ),
     *NAMED_RECORD_COLUMNS,
     PERIOD,

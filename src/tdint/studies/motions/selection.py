@@ -32,9 +32,9 @@ from tdint.response.spectra.target import TargetSpectrum
 from tdint.studies.motions.intensity import GEOMETRIC_MEAN, pseudo_accelerations
 from tdint.studies.motions.scaling import (
     BOUNDS,
-    MAXIMUM_DIRECTION,
     Scaling,
     check_rule,
+    pair_of_rule,
     raise_to_rule,
     target_at,
 )
@@ -116,7 +116,7 @@ def select(
     target_spectrum, compared_periods = target_at(target, periods)
     target_scatter = _target_scatter(scatter, compared_periods, count)
     suite = [motion_of(motion) for motion in motions]
-    spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
+    spectrum_pair = pair_of_rule(rule, pair)
     check_rule(rule, suite, target_spectrum)
     # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
     pool, spectra, excluded_counts = _pool(suite, compared_periods, damping, spectrum_pair)

@@ -1,49 +1,34 @@
-"""Tables of comparisons of computed with recorded responses, and of fitted parameters."""
+"""Tables and JSON summaries of comparisons of computed with recorded responses, and of fitted
+parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tdint.arrays import Array
-from tdint.output.tables.table import (
-    FLOOR,
-    Cell,
-    Column,
-    Table,
-    rows_of,
-)
+from tdint.model.definition import Model
+from tdint.output.summary import input_of, inputs_summary, model_input, schema, versions
+from tdint.output.tables.table import FLOOR, TEXT, Column, Table, rows_of
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.studies.recordings.compare import Comparison
-    from tdint.studies.recordings.fit import FittedValue
+    from tdint.studies.recordings.fit import Fit, FittedValue
 from tdint.output.tables.buildings import COMPARISON_SPECTRA, of_event
 
 COMPARISON = (
     FLOOR,
-    Column(
-        "quantity",
-        "text",
-        "quantity",
-        "absolute acceleration, or displacement relative to the base",
+    Column.named("quantity", "absolute acceleration, or displacement relative to the base", TEXT),
+    Column.named(
+        "correlation", "Pearson correlation coefficient of the computed and the recorded response"
     ),
-    Column(
-        "correlation",
-        "1",
-        "correlation",
-        "Pearson correlation coefficient of the computed and the recorded response",
-    ),
-    Column(
-        "peak_ratio",
-        "1",
+    Column.named(
         "peak_ratio",
         "maximum absolute computed value divided by the maximum absolute recorded value",
     ),
-    Column(
-        "rms_difference",
-        "1",
+    Column.named(
         "rms_difference",
         "root mean square of the difference divided by the root mean square of the recording",
     ),
@@ -57,13 +42,11 @@ FITTED = (
         "number",
         "story or mode of the parameter, from 1; empty if it applies to the whole building",
     ),
-    Column("start", "1", "start", "value in the model file"),
+    Column.named("start", "value in the model file"),
     Column("fitted", "1", "value", "value with the best agreement with the recording"),
     Column("lower_bound", "1", "low", "lower bound of the fit"),
     Column("upper_bound", "1", "high", "upper bound of the fit"),
-    Column(
-        "standard_error",
-        "1",
+    Column.named(
         "standard_error",
         "standard error of the fitted value if the differences are independent; inf: unknown",
     ),
@@ -120,11 +103,84 @@ def _by_event(
     `events` is the comparison with the recordings of each event, and the results of the event.
     """
     has_event_column = len(events) > 1
-    rows: list[tuple[Cell, ...]] = []
-    for comparison, results in events:
-        all_columns = list(columns)
-        if has_event_column:
-            all_columns.append(of_event(comparison.event.recording.source))
-        for result in results:
-            rows += rows_of(all_columns, result)
+    rows = [
+        (*row, comparison.event.recording.source) if has_event_column else row
+        for comparison, results in events
+        for result in results
+        for row in rows_of(columns, result)
+    ]
     return Table.of((*columns, of_event("")) if has_event_column else columns, rows)
+
+
+def comparison_summary(
+    model: Model,
+    comparisons: Sequence[Comparison],
+    fitted: Fit | None,
+    settings: Mapping[str, Any],
+    units: OutputUnits = SI,
+) -> dict[str, Any]:
+    """Return the content of the JSON file of a comparison with recordings.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        The selected event first, then the events that were not used for the fit.
+    fitted : Fit | None
+        Result of the fit to the first event.
+    units : OutputUnits
+        Units of the fitted values, which are included in their names; SI by default. Other keys are
+        converted by `in_units`.
+    """
+    # The fitted values are stored with their descriptions, because their names depend on the units.
+    fit: dict[str, Any] | None = None
+    if fitted is not None:
+        table = fitted_table(fitted.values, units)
+        fit = {
+            "runs": fitted.runs,
+            "values": table.as_dictionaries(),
+            "notes": list(fitted.notes),
+            "columns": table.meanings,
+        }
+    inputs = [model_input(model)]
+    for event in (comparison.event for comparison in comparisons):
+        inputs += [input_of(event.recording.source, event.recording.text), *event.inputs]
+    return {
+        "schema": schema("compare"),
+        "name": model.name,
+        "events": [_event(comparison) for comparison in comparisons],
+        "fit": fit,
+        "settings": dict(settings),
+        "inputs": inputs_summary(inputs),
+        "columns": comparison_table(comparisons).meanings,
+        "versions": versions(),
+    }
+
+
+def _event(comparison: Comparison) -> dict[str, Any]:
+    """Return the part of a JSON file about one event of a comparison with recordings: its settings
+    and the agreement of the responses on each floor."""
+    from tdint.methods.catalogue import resolved
+    from tdint.studies.recordings.compare import absolute_displacements
+
+    event, response = comparison.event, comparison.response
+    return {
+        "name": event.recording.name,
+        "method": response.method,
+        "method_parameters": resolved(response.method),
+        "dt_s": response.dt,
+        "status": response.status,
+        "base": {"dt_s": event.base.dt, "samples": event.count, "pga_m_s2": event.base.pga},
+        "band_hz": list(event.recording.band) if event.recording.band else None,
+        "window_s": list(event.recording.window) if event.recording.window else None,
+        "shift_s": comparison.shift,
+        "floors": [
+            {"floor": floor.floor, "quantity": floor.quantity, "samples": floor.time.size}
+            | {
+                name: getattr(floor, name)
+                for name in ("correlation", "peak_ratio", "rms_difference")
+            }
+            for floor in comparison.floors
+        ],
+        "notes": [*event.notes, *response.notes],
+        "warnings": [*event.warnings, *response.warnings, *absolute_displacements(comparison)],
+    }

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.csv_table import number as cell_number
 from tdint.errors import UsageError
 from tdint.files import MOST_BYTES, read_whole, record_digest
-from tdint.model.damage_states import COST, NUMBER
 from tdint.output.tables.table import digits, names
 from tdint.response.runs.demands import RUN
 from tdint.studies.campaign.campaign_tables import copied_columns, numeric
@@ -24,6 +22,7 @@ from tdint.studies.fragility.building_damage import (
     damage_by_motion,
     group_damages,
     stored_states,
+    value_and_count,
 )
 from tdint.studies.fragility.damage_tables import LOSS, has_costs, probability_name
 from tdint.studies.motions.pairs import combine
@@ -136,7 +135,7 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
                 inventory_properties[name] = text
         position = _position(cells[longitude], cells[latitude])
         geometry = {"type": "Point", "coordinates": position} if position else None
-        value = _value_of(dict(zip(titles, cells, strict=False))) if costs else math.nan
+        value = value_and_count(dict(zip(titles, cells, strict=False)))[0] if costs else math.nan
         annual_losses = _annual_losses(damage, rates, events) if damage and rates else {}
         # With ground motion fields, the sample of a run is the number of its event, from 1. Without
         # events, all runs belong to event 0.
@@ -245,15 +244,6 @@ def _losses(
         properties[_ANNUAL] = None if event_loss is None else digits(unit * event_loss)
         properties[_AVERAGE] = digits(unit * total_loss)
     return properties
-
-
-def _value_of(cells: Mapping[str, str]) -> float:
-    """Return the cost of all identical buildings of a row of an inventory: cost of a building times
-    number of buildings (1 if the row has no number). The result is nan if the cell of the cost is
-    empty.
-    """
-    count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
-    return cell_number(cells.get(COST, "")) * count
 
 
 def write_districts(

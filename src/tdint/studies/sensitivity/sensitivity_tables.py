@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.table import (
-    Column,
-    Table,
-)
+from tdint.output.tables.table import TEXT, Column, Table
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -25,17 +22,15 @@ _PEAK = (
     Column("unit", "text", "quantity.unit", "unit of the quantity"),
 )
 PARAMETER_EFFECTS: tuple[Column, ...] = (
-    Column("building", "text", "building", "name of the building"),
+    Column.named("building", "name of the building", TEXT),
     *_PEAK,
-    Column("parameter", "text", "parameter", "parameter that is changed while others are constant"),
-    Column("low", "1", "low", "low value of the parameter"),
-    Column("high", "1", "high", "high value of the parameter"),
-    Column("at_low", "1", "at_low", "peak response with the low value"),
-    Column("as_it_is", "1", "as_it_is", "peak response of the unchanged building"),
-    Column("at_high", "1", "at_high", "peak response with the high value"),
-    Column(
-        "effect",
-        "1",
+    Column.named("parameter", "parameter that is changed while others are constant", TEXT),
+    Column.named("low", "low value of the parameter"),
+    Column.named("high", "high value of the parameter"),
+    Column.named("at_low", "peak response with the low value"),
+    Column.named("as_it_is", "peak response of the unchanged building"),
+    Column.named("at_high", "peak response with the high value"),
+    Column.named(
         "effect",
         "difference of the peak responses at the two values divided by the peak response of the "
         "unchanged building",
@@ -50,11 +45,11 @@ def parameter_effect_table(effects: Sequence[ParameterEffect], units: OutputUnit
 
 
 CORRELATIONS = (
-    Column("building", "text", "building", "name of the building"),
-    Column("scale", "1", "scale", "scale factor of the ground motion"),
+    Column.named("building", "name of the building", TEXT),
+    Column.named("scale", "scale factor of the ground motion"),
     *_PEAK,
-    Column("parameter", "text", "parameter", "parameter that the sweep varied"),
+    Column.named("parameter", "parameter that the sweep varied", TEXT),
     Column("rank_correlation", "1", "coefficient", "Spearman rank correlation over the variations"),
-    Column("draws", "1", "draws", "number of variations with a peak response"),
+    Column.named("draws", "number of variations with a peak response"),
 )
 """Columns of the rank correlations of a sweep."""

@@ -10,8 +10,7 @@ from tdint.errors import OutputError, UsageError
 from tdint.files import Content, is_there, protect_input, refuse_protected, write_files
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.store import schema
-from tdint.studies.store.differences import all_differences, differences
-from tdint.studies.store.identity import Identity
+from tdint.studies.store.identity import Identity, all_differences, differences
 from tdint.studies.store.result_store import FILE, Store, create_tables, is_empty
 from tdint.studies.store.schema import (
     connect,

@@ -27,8 +27,7 @@ from tdint.studies.campaign.buildings import (
 from tdint.studies.campaign.chunks import ChunkResult, RunRow
 from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
 from tdint.studies.store import schema
-from tdint.studies.store.differences import ComparedValues
-from tdint.studies.store.identity import Identity, metadata_of, stored_text
+from tdint.studies.store.identity import ComparedValues, Identity, metadata_of, stored_text
 from tdint.studies.store.schema import (
     UntrustedStoreError,
     sqlite_errors_reported,
@@ -109,9 +108,7 @@ class Store:
 
     def _optional_meta(self, key: str) -> dict[str, Any]:
         """Return the mapping of a key of the table `meta`; empty if the key does not exist."""
-        query = "SELECT value FROM meta WHERE key = ?"
-        row = self.connection.execute(query, (key,)).fetchone()
-        return dict(json.loads(row[0])) if row else {}
+        return dict(json.loads(self._meta_or_none(key) or "{}"))
 
     def settings(self) -> dict[str, str]:
         """Return the settings of all runs as JSON texts by name."""
@@ -480,6 +477,11 @@ class Store:
         query = "SELECT period_s FROM building_types WHERE building = ?"
         row = self.connection.execute(query, (building,)).fetchone()
         return row and float(row[0])
+
+    def first_periods(self) -> list[tuple[str, float]]:
+        """Return the names of the buildings with their first natural periods, s, if known."""
+        periods = [(name, self.period(number)) for number, (name, _) in self.buildings().items()]
+        return [(name, period) for name, period in periods if period is not None]
 
     def limits(self, building: int) -> BuildingLimits:
         """Return the limits and the isolators of the building with this number; empty for an
