@@ -1,5 +1,5 @@
-"""Names with control characters, numbers beyond the range of floats, models at the limits of what is
-possible, and an interrupted replacement."""
+"""Names with control characters, numbers beyond the range of floats, models at the limits of what
+is possible, and an interrupted replacement."""
 
 import csv
 import io
@@ -21,8 +21,8 @@ from tdint.studies.ida.ida import STORE
 # ---- Names
 
 NAMES = (
-    "line\nfeed", "carriage\r\nContent-Type: text\n\n", "esc\x1b[31m", "bidi\u202egnp", "a<script>b",
-    'quo"te,comma', "tab\tb", "-o", "=cmd()", "next\x85line", "isolate\u2066b",
+    "line\nfeed", "carriage\r\nContent-Type: text\n\n", "esc\x1b[31m", "bidi\u202egnp",
+    "a<script>b", 'quo"te,comma', "tab\tb", "-o", "=cmd()", "next\x85line", "isolate\u2066b",
 )  # fmt: skip
 CONTROLS = {*map(chr, range(32)), *map(chr, range(0x7F, 0xA0)), *"\u202e\u2066\u2028"} - {"\n"}
 
