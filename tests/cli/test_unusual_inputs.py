@@ -1,5 +1,5 @@
-"""Names with control characters, numbers beyond the range of floats, models at the limits of what is
-possible, and an interrupted replacement."""
+"""Names with control characters, numbers beyond the range of floats, models at the limits of what
+is possible, and an interrupted replacement."""
 
 import csv
 import io
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import tdint as tdint_package
 from cli.conftest import write_record
 from facts import states
 from tdint.number_parsing import SMALLEST
@@ -20,8 +21,8 @@ from tdint.studies.ida.ida import STORE
 # ---- Names
 
 NAMES = (
-    "line\nfeed", "carriage\r\nContent-Type: text\n\n", "esc\x1b[31m", "bidi\u202egnp", "a<script>b",
-    'quo"te,comma', "tab\tb", "-o", "=cmd()", "next\x85line", "isolate\u2066b",
+    "line\nfeed", "carriage\r\nContent-Type: text\n\n", "esc\x1b[31m", "bidi\u202egnp",
+    "a<script>b", 'quo"te,comma', "tab\tb", "-o", "=cmd()", "next\x85line", "isolate\u2066b",
 )  # fmt: skip
 CONTROLS = {*map(chr, range(32)), *map(chr, range(0x7F, 0xA0)), *"\u202e\u2066\u2028"} - {"\n"}
 
@@ -227,3 +228,21 @@ def test_an_interrupted_ida_keeps_the_earlier_study(folder, tdint, monkeypatch):
     assert {name: now[name] for name in tables} == {name: new[name] for name in tables}
     assert all(now[name] != earlier[name] for name in earlier)
     assert not list(Path("out").glob("*.new")) and states("".join(sorted(now)), "csv")
+
+
+def test_a_wrong_energy_balance_is_an_error(folder, tdint, monkeypatch):
+    """A run without a collapse whose imbalance reaches the input energy ends with code 5; the
+    imbalance of this run is larger than the limit that is set here."""
+    call = ("run", "shaken.yaml", "--dt", "0.01", "--no-check", "-q")
+    tdint(*call, code=0)
+    monkeypatch.setattr("tdint.response.runs.case._WRONG_BALANCE", 1e-9)
+    message = tdint(*call, code=5).stderr
+    assert states(message, "the final energy is ... times the input energy")
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"), [(0.5, False), (1.01, True), (-1.01, True), (np.nan, True)]
+)
+def test_imbalances_of_either_sign_above_the_input_energy_are_wrong(folder, error, expected):
+    case = tdint_package.prepare("shaken.yaml")
+    assert case._has_diverged(error, is_collapse=False) == expected

@@ -187,7 +187,7 @@ def any_worker(parent):
 
 @pytest.mark.slow
 def test_sixteen_processes_with_an_empty_cache(folder, start, tmp_path):
-    """One of them compiles the loop of spectra; all print the same, and no temporary file is left."""
+    """One compiles the loop of spectra; all print equal tables, and no temporary file is left."""
     cache = tmp_path / "cache"
     started = [
         start("info", "r0.csv", TDINT_CACHE_DIR=str(cache), TDINT_COMPILE="wait") for _ in range(16)

@@ -3,6 +3,7 @@ background."""
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -282,3 +283,43 @@ def test_second_run_is_compiled(tmp_path):
             while not tdint.system.lock(stream.fileno()) and time.monotonic() < deadline:
                 time.sleep(1.0)
     assert is_interpreted == [True, False]
+
+
+IN_ONE_PROCESS = """
+import sys
+from tdint_cli.main import cli
+record = [sys.argv[2], "--units", "m/s^2", "-q"]
+one = [*record, "--component", "HN1"]
+for arguments in (
+    ["run", sys.argv[1], *one, "--duration", "1", "-o", "run"],
+    ["run", sys.argv[1], *one, "--duration", "1", "-o", "again"],
+    ["ida", sys.argv[1], *one, "--max-im", "0.2g", "--precision", "50%", "-o", "ida"],
+    ["campaign", "study.yaml", "-q", "-o", "campaign"],
+    ["info", *record],
+):
+    try:
+        cli(arguments)
+    except SystemExit as end:
+        print(arguments[0], end.code, file=sys.stderr)
+"""
+
+
+@pytest.mark.slow
+def test_several_commands_in_one_process_with_an_empty_cache(tmp_path):
+    """The first runs are interpreted while another process compiles; later commands of the process
+    use compiled loops."""
+    model, record = CONFIGS / "collapse-prone-frame.yaml", CONFIGS.parent / "records"
+    (tmp_path / "study.yaml").write_text(
+        f"buildings: {{models: [{model}]}}\n"
+        f"records: {{files: [{record / 'near-fault.mseed'}], units: m/s^2, component: HN1}}\n"
+        "analysis: {duration: 2}\n"
+    )
+    process = subprocess.run(
+        [sys.executable, "-c", IN_ONE_PROCESS, str(model), str(record / "near-fault.mseed")],
+        env=environment(tmp_path / "cache"),
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    ends = [line for line in process.stderr.splitlines() if re.fullmatch(r"\w+ \S+", line)]
+    assert ends == ["run 0", "run 0", "ida 0", "campaign 0", "info 0"], process.stderr

@@ -193,8 +193,8 @@ def test_shards_of_elements_attachments_and_links_merge(folder: Path, tdint: Com
     """All tables of the merged shards have the bytes of one campaign."""
     Path("attached.yaml").write_text(
         "stories:\n"
-        "  - {mass: 10, height: 3, elements: [{name: a, type: bilinear, stiffness: 5000, yield_force: "
-        "20, hardening: 0.1}, {name: b, type: linear, stiffness: 3000}]}\n"
+        "  - {mass: 10, height: 3, elements: [{name: a, type: bilinear, stiffness: 5000, "
+        "yield_force: 20, hardening: 0.1}, {name: b, type: linear, stiffness: 3000}]}\n"
         "  - {mass: 10, height: 3, stiffness: 8000}\n"
         "damping: 5%\n"
         "attachments: [{name: tank, floor: 1, mass: 0.5, stiffness: 200}]\n"

@@ -167,8 +167,8 @@ def _directional_displacements(
     )
     (first, dt), (second, _) = components
     result = np.empty((omega.size, rotation.ANGLES))
-    # After the last sample, the ground acceleration decreases to zero. The arrays are copied, because
-    # kernels have no read-only arguments.
+    # After the last sample, the ground acceleration decreases to zero. The arrays are copied,
+    # because kernels have no read-only arguments.
     end = [0.0] if settings.maxima.between else []
     first, second = np.append(first, end), np.append(second, end)
     # Each group contains oscillators with the same number of parts of a sampling interval. The
