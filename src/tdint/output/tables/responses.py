@@ -24,12 +24,12 @@ from tdint.response.runs.outcome import (
     ENERGY_TERMS,
     STORY_QUANTITIES,
     ErrorHistory,
-    Gradient,
     History,
 )
 from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
+    from tdint.response.runs.gradient import Gradient
     from tdint.response.runs.outcome import DeviceHistory, Response, StoryErrors, StoryPeaks
 
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}

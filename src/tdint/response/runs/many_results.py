@@ -16,10 +16,8 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs import loop_results
-from tdint.response.runs.gradient import SCALE
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
-    Gradient,
     History,
     StoryErrors,
     StoryPeaks,
@@ -34,6 +32,10 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from tdint.model.limits import LimitCheck
+    from tdint.response.runs.gradient import Gradient
+
+SCALE = "record.scale"
+"""Name in `vary` that is not a parameter of the building: factor on the ground motion."""
 
 HISTORY_FIELDS = {
     quantity.called or quantity.name: quantity.name
