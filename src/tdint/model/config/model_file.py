@@ -14,7 +14,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -390,7 +390,7 @@ def model_keys() -> Keys:
 
     types = {"building": BUILDING, "damage": DAMAGE, "limits": LIMITS}
     return Keys(
-        tuple(replace(key, type=types.get(key.name, key.type)) for key in _MODEL.declared),
+        tuple(key._replace(type=types.get(key.name, key.type)) for key in _MODEL.declared),
         _MODEL.one_of,
         other_names=_MODEL.other_names,
     )

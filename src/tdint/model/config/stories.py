@@ -745,7 +745,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Eleme
     # multiplied by the cosine of its inclination and lengths divided by it, as by other units.
     cosine = _read_inclination(section)
     if not math.isnan(cosine):
-        unit = replace(unit, length=unit.length / cosine, force=unit.force * cosine)
+        unit = unit._replace(length=unit.length / cosine, force=unit.force * cosine)
     parameters = _read_parameters(section, law, unit) if law.parameters else ()
     has_unknown = any(map(math.isnan, parameters))
     stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from tdint.response.runs.outcome import DeviceHistory, Response, StoryErrors, StoryPeaks
 
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
-STORY_COLUMNS = (
+STORY_COLUMNS: tuple[Column, ...] = (
     Column(
         "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
     ),
@@ -43,7 +42,7 @@ STORY_COLUMNS = (
 STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
-ELEMENT_COLUMNS = (
+ELEMENT_COLUMNS: tuple[Column, ...] = (
     Column("story", "1", "story", "story, numbered from the ground"),
     Column("element", "text", "element", "name of the element in the model file"),
     Column("law", "text", "law", "hysteretic law of the element"),
@@ -221,7 +220,7 @@ def history_columns(
         Names of rows that are not floors.
     """
     return tuple(
-        replace(column, name=f"{name}_{column.name}" if name else column.name)
+        column._replace(name=f"{name}_{column.name}" if name else column.name)
         for names, group in history_groups(stories, error, elements, devices, rows)
         for name in names
         for column in group

@@ -16,10 +16,10 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from itertools import repeat
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,7 @@ _NUMBER_OR_SIGN = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?
 """Plain numbers, and a single sign, because - is the name of standard input."""
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """Column of a table.
 
     Attributes
@@ -180,8 +179,7 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """Return, for each column, the column NAME_error of the estimated errors of its values."""
     return tuple(
-        replace(
-            column,
+        column._replace(
             name=f"{column.name}_error",
             meaning=f"estimated absolute error of {column.name}",
         )
@@ -199,8 +197,7 @@ def error_percent(error: Cell, value: Cell) -> float | None:
     return float(f"{100.0 * error / abs(value):.2g}")
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """Table with the names of its columns, rows with a single cell per column, and descriptions of
     the columns, as `describe` returns them.
     """
@@ -269,7 +266,7 @@ class Table:
         """Return the table with the results of a function in place of the values of a column."""
         column = self.columns.index(name)
         rows = [(*row[:column], function(row[column]), *row[column + 1 :]) for row in self.rows]
-        return replace(self, rows=rows)
+        return self._replace(rows=rows)
 
     def by_column(self) -> list[tuple[Column, Any]]:
         """Return each column with its cells.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -238,15 +238,13 @@ class ElementPeaks(Tabular, ElementValues):
         return f"of {pluralize(len(self.element), 'element')}"
 
 
-@dataclass(frozen=True)
 class StoryErrors(StoryValues):
     """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
     units; nan if unknown.
     """
 
 
-@dataclass(frozen=True)
-class StepChoice:
+class StepChoice(NamedTuple):
     """Choice of a time step for a tolerance.
 
     Attributes
@@ -419,8 +417,7 @@ class ErrorHistory:
     shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
-@dataclass(frozen=True)
-class DevicePeaks:
+class DevicePeaks(NamedTuple):
     """Peaks of the attachments and then the links of a building.
 
     Attributes
@@ -629,8 +626,7 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
     )
 
 
-@dataclass(frozen=True)
-class Collapse:
+class Collapse(NamedTuple):
     """First time when a drift ratio exceeded the collapse drift or a story failed.
 
     Attributes
@@ -657,8 +653,7 @@ class Collapse:
         return "failed-story" if self.failed else "collapsed"
 
 
-@dataclass(frozen=True)
-class EventResponse:
+class EventResponse(NamedTuple):
     """Response to a single event of a sequence, until the ground motion of the next event or to the
     end.
 

@@ -81,8 +81,7 @@ the code of the failed step.
 """
 
 
-@dataclass(frozen=True)
-class IntegrationResult:
+class IntegrationResult(NamedTuple):
     """Result of a time integration.
 
     Attributes
@@ -152,8 +151,7 @@ class Motions:
 CODE, STEPS_COMPLETED, AT_REST = range(3)
 
 
-@dataclass(frozen=True)
-class BatchResult:
+class BatchResult(NamedTuple):
     """Results of many runs. The first axis of each array is the run.
 
     Attributes
@@ -197,8 +195,7 @@ def element_results(law_state: Array, stories: int) -> Array:
     return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
 
 
-@dataclass(frozen=True)
-class RestCriterion:
+class RestCriterion(NamedTuple):
     """Criterion for continuing runs with the ground at rest; by default, runs are not continued.
 
     Attributes
