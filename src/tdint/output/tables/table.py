@@ -16,7 +16,6 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field
 from itertools import repeat
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -204,7 +203,7 @@ class Table(NamedTuple):
 
     columns: tuple[str, ...]
     rows: list[tuple[Cell, ...]]
-    meanings: dict[str, dict[str, str]] = field(default_factory=dict)
+    meanings: dict[str, dict[str, str]] = {}
 
     @classmethod
     def of(cls, columns: Sequence[Column], rows: Iterable[Iterable[Any]]) -> Table:
