@@ -203,7 +203,7 @@ class Table(NamedTuple):
 
     columns: tuple[str, ...]
     rows: list[tuple[Cell, ...]]
-    meanings: dict[str, dict[str, str]] = {}
+    meanings: dict[str, dict[str, str]] = {}  # noqa: RUF012  never changed
 
     @classmethod
     def of(cls, columns: Sequence[Column], rows: Iterable[Iterable[Any]]) -> Table:
