@@ -14,7 +14,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -343,7 +343,6 @@ def _suppression_reason(text: str) -> str:
 _PLAUSIBILITY = TextLine(_suppression_reason)
 
 
-@dataclass(frozen=True)
 class _LineOrNothing:
     """Text of a line of a report, which may be empty."""
 

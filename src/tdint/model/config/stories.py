@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -102,7 +102,6 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
     )
 
 
-@dataclass(frozen=True)
 class _LawType:
     """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
 
@@ -136,7 +135,6 @@ _INCLINATION = (
 """Keys of an inclined dashpot or element."""
 
 
-@dataclass(frozen=True)
 class _ElementType:
     """Type of an entry of `elements`: a mapping with the type of a law and its parameters."""
 

@@ -106,7 +106,6 @@ def numbered(count: int | None) -> Integer:
     return Integer(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
 
-@dataclass(frozen=True)
 class Flag:
     """Boolean value, true or false."""
 
@@ -130,7 +129,6 @@ class TextLine(NamedTuple):
         return {"type": ["string", "number"]}
 
 
-@dataclass(frozen=True)
 class PathOf:
     """Path relative to the file that contains it; `-` is standard input."""
 

@@ -626,7 +626,8 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
     )
 
 
-class Collapse(NamedTuple):
+@dataclass(frozen=True)
+class Collapse:
     """First time when a drift ratio exceeded the collapse drift or a story failed.
 
     Attributes
@@ -653,7 +654,8 @@ class Collapse(NamedTuple):
         return "failed-story" if self.failed else "collapsed"
 
 
-class EventResponse(NamedTuple):
+@dataclass(frozen=True)
+class EventResponse:
     """Response to a single event of a sequence, until the ground motion of the next event or to the
     end.
 

@@ -204,7 +204,7 @@ def event_responses(
     starts = (start, *(None for _ in events[1:]))
     # The additional run may end earlier and contain fewer events (`strict=False`).
     return tuple(
-        event._replace(errors=story_errors(event, other, factors(joined.method), start=start))
+        replace(event, errors=story_errors(event, other, factors(joined.method), start=start))
         for event, other, start in zip(events, others, starts, strict=False)
     )
 
