@@ -28,8 +28,13 @@ from tdint.response.runs.outcome import (
 from tdint.units import SI, OutputUnits, quantities
 
 if TYPE_CHECKING:
-    from tdint.response.runs.gradient import Gradient
-    from tdint.response.runs.outcome import DeviceHistory, Response, StoryErrors, StoryPeaks
+    from tdint.response.runs.outcome import (
+        DeviceHistory,
+        Gradient,
+        Response,
+        StoryErrors,
+        StoryPeaks,
+    )
 
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
 STORY_COLUMNS: tuple[Column, ...] = (

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from itertools import product
 from typing import Any
 
@@ -23,7 +23,6 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import DASHPOT, story_numbers
-from tdint.number_parsing import pluralize
 from tdint.response.run_plan import RunsRequest
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import Case
@@ -35,8 +34,7 @@ from tdint.response.runs.error_estimate import (
     shorter_steps,
 )
 from tdint.response.runs.many_results import HISTORY_FIELDS, SCALE, Runs, RunSpec
-from tdint.response.runs.outcome import Response, StoryErrors, StoryPeaks, StoryValues
-from tdint.tabular import Tabular
+from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
 
 SIZE = 1e-4
 """Dimensionless. Distance of a neighbor divided by the value of the parameter. For 13 771 pairs in
@@ -44,73 +42,6 @@ SIZE = 1e-4
 story with differences ten times smaller, and 0.2 % differ by more than 1 %. With a ten times larger
 distance these values are 4e-4 and 0.7 %.
 """
-
-
-@dataclass(frozen=True, repr=False)
-class Gradient(Tabular, StoryValues):
-    """Derivatives of the peaks of a run.
-
-    The derivatives have the names of the attributes of `StoryPeaks`, and the units of the peaks
-    divided by the units of the parameters.
-
-    The first axis of the arrays is the parameter: shape (parameters, n), or (runs, parameters, n)
-    for many runs. Values are nan if a neighboring run has no result.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-        Names of the parameters as requested.
-    values : ndarray, shape (parameters,) or (runs, parameters)
-        Parameter values of the derivatives, SI units; 1 for factors.
-    kink : StoryErrors
-        Half the difference of the one-sided derivatives: rounding and curvature if the peak is
-        smooth, the jump at a kink. An indication, not a bound.
-    history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
-        Derivatives of the histories that were kept.
-    by : str
-        Method of differentiation.
-    errors : StoryErrors | None
-        Estimated discretization errors of the derivatives of the same names, from one additional
-        set of runs with half the time step. None if error estimates were omitted (`check=False`);
-        nan without an estimate.
-    """
-
-    parameters: tuple[str, ...]
-    values: Array
-    kink: StoryErrors
-    history: dict[str, NDArray[np.floating[Any]]]
-    by: str = "central differences"
-    errors: StoryErrors | None = None
-
-    def _headline(self) -> str:
-        parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"
-        if self.errors is None:
-            return f"{parameters}, errors not estimated"
-        size = np.nanmax(np.abs(self.peak_drift), axis=-1)
-        errors = np.nanmax(self.errors.peak_drift, axis=-1)
-        worst = np.nanmax(np.divide(errors, size, out=np.zeros_like(size), where=size > 0.0))
-        return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
-
-    def select_run(self, number: int) -> Gradient:
-        """Return the derivatives of one of many runs.
-
-        Parameters
-        ----------
-        number : int
-            Index of the run, from 0.
-        """
-        history = {name: array[number] for name, array in self.history.items()}
-        # Derivatives, kinks and errors have the same names. Without errors, the third result is
-        # None.
-        peaks, kink, errors = (
-            {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
-            if source
-            else None
-            for source in (self, self.kink, self.errors)
-        )
-        values: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
-        values["errors"] = StoryErrors(**errors) if errors else None
-        return replace(self, **values, values=self.values[number], history=history)
 
 
 def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:

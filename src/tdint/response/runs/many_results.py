@@ -18,6 +18,7 @@ from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs import loop_results
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
+    Gradient,
     History,
     StoryErrors,
     StoryPeaks,
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from tdint.model.limits import LimitCheck
-    from tdint.response.runs.gradient import Gradient
 
 SCALE = "record.scale"
 """Name in `vary` that is not a parameter of the building: factor on the ground motion."""

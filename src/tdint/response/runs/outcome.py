@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, NamedTuple, TypeVar, get_type_hints
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.model.limits import LimitCheck
-    from tdint.response.runs.gradient import Gradient
 
 
 def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
@@ -242,6 +241,73 @@ class StoryErrors(StoryValues):
     """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
     units; nan if unknown.
     """
+
+
+@dataclass(frozen=True, repr=False)
+class Gradient(Tabular, StoryValues):
+    """Derivatives of the peaks of a run.
+
+    The derivatives have the names of the attributes of `StoryPeaks`, and the units of the peaks
+    divided by the units of the parameters.
+
+    The first axis of the arrays is the parameter: shape (parameters, n), or (runs, parameters, n)
+    for many runs. Values are nan if a neighboring run has no result.
+
+    Attributes
+    ----------
+    parameters : tuple of str
+        Names of the parameters as requested.
+    values : ndarray, shape (parameters,) or (runs, parameters)
+        Parameter values of the derivatives, SI units; 1 for factors.
+    kink : StoryErrors
+        Half the difference of the one-sided derivatives: rounding and curvature if the peak is
+        smooth, the jump at a kink. An indication, not a bound.
+    history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
+        Derivatives of the histories that were kept.
+    by : str
+        Method of differentiation.
+    errors : StoryErrors | None
+        Estimated discretization errors of the derivatives of the same names, from one additional
+        set of runs with half the time step. None if error estimates were omitted (`check=False`);
+        nan without an estimate.
+    """
+
+    parameters: tuple[str, ...]
+    values: Array
+    kink: StoryErrors
+    history: dict[str, NDArray[np.floating[Any]]]
+    by: str = "central differences"
+    errors: StoryErrors | None = None
+
+    def _headline(self) -> str:
+        parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"
+        if self.errors is None:
+            return f"{parameters}, errors not estimated"
+        size = np.nanmax(np.abs(self.peak_drift), axis=-1)
+        errors = np.nanmax(self.errors.peak_drift, axis=-1)
+        worst = np.nanmax(np.divide(errors, size, out=np.zeros_like(size), where=size > 0.0))
+        return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
+
+    def select_run(self, number: int) -> Gradient:
+        """Return the derivatives of one of many runs.
+
+        Parameters
+        ----------
+        number : int
+            Index of the run, from 0.
+        """
+        history = {name: array[number] for name, array in self.history.items()}
+        # Derivatives, kinks and errors have the same names. Without errors, the third result is
+        # None.
+        peaks, kink, errors = (
+            {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
+            if source
+            else None
+            for source in (self, self.kink, self.errors)
+        )
+        values: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
+        values["errors"] = StoryErrors(**errors) if errors else None
+        return replace(self, **values, values=self.values[number], history=history)
 
 
 class StepChoice(NamedTuple):

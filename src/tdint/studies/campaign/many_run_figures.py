@@ -14,9 +14,8 @@ from tdint.errors import UsageError
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output.figures.style import INK, LIGHT, titled
-from tdint.response.runs.gradient import Gradient
 from tdint.response.runs.many_results import SCALE
-from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.response.runs.outcome import STORY_QUANTITIES, Gradient
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import Profile
 from tdint.studies.campaign.suite_figures import draw_drift_profiles, profile_picture
