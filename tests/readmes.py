@@ -32,6 +32,7 @@ from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.story_laws import LAWS
 from tdint.output.tables import buildings, devices, matrices, methods, responses, spectra, transfer
 from tdint.output.tables import table as shared
+from tdint.output.tables.runs import BUILDING_COLUMNS
 from tdint.output.tables.table import columns_of
 from tdint.response.spectra.drift import DriftSpectrum
 from tdint.response.spectra.elastic import OscillatorMotion, Spectrum
@@ -41,6 +42,7 @@ from tdint.studies.fragility import damage_tables as damage_states
 from tdint.studies.fragility import fragility_tables as functions
 from tdint.studies.fragility.measures import run_measure
 from tdint.studies.recordings import comparison_tables as comparison
+from tdint.studies.store.schema import PART_TABLES
 from tdint_cli.main import GROUPS
 
 ROOT = Path(__file__).parents[1]
@@ -231,14 +233,10 @@ def columns():
     return {
         "tdint run": responses.STORY_COLUMNS,
         "elements.csv of tdint run": (*responses.ELEMENT_COLUMNS, *responses.ELEMENT_ERROR),
-        "attachments.csv of tdint run": (
-            *(*devices.ATTACHMENT_NAMES, *devices.ATTACHMENT_COLUMNS, *devices.ENERGY),
-            *(*devices.ATTACHMENT_ERROR, *devices.ENERGY_ERROR),
-        ),
-        "links.csv of tdint run": (
-            *(*devices.LINK_NAMES, *devices.LINK_COLUMNS, *devices.ENERGY),
-            *(*devices.LINK_ERROR, *devices.ENERGY_ERROR),
-        ),
+        **{
+            f"{kind}.csv of tdint run": (*shown, *errors)
+            for kind, (shown, errors) in zip(("attachments", "links"), devices.TABLES, strict=True)
+        },
         "rows.csv of tdint run": (matrices.ROW_NAME, *matrices.ROW_COLUMNS, *matrices.ROW_ERROR),
         "stories.csv of tdint run, flexural": (
             *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),
@@ -278,9 +276,10 @@ def columns():
         "tdint drift-spectrum": (*shared.RECORD_COLUMNS, *columns_of(DriftSpectrum)),
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
-        "stories.csv of tdint campaign": campaign.STORIES,
-        "elements.csv of tdint campaign": campaign.ELEMENTS,
-        "shocks.csv of tdint campaign": campaign.SHOCKS,
+        **{
+            f"{name} of tdint campaign": (*BUILDING_COLUMNS, *table.shown)
+            for name, table in PART_TABLES.items()
+        },
         "profiles.csv of tdint campaign": campaign.PROFILES,
         "ratios.csv of tdint campaign": campaign.RATIOS,
         "damage.csv of tdint campaign": damage_states.damage_columns(

@@ -487,6 +487,27 @@ def is_bare(node):
     return bool(numbers) and not any(isinstance(part, ast.Name | ast.Attribute) for part in parts)
 
 
+def test_modules_with_equal_names_are_imported_with_their_folder():
+    """In one call of pytest, only the first of two modules of tests with the same name is found."""
+    files = [file for file in (ROOT / "tests").rglob("*.py") if file.name != "conftest.py"]
+    stems = [file.stem for file in files if not file.stem.startswith("test_")]
+    ambiguous = {stem for stem in stems if stems.count(stem) > 1}
+    assert "run" in ambiguous
+    bare = [
+        (file.relative_to(ROOT).as_posix(), name)
+        for file in files
+        for node in ast.walk(ast.parse(file.read_bytes()))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in (
+            [node.module]
+            if isinstance(node, ast.ImportFrom)
+            else [alias.name for alias in node.names]
+        )
+        if name in ambiguous
+    ]
+    assert bare == []
+
+
 def test_constants_have_comments():
     """A comment or a docstring next to the constant, or to its group, states its meaning or the
     reason for its value."""

@@ -1,4 +1,4 @@
-"""Type of arrays, bisection, and properties that are computed once."""
+"""Type of arrays, maxima, bisection, and properties that are computed once."""
 
 from __future__ import annotations
 
@@ -30,6 +30,11 @@ class HasArray(Protocol):
 
 Numbers: TypeAlias = Sequence[float] | HasArray
 """Argument that accepts several numbers: a list, a tuple or an array with one axis."""
+
+
+def max_absolute(values: Array) -> float:
+    """Return the maximum absolute value, without a copy of the values; 0 for an empty array."""
+    return max(float(np.max(values, initial=0.0)), -float(np.min(values, initial=0.0)))
 
 
 def bisect_interval(

@@ -241,6 +241,36 @@ def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, nam
     assert (study / files[0]).read_bytes() != b"mine"
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name in WRITING if name != "merge"])
+def test_files_of_a_command_are_replaced_together(
+    study: Path, tdint: Command, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """When the first new file has its name, no earlier file of the command is left: a command that
+    is killed at any moment leaves no mixture."""
+    arguments = arguments_of(WRITING[name][0])
+    before = files_in(study)
+    tdint(*arguments, code=0)
+    written = files_in(study).keys() - before
+    for file in written:
+        (study / file).write_bytes(b"mine")
+    replace, left = Path.replace, []
+
+    def watched(source: Path, target: Path) -> Path:
+        left.append({file for file in written if (study / file).read_bytes() == b"mine"})
+        return replace(source, target)
+
+    def read_bytes(file: Path) -> bytes:
+        return read(file) if file.exists() else b""
+
+    read = Path.read_bytes
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", watched)
+        patch.setattr(Path, "read_bytes", read_bytes)
+        tdint(*arguments, "--overwrite", code=0)
+    assert len(left) >= len(written) and set().union(*left) == set()
+
+
 READING = {
     "init": ("init FIFO --overwrite", 6),
     "check": ("check FIFO", 3),
@@ -311,6 +341,35 @@ def test_a_named_pipe_does_not_block_a_command(study: Path, tdint: Command, name
         result = tdint(*arguments)
     assert (result.exit_code, len(result.stderr.splitlines())) == (code, 1), result.output
     assert "FIFO" in result.stderr
+
+
+@pytest.mark.parametrize("name", every(3, [name for name in READING if "FIFO" in READING[name][0]]))
+@pytest.mark.parametrize("text", ["root:secret-hash:20228:0\nbin:*:20228\n", "secret-hash 20228\n"])
+def test_no_command_prints_the_content_of_another_file(
+    study: Path, tdint: Command, name: str, text: str
+) -> None:
+    """Messages about a file that is not of the expected type do not contain its text."""
+    line, _ = READING[name]
+    arguments = arguments_of(line)
+    for file in {word.rpartition("=")[2] for word in arguments if "FIFO" in word}:
+        (study / file).write_text(text)
+    result = tdint(*arguments)
+    assert "20228" not in result.output and "secret-hash" not in result.output
+
+
+@pytest.mark.parametrize("text", ["root:secret-hash:20228:0\nbin:*:20228\n", "secret-hash 20228\n"])
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_table_of_forces_does_not_print_another_file(
+    study: Path, tdint: Command, command: str, text: str
+) -> None:
+    (study / "settings.txt").write_text(text)
+    (study / "pushed.yaml").write_text(
+        "stories: [{mass: 1, stiffness: 1}]\nanalysis: {duration: 1}\n"
+        "excitation: {forces: [{floor: 1, file: settings.txt, column: f_kN}]}\n"
+    )
+    result = tdint(command, "pushed.yaml")
+    assert result.exit_code in (3, 4) and "settings.txt" in result.stderr
+    assert "20228" not in result.output and "secret-hash" not in result.output
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")

@@ -53,6 +53,8 @@ COMMANDS = {
     "runs.csv of tdint campaign": "{folder}/campaign.yaml",
     "stories.csv of tdint campaign": "{folder}/campaign.yaml",
     "elements.csv of tdint campaign": "{folder}/elements.yaml",
+    "attachments.csv of tdint campaign": "{folder}/devices.yaml",
+    "links.csv of tdint campaign": "{folder}/devices.yaml",
     "shocks.csv of tdint campaign": "{folder}/sequences.yaml",
     "profiles.csv of tdint campaign": "{folder}/campaign.yaml",
     "ratios.csv of tdint campaign": "{folder}/campaign.yaml --baseline frame",
@@ -117,6 +119,8 @@ def folder(tmp_path_factory):
         f"{{stories: true}}\n",
         "elements.yaml": "buildings: {models: "
         f"[{readmes.ROOT / 'configs/isolated-moat-wall.yaml'}]}}\n{one_component}",
+        "devices.yaml": "buildings: {models: "
+        f"[{readmes.ROOT / 'configs/absorber-frame.yaml'}]}}\n{one_component}",
         "damage.yaml": f"buildings: {{models: [{readmes.ROOT / FRAME}]}}\n{one_component}"
         "damage:\n  thresholds: {slight: 1%, moderate: 2%, extensive: 3%, complete: 4%}\n  "
         "dispersion: 0\n"

@@ -235,3 +235,21 @@ def test_certificates_are_required_and_checked(study, start, cluster, monkeypatc
     assert (study / "far" / "runs.csv").read_bytes() == (study / "near" / "runs.csv").read_bytes()
     code, _, messages = campaign("stranger", "refused")
     assert (code, "no scheduler responds" in messages) == (2, True), messages
+
+
+def test_a_stopped_campaign_is_continued_with_equal_tables(study, start):
+    """While the campaign is stopped (SIGSTOP), a second call is refused and `status` answers."""
+    assert start("campaign", "study.yaml", "-o", "whole").end(300.0)[0] == 0
+    stopped = start("campaign", "study.yaml", "-o", "out", "--jobs", "2")
+    stopped.wait_for(lambda: chunks_done(study / "out"))
+    os.kill(stopped.process.pid, signal.SIGSTOP)
+    try:
+        code, _, message = start("campaign", "study.yaml", "-o", "out").end()
+        assert code == 6 and "out" in message and len(message.splitlines()) == 1, message
+        code, status, message = start("campaign", "status", "out").end()
+        assert code == 0 and "120" in status + message, message
+    finally:
+        os.kill(stopped.process.pid, signal.SIGCONT)
+    assert stopped.end(300.0)[0] == 0
+    for name in ("runs.csv", "stories.csv"):
+        assert (study / "out" / name).read_bytes() == (study / "whole" / name).read_bytes()

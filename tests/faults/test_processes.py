@@ -183,3 +183,17 @@ def any_worker(parent):
             if int(fields[1]) == parent and (entry / "cwd").readlink() != Path.cwd():
                 return True
     return False
+
+
+@pytest.mark.slow
+def test_sixteen_processes_with_an_empty_cache(folder, start, tmp_path):
+    """One of them compiles the loop of spectra; all print the same, and no temporary file is left."""
+    cache = tmp_path / "cache"
+    started = [
+        start("info", "r0.csv", TDINT_CACHE_DIR=str(cache), TDINT_COMPILE="wait") for _ in range(16)
+    ]
+    ends = [process.end(600.0) for process in started]
+    assert {code for code, _, _ in ends} == {0}
+    assert len({table for _, table, _ in ends}) == 1
+    assert not list(cache.rglob("*.part")) and list(cache.rglob("*.object"))
+    assert cache.stat().st_mode & 0o777 == 0o700

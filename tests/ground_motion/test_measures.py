@@ -2,6 +2,7 @@
 straight lines."""
 
 import math
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from tdint.ground_motion.measures import (
     zeros_at_ends,
 )
 from tdint.ground_motion.record import Record
+from tdint.output.tables.spectra import record_info
 from tdint.units import STANDARD_GRAVITY
 
 
@@ -240,6 +242,10 @@ class TestMeasuresOfFrequencyAndLevel:
         assert measure(record([-3.0, 3.0])).a95 == pytest.approx(
             3.0 * 0.95 ** (1.0 / 3.0), rel=1e-12
         )
+        many_samples = np.linspace(-3.0, 3.0, 1001)
+        assert measure(record(many_samples)).a95 == pytest.approx(
+            3.0 * 0.95 ** (1.0 / 3.0), rel=1e-12
+        )
 
         # From 1 to 2: (A^3 - 1) / 7 of the whole.
         assert measure(record([1.0, 2.0])).a95 == pytest.approx(7.65 ** (1.0 / 3.0), rel=1e-12)
@@ -263,3 +269,41 @@ class TestMeasuresOfFrequencyAndLevel:
         assert measure(record([0.2 * g] * 5)).bracketed_duration == 2.0
         # One sample inside: 0.1 g, with 0 before and after.
         assert measure(record([0.0, 0.1 * g, 0.0])).bracketed_duration == pytest.approx(0.5)
+
+
+class TestLongRecords:
+    def test_measures_do_not_depend_on_the_blocks(self, monkeypatch):
+        """Integrals continue from one block of samples to the next, with the same bits; sums of
+        blocks differ by rounding errors."""
+        motion = record(np.random.default_rng(7).normal(size=301).round(2) * 0.2, 0.01)
+        in_one, energy, measures = integrate(motion), cumulative_energy(motion), measure(motion)
+        for block in (13, 299):
+            monkeypatch.setattr("tdint.ground_motion.measures._BLOCK", block)
+            assert cumulative_energy(motion).tobytes() == energy.tobytes()
+            in_blocks = integrate(motion)
+            assert in_blocks.velocity.tobytes() == in_one.velocity.tobytes()
+            assert in_blocks.displacement.tobytes() == in_one.displacement.tobytes()
+            assert (in_blocks.pgv, in_blocks.pgd) == (in_one.pgv, in_one.pgd)
+            for name in ("arias", "cav", "cav5", "d5_75", "d5_95", "a95", "bracketed_duration"):
+                assert getattr(measure(motion), name) == pytest.approx(
+                    getattr(measures, name), rel=1e-13
+                ), name
+
+    def test_peaks_between_samples_of_a_later_block(self, monkeypatch):
+        """Acceleration from 1 to -1 m/s^2 in the fourth interval of 1 s: the velocity is 3.25 m/s
+        in its middle, and 3 m/s at its ends."""
+        monkeypatch.setattr("tdint.ground_motion.measures._BLOCK", 2)
+        motion = integrate(record([1.0, 1.0, 1.0, 1.0, -1.0, -1.0], 1.0))
+        assert motion.pgv == pytest.approx(3.25, rel=1e-14)
+        assert np.max(motion.velocity) == 3.0
+
+    def test_memory_of_info_is_six_records(self):
+        """`tdint info` computes integrals, sums and spectra with 1106 periods."""
+        motion = record(np.random.default_rng(7).normal(size=2**19), 0.005)
+        tracemalloc.start()
+        try:
+            record_info(motion)
+            _, most = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert most < 6 * motion.acceleration.nbytes

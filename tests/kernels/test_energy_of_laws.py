@@ -1,11 +1,13 @@
 """No law but `steel` creates energy in random parameter sets: the dissipated energy never decreases
-along a random path of drifts, and the stored energy is never negative."""
+along a random path of drifts, and the stored energy is never negative. Work of concave laws."""
 
 import numpy as np
 import pytest
 
 import tdint
 from tdint.errors import ModelError
+from tdint.kernels.laws import LAWS as NUMBERED_LAWS
+from tdint.kernels.laws.fracture import fracturing
 from tdint.model.building import assemble
 from tdint.response.static.cyclic import follow_path
 
@@ -131,3 +133,42 @@ def test_a_few_laws(name):
 def test_many_laws(name):
     for seed in range(2500):
         _check(name, seed)
+
+
+CONCAVE = {
+    "bilinear": lambda rng: {"yield_force": STRENGTH, "hardening": rng.uniform(0.0, 0.3)},
+    "tanh": lambda rng: {"strength": STRENGTH},
+    "ramberg-osgood": lambda rng: {
+        **{"yield_force": STRENGTH, "alpha": rng.uniform(0.1, 2.0)},
+        "exponent": rng.uniform(1.5, 20.0),
+    },
+    "linear": lambda rng: {},
+}
+
+
+def test_laws_declared_concave():
+    """A law that fractures is not concave."""
+    concave = {law.name: law for law in NUMBERED_LAWS if law.concave}
+    assert set(concave) == set(CONCAVE)
+    assert not fracturing(concave["bilinear"]).concave
+
+
+@pytest.mark.parametrize("name", CONCAVE)
+def test_work_from_rest_of_concave_laws(name):
+    """After random reversals, the work from a position of rest up to any drift is at least half of
+    the largest force times the distance. In a law with pinching it is down to a third of that."""
+    rng = np.random.default_rng(7)
+    for side in [1.0, -1.0] * 10:
+        story = {"mass": 1.0, "stiffness": STIFFNESS, "law": {"type": name, **CONCAVE[name](rng)}}
+        building = assemble(tdint.load_model({"stories": [story]}))
+        path = YIELD * rng.uniform(-4.0, 4.0, 8)
+        force = follow_path(building, 1, path).shear[-1]
+        unloading = path[-1] - np.sign(force) * YIELD * np.linspace(0.0, 6.0, 3001)
+        forces = follow_path(building, 1, np.concatenate([path, unloading])).shear[path.size :]
+        rest = unloading[: np.argmin(np.abs(forces)) + 1]
+        distance = 8.0 * YIELD * np.linspace(0.0, 1.0, 801)
+        ahead = np.concatenate([path, rest, rest[-1] + side * distance])
+        forces = np.abs(follow_path(building, 1, ahead).shear[-distance.size :])
+        work = np.cumsum(np.r_[0.0, 0.5 * (forces[1:] + forces[:-1]) * np.diff(distance)])
+        least = 0.5 * np.maximum.accumulate(forces) * distance
+        assert np.all(work >= least - 0.01 * STRENGTH * YIELD)

@@ -10,10 +10,10 @@ import manufactured
 import numpy as np
 import opensees
 import pytest
-import run
 from file_cases import kaikoura_cases
 
 from tdint.assessment.validation.validation import closed_form_cases, compute_case, textbook_cases
+from validation import run
 
 CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")

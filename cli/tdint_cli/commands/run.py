@@ -171,7 +171,7 @@ def _run(request: Request) -> None:
             "--plot and --report show stories, but this model has rows that are not floors: use "
             "--history, or `stories` with a `stiffness_matrix`"
         )
-    request.floor_request.chosen_floors(len(model.stories))
+    request.floor_request.chosen_floors(model)
     if model.damage:
         from tdint.response.runs.damage import own_type
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.files import Content
+    from tdint.model.definition import Model
     from tdint.number_parsing import Grid
     from tdint.response.runs.outcome import Response
     from tdint.response.spectra.floor_motions import FloorSpectrum
@@ -174,9 +175,9 @@ class FloorRequest:
         type=ListOf(click.STRING),
         metavar="FLOOR,...",
         help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of "
-        "these floors (numbers from 1, or roof), exact for motions that are linear between time "
-        f"steps; with --plot also {SPECTRA_PICTURE}. With several records, the spectra of every "
-        f"run, and their mean and envelope in {SPECTRA_MEAN}.",
+        "these floors (numbers from 1, or roof) or attachments (names), exact for motions that are "
+        f"linear between time steps; with --plot also {SPECTRA_PICTURE}. With several records, the "
+        f"spectra of every run, and their mean and envelope in {SPECTRA_MEAN}.",
     )
     floor_damping: tuple[float, ...] = damping(_NEEDS)
     floor_periods: tuple[float | Grid, ...] | None = periods(
@@ -189,14 +190,14 @@ class FloorRequest:
             name = _NEEDS if self.floors else "--export-floors"
             raise UsageError(f"{name} requires -o DIR, because it writes a file; add -o DIR")
 
-    def chosen_floors(self, stories: int) -> tuple[int, ...]:
+    def chosen_floors(self, model: Model) -> tuple[int | str, ...]:
         """Return the floors of the requested spectra; raise UsageError if the building has no such
         floor."""
         if not self.floors:
             return ()
-        from tdint.response.spectra.floor_motions import floor_numbers
+        from tdint.response.spectra.floor_motions import floors_of
 
-        return floor_numbers(self.floors, stories)
+        return floors_of(self.floors, model)
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """Return the periods of the floor spectra, s."""
@@ -208,7 +209,7 @@ class FloorRequest:
             return ()
         from tdint.response.spectra.floor_motions import floor_spectra as spectra_of
 
-        floors = self.chosen_floors(len(response.model.stories))
+        floors = self.chosen_floors(response.model)
         return spectra_of(response, floors, self.chosen_periods(), self.floor_damping)
 
     def files(

@@ -349,8 +349,9 @@ class Profiles:
 
 # ---- Campaigns
 
-RUNS, STORIES, ELEMENTS = "runs.csv", "stories.csv", "elements.csv"
-SHOCKS, SUMMARY = "shocks.csv", "summary.json"
+RUNS, STORIES = "runs.csv", "stories.csv"
+PARTS = ("elements.csv", "attachments.csv", "links.csv", "shocks.csv")
+SUMMARY = "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet", "losses.parquet")
 SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts.geojson"
@@ -366,8 +367,7 @@ _WRITTEN_FILES = (
     *(
         RUNS,
         STORIES,
-        ELEMENTS,
-        SHOCKS,
+        *PARTS,
         PROFILES,
         RATIOS,
         DAMAGE,
@@ -866,6 +866,7 @@ def _write(
     from tdint.studies.campaign.campaign_summary import campaign_summary
     from tdint.studies.store.opening import write_from_store
     from tdint.studies.store.result_store import FILE
+    from tdint.studies.store.schema import PART_TABLES
 
     request, store, units = profiles.request, profiles.store, profiles.units
     tables = studies.campaign.campaign_tables
@@ -875,12 +876,12 @@ def _write(
         files[RUNS] = lambda stream: tables.write_runs(store, stream, units)
     files |= contents
     settings = store.parameters()
-    if settings["stories"]:
-        files[STORIES] = lambda stream: tables.write_stories(store, stream, units)
-    if next(store.elements(), None) is not None:
-        files[ELEMENTS] = lambda stream: tables.write_elements(store, stream, units)
-    if next(store.shocks(), None) is not None:
-        files[SHOCKS] = lambda stream: tables.write_shocks(store, stream, units)
+    for name, table in PART_TABLES.items():
+        # Rows of stories are also stored for profiles.csv. Elements, attachments, links and events
+        # have rows only if the buildings or the motions have them.
+        is_written = settings["stories"] if name == STORIES else any(store.parts(table))
+        if is_written:
+            files[name] = partial(tables.write_parts, table=table, store=store, units=units)
     if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.write_profiles(store, stream, units)
     files |= _damage(store, units, profiles.by)

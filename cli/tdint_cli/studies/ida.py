@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -206,8 +207,9 @@ def command(request: IdaRequest) -> None:
     undeformed building.
 
     CSV of the capacities on standard output, or with -o in a directory: one row per record and
-    drift threshold; the collapse drift is the last threshold. With -o, the same call
-    continues an interrupted analysis; --overwrite starts again.
+    drift threshold; the collapse drift is the last threshold. If the model limits attachments or
+    links, rows of these limits follow. With -o, the same call continues an interrupted analysis;
+    --overwrite starts again.
     """
     from tdint.ground_motion.measures import cut_off
     from tdint.model.config.model_file import load_model
@@ -437,6 +439,7 @@ def _report(study: IdaStudy, precision: float) -> None:
     say(
         f"{study.model.name}: {records}, {pluralize(len(runs), 'run')} with {study.method}.",
         *map(_median, study.states),
+        *_limit_medians(study),
     )
     repeated = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if repeated:
@@ -496,12 +499,50 @@ def _median(study: IdaStudy) -> str:
     from tdint.studies.ida.ida_curve import fractiles
 
     curves = study.motion_curves
-    count, unit, damage = len(curves), study.measure.unit, curves[0].damage
+    count, damage = len(curves), curves[0].damage
     # The array has a row for each fractile (16, 50 and 84 %) and a column for the collapse drift. A
     # fractile above the maximum intensity is NaN.
-    low, median, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    values = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     state = f" of the building damaged to a drift ratio of {100.0 * damage:g} %" if damage else ""
-    text = f"Median collapse capacity{state}: "
+    censored = sum(curve.collapse.censored for curve in curves)
+    return _median_text(f"Median collapse capacity{state}", study, values, count, censored)
+
+
+def _limit_medians(study: IdaStudy) -> list[str]:
+    """Return a sentence with the median capacity for each limit of attachments and links."""
+    import numpy as np
+
+    from tdint.studies.ida.ida_curve import fractiles_of
+
+    if not study.limits:
+        return []
+    curves = study.states[0].motion_curves
+    capacities = [
+        studies.ida.ida_tables.limit_capacities(study, curve) for curve in curves if curve.stable
+    ]
+    return [
+        _median_text(
+            f"Median capacity, limit {of_limit[0].limit}",
+            study,
+            fractiles_of(np.array([[item.intensity] for item in of_limit]))[:, 0].tolist(),
+            len(curves),
+            sum(item.censored for item in of_limit),
+        )
+        for of_limit in zip(*capacities, strict=True)
+    ]
+
+
+def _median_text(
+    text: str, study: IdaStudy, values: Sequence[float], count: int, censored: int
+) -> str:
+    """Return a sentence with the median capacity and, for several motions, two fractiles.
+
+    `values` are the fractiles in ascending order; `count` and `censored` are the numbers of all and
+    of censored capacities.
+    """
+    low, median, high = values
+    unit = study.measure.unit
+    text += ": "
     if math.isnan(median):
         text += "above the maximum intensity"
     else:
@@ -511,6 +552,6 @@ def _median(study: IdaStudy) -> str:
             f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (sorted capacities; the median of "
             "`tdint fragility` is their geometric mean)"
         )
-    if censored := sum(curve.collapse.censored for curve in curves):
+    if censored:
         text += f"; {censored} of {count} censored"
     return f"{text}."

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array, bisect_interval
+from tdint.arrays import Array, bisect_interval, max_absolute
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
@@ -42,6 +42,10 @@ Bray 2004, Earthquake Spectra 20(1))."""
 _MAX_FOURIER_SAMPLES = 10_000_000
 """Maximum number of samples of the Fourier transform, with added zeros, for the mean period; limits
 time and memory."""
+
+_BLOCK = 2**16
+"""Number of sampling intervals that are evaluated together, which limits the memory for a long
+record. Most records have fewer."""
 
 _CODES = re.compile(r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]")
 """Pattern of the id of an accelerometer channel that MiniSEED can store (SEED manual 2.4)."""
@@ -159,6 +163,7 @@ def measure(record: Record) -> Measures:
         ("velocity", record.peaks[0], motion.pgv, "m/s"),
         ("displacement", record.peaks[1], motion.pgd, "m"),
     )
+    del motion  # its arrays are as large as the record
     peak_notes = [
         f"the peak {name} is from the {name} in the file; integration from rest gives "
         f"{integrated_peak:.4g} {unit}"
@@ -193,33 +198,71 @@ def integrate(record: Record) -> Motion:
     integrals and the maxima between samples are exact for this acceleration. The baseline is not
     corrected.
     """
-    a, h = record.acceleration, record.dt
-    # Within an interval h, the acceleration changes linearly from a_i to a_(i + 1). The velocity
-    # then changes by h (a_i + a_(i + 1)) / 2, and the displacement by h v_i plus
-    # h^2 (2 a_i + a_(i + 1)) / 6.
-    velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
-    displacement = np.concatenate(
-        [[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))]
+    h, samples = record.dt, record.acceleration.size
+    velocity, displacement = np.zeros(samples), np.zeros(samples)
+    pgv = pgd = 0.0
+    for block, a, b in _intervals(record):
+        # Within an interval h, the acceleration changes linearly from a to b. The velocity then
+        # changes by h (a + b) / 2, and the displacement by h v plus h^2 (2 a + b) / 6.
+        v = _accumulate(velocity, block, 0.5 * h * (a + b))
+        u = _accumulate(displacement, block, h * v + h * h / 6.0 * (2.0 * a + b))
+        block_pgv, block_pgd = _maxima_between(u, v, a, b, h)
+        pgv, pgd = max(pgv, block_pgv), max(pgd, block_pgd)
+    return Motion(
+        velocity,
+        displacement,
+        max(pgv, max_absolute(velocity)),
+        max(pgd, max_absolute(displacement)),
     )
 
+
+def _intervals(record: Record) -> Iterator[tuple[slice, Array, Array]]:
+    """Yield blocks of sampling intervals: the slice of the samples at their starts, and the
+    accelerations at their starts and at their ends."""
+    acceleration = record.acceleration
+    for start in range(0, acceleration.size - 1, _BLOCK):
+        block = slice(start, min(start + _BLOCK, acceleration.size - 1))
+        yield block, acceleration[block], acceleration[start + 1 : block.stop + 1]
+
+
+def _accumulate(integral: Array, block: slice, changes: Array) -> Array:
+    """Add the changes in a block of sampling intervals to an integral over time, shape (samples,),
+    and return the values at the starts of the intervals."""
+    # The first value of a record is not added, because 0.0 would change the sign of -0.0.
+    if block.start:
+        changes[0] += integral[block.start]
+    np.cumsum(changes, out=integral[block.start + 1 : block.stop + 1])
+    return integral[block]
+
+
+def _maxima_between(u: Array, v: Array, a: Array, b: Array, h: float) -> tuple[float, float]:
+    """Return the maximum absolute velocity and displacement between samples.
+
+    Parameters
+    ----------
+    u, v, a, b : ndarray, shape (intervals,)
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) at the starts of the sampling
+        intervals, and acceleration at their ends.
+    h : float
+        Sampling interval, s.
+    """
     # The velocity may have its maximum between samples, at a zero of the acceleration.
-    i = np.flatnonzero(a[:-1] * a[1:] < 0.0)
-    time = h * a[i] / (a[i] - a[i + 1])
-    pgv = max(_largest(velocity), _largest(velocity[i] + 0.5 * a[i] * time))
+    i = np.flatnonzero(a * b < 0.0)
+    time = h * a[i] / (a[i] - b[i])
+    pgv = max_absolute(v[i] + 0.5 * a[i] * time)
 
     # The displacement may have its maximum at a zero of the velocity v + start t + slope t^2 / 2,
     # where v is the velocity at the sample and t the time after it. Both roots are computed from q,
     # which avoids cancellation. A root that does not exist is nan or infinite, and is excluded by
     # the comparison with h.
-    start, slope = a[:-1], np.diff(a) / h
+    slope = (b - a) / h
     with np.errstate(divide="ignore", invalid="ignore"):
-        discriminant = start * start - 2.0 * slope * velocity[:-1]
-        q = -0.5 * (start + np.copysign(np.sqrt(discriminant), start))
-        roots = np.stack([2.0 * q / slope, velocity[:-1] / q])
+        discriminant = a * a - 2.0 * slope * v
+        q = -0.5 * (a + np.copysign(np.sqrt(discriminant), a))
+        roots = np.stack([2.0 * q / slope, v / q])
     row, i = np.nonzero((roots > 0.0) & (roots < h))
     t = roots[row, i]
-    extrema = displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0))
-    return Motion(velocity, displacement, pgv, max(_largest(displacement), _largest(extrema)))
+    return pgv, max_absolute(u[i] + t * (v[i] + t * (0.5 * a[i] + t * slope[i] / 6.0)))
 
 
 def channels_of(records: Sequence[Record]) -> list[Record]:
@@ -260,8 +303,10 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
 def cumulative_energy(record: Record) -> Array:
     """Return the integral of the squared acceleration from the first sample to each sample,
     m^2/s^3, shape (samples,). It is exact for an acceleration that is linear between samples."""
-    a, b = record.acceleration[:-1], record.acceleration[1:]
-    return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
+    energy = np.zeros(record.acceleration.size)
+    for block, a, b in _intervals(record):
+        _accumulate(energy, block, record.dt / 3.0 * (a * a + a * b + b * b))
+    return energy
 
 
 _MAX_OMITTED_ENERGY = 0.05
@@ -345,14 +390,17 @@ def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
 
 def cumulative_absolute_velocity(record: Record) -> float:
     """Return the cumulative absolute velocity, m/s: the integral of the absolute acceleration."""
-    a, b = record.acceleration[:-1], record.acceleration[1:]
-    total = np.abs(a) + np.abs(b)
-    changes_sign = a * b < 0.0
-    # If the acceleration changes its sign in an interval, the area is two triangles, otherwise a
-    # trapezoid. The areas are computed without the common factor dt / 2.
-    denominator = np.where(changes_sign, total, 1.0)
-    areas = np.where(changes_sign, (a * a + b * b) / denominator, total)
-    return 0.5 * record.dt * float(np.sum(areas))
+
+    def area(a: Array, b: Array) -> float:
+        """Return the area below the absolute acceleration, without the common factor dt / 2."""
+        total = np.abs(a) + np.abs(b)
+        changes_sign = a * b < 0.0
+        # If the acceleration changes its sign in an interval, the area is two triangles, otherwise
+        # a trapezoid.
+        denominator = np.where(changes_sign, total, 1.0)
+        return float(np.sum(np.where(changes_sign, (a * a + b * b) / denominator, total)))
+
+    return 0.5 * record.dt * sum(area(a, b) for _, a, b in _intervals(record))
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
@@ -363,10 +411,6 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
     float
         Integral, m/s.
     """
-    a, b = record.acceleration[:-1], record.acceleration[1:]
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    # The value 1 avoids a division by zero in intervals with a constant acceleration.
-    change = np.where(high > low, high - low, 1.0)
 
     def integral_from_zero(value: Array) -> Array:
         """Return the integral of |x| over the accelerations x from 0 to `value` that reach the
@@ -376,16 +420,23 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
             np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
         )
 
-    # An interval is counted completely if both samples reach the threshold with the same sign. In
-    # the other intervals, the integral over time is an integral over acceleration, because the
-    # acceleration is linear in time.
-    is_counted = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
-    means = np.where(
-        is_counted,
-        0.5 * (np.abs(a) + np.abs(b)),
-        (integral_from_zero(high) - integral_from_zero(low)) / change,
-    )
-    return record.dt * float(np.sum(means))
+    def sum_of_means(a: Array, b: Array) -> float:
+        """Return the sum of the mean counted absolute accelerations of sampling intervals."""
+        low, high = np.minimum(a, b), np.maximum(a, b)
+        # The value 1 avoids a division by zero in intervals with a constant acceleration.
+        change = np.where(high > low, high - low, 1.0)
+        # An interval is counted completely if both samples reach the threshold with the same sign.
+        # In the other intervals, the integral over time is an integral over acceleration, because
+        # the acceleration is linear in time.
+        is_counted = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
+        means = np.where(
+            is_counted,
+            0.5 * (np.abs(a) + np.abs(b)),
+            (integral_from_zero(high) - integral_from_zero(low)) / change,
+        )
+        return float(np.sum(means))
+
+    return record.dt * sum(sum_of_means(a, b) for _, a, b in _intervals(record))
 
 
 def significant_duration(record: Record, fraction: float) -> float:
@@ -407,24 +458,40 @@ def a95(record: Record) -> float:
     peak = record.pga
     if not 0.0 < peak < math.inf:
         return 0.0 if peak == 0.0 else math.nan
-    samples = record.acceleration / peak
-    a, b = samples[:-1], samples[1:]
-    change = np.where(a == b, 1.0, b - a)
 
-    def energy_below(level: float) -> float:
-        """Return the integral of the squared accelerations with absolute values up to `level`, up
-        to a constant factor. Accelerations and level are fractions of the peak."""
+    def energies_below(level: float, a: Array, b: Array) -> Array:
+        """Return the integrals of the squared accelerations with absolute values up to `level` in
+        sampling intervals, up to a constant factor. Accelerations and level are fractions of the
+        peak."""
         low, high = np.clip(a, -level, level), np.clip(b, -level, level)
         # This is the fraction of an interval in which the acceleration is below the level. It is 0
         # or 1 if the acceleration is constant.
+        change = np.where(a == b, 1.0, b - a)
         time_fraction = np.where(a == b, np.abs(a) <= level, (high - low) / change)
-        return float(np.sum(time_fraction * (low * low + low * high + high * high)))
+        return np.asarray(time_fraction * (low * low + low * high + high * high))
+
+    blocks = [(a / peak, b / peak) for _, a, b in _intervals(record)]
+    target = _A95 * sum(float(np.sum(energies_below(1.0, a, b))) for a, b in blocks)
+    # The energy of the intervals that no longer depend on the level, because they are below it.
+    complete = 0.0
+
+    def is_too_low(level: float) -> bool:
+        """Return True if the energy below a level is less than the target, and omit the intervals
+        that are above all later levels or below all of them."""
+        nonlocal complete
+        energies = [energies_below(level, a, b) for a, b in blocks]
+        is_less = complete + sum(float(np.sum(block)) for block in energies) < target
+        for i, (a, b) in enumerate(blocks):
+            if is_less:
+                remain = np.maximum(np.abs(a), np.abs(b)) > level
+                complete += float(np.sum(energies[i][~remain]))
+            else:
+                remain = (np.minimum(a, b) < level) & (np.maximum(a, b) > -level)
+            blocks[i] = a[remain], b[remain]
+        return is_less
 
     # The energy below a level does not decrease with the level, so that bisection is possible.
-    target = _A95 * energy_below(1.0)
-    _, level = bisect_interval(
-        lambda level: energy_below(level) < target, 0.0, 1.0, _MAX_BISECTIONS
-    )
+    _, level = bisect_interval(is_too_low, 0.0, 1.0, _MAX_BISECTIONS)
     return peak * level
 
 
@@ -645,11 +712,6 @@ def zeros_at_ends(samples: Array) -> tuple[int, int]:
     if not nonzero.size:
         return samples.size, 0
     return int(nonzero[0]), samples.size - 1 - int(nonzero[-1])
-
-
-def _largest(values: Array) -> float:
-    """Return the maximum absolute value; 0 for an empty array."""
-    return float(np.max(np.abs(values), initial=0.0))
 
 
 def baseline_notes(record: Record) -> tuple[str, ...]:

@@ -62,10 +62,10 @@ class Interpolation(NamedTuple):
 
 
 def _samples_of_record(record: Record, shortest_period: float) -> tuple[Array, float]:
-    """Return a copy of the samples (m/s^2, shape (samples,)) and the sampling interval (s) of
+    """Return the samples (m/s^2, shape (samples,), read-only) and the sampling interval (s) of
     a record. This is `Interpolation.resample` for linear interpolation; the shortest period of the
     oscillators has no effect."""
-    return record.acceleration.copy(), record.dt
+    return record.acceleration, record.dt
 
 
 def _band_limited_points(record: Record, shortest_period: float) -> tuple[Array, float]:

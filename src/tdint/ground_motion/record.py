@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.arrays import max_absolute
 from tdint.errors import OutputError, RecordError, UsageError
 from tdint.ground_motion.origin import MotionOrigin
 from tdint.number_parsing import pluralize
@@ -71,8 +72,10 @@ def velocity_warnings(record: Record) -> tuple[str, ...]:
 
     A velocity that grows linearly, from an acceleration with a mean value, is subtracted.
     """
-    velocity = np.cumsum(record.acceleration - record.acceleration.mean()) * record.dt
-    pgv = float(np.max(np.abs(velocity)))
+    velocity = record.acceleration - record.acceleration.mean()
+    np.cumsum(velocity, out=velocity)
+    velocity *= record.dt
+    pgv = max_absolute(velocity)
     if peak_warnings(record.pga) or not _MAX_PGV < pgv < math.inf:
         return ()
     return (
@@ -217,7 +220,7 @@ class Record(Tabular):
     @property
     def pga(self) -> float:
         """Peak ground acceleration, m/s^2: the maximum absolute value of the samples."""
-        return float(np.max(np.abs(self.acceleration)))
+        return max_absolute(self.acceleration)
 
     def scaled(self, factor: float) -> Record:
         """Return a copy of the record with the acceleration multiplied by `factor`.

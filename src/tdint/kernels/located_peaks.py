@@ -141,11 +141,13 @@ def _follow_law(scene, h, law_state, i, previous, story, s, drift):
     """Move the law of story `i` from the start of the step to the drift at the fraction `s`, in
     block SECOND_TRIAL; return the tangent stiffness, N/m.
 
-    A law without a stored start has followed a single linear branch.
+    A law without a stored start has followed a single linear branch. The interpolant can be beyond
+    the limit of this branch at the located instant; the force is then that of the limit.
     """
     slope = law_state[rows.SLOPE, i]
     if previous == rows.COMMITTED and slope < math.inf:
-        change = drift - law_state[rows.DRIFT, i]
+        limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
+        change = limited - law_state[rows.DRIFT, i]
         law_state[rows.SECOND_TRIAL + rows.DRIFT, i] = drift
         law_state[rows.SECOND_TRIAL + rows.FORCE, i] = law_state[rows.FORCE, i] + slope * change
         return slope

@@ -83,6 +83,7 @@ from tdint.kernels.stories.law_state import (
     resume,
     step_start,
     store_step_start,
+    tangent_in_motion,
 )
 from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 
@@ -410,7 +411,6 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     The result is True if the law has lost a part of its force.
     """
     force = law_state[rows.FORCE, story]
-    slope = law_state[rows.SLOPE, story]
     if HAS_ELEMENTS and law_parameters[rows.CODE, story] <= rows.ELEMENTS:
         _change_branches_of_elements(law_parameters, law_state, story, column, event)
     else:
@@ -418,19 +418,18 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     jump = law_state[rows.FORCE, story] - force
     elastic = law_parameters[rows.STIFFNESS, story] * law_state[rows.DRIFT, story]
     has_lost_force = abs(jump) > _JUMP * abs(elastic)
-    # The force of tangent damping changes with the stiffness. Curved branches have the slope inf;
-    # they change at reversals, where the rate is 0.
-    if (
-        TANGENT_DAMPING
-        and linear_terms[rows.TANGENT_DAMPING, story] != 0.0
-        and max(slope, law_state[rows.SLOPE, story]) < math.inf
-    ):
+    # The force of tangent damping changes with the stiffness, also at the end of a loop of a curved
+    # law.
+    if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, story] != 0.0:
         rate = state[rows.VELOCITY, story]
         if story > 0:
             base = base_of(linear_terms, story)
             rate -= linear_terms[rows.LINK, story] * state[rows.VELOCITY, base]
         damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate
-        damping_force *= law_state[rows.SLOPE, story]
+        if law_state[rows.SLOPE, story] < math.inf:
+            damping_force *= law_state[rows.SLOPE, story]
+        else:
+            damping_force *= tangent_in_motion(law_parameters, law_state, story, rate)
         jump += damping_force - state[rows.DAMPING_FORCE, story]
         state[rows.DAMPING_FORCE, story] = damping_force
     if jump != 0.0:

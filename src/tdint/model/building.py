@@ -285,6 +285,11 @@ class Building:
         return any(NUMBERED_LAWS[code].kinked for code in self.law_codes)
 
     @cached_property
+    def concave(self) -> bool:
+        """True if every story has a law that is concave from its position of rest on."""
+        return all(NUMBERED_LAWS[code].concave for code in self.law_codes)
+
+    @cached_property
     def curved_hysteresis(self) -> bool:
         """True if any story has a curved law with branches, that is, a curved hysteretic law."""
         laws = [NUMBERED_LAWS[code] for code in self.law_codes]

@@ -435,6 +435,12 @@ class Model:
         """Attachments and links: all springs in addition to the stories."""
         return (*self.attachments, *self.links)
 
+    def end_name(self, end: int) -> str:
+        """Return the name of an end of a link: ground, the number of a floor, or an attachment."""
+        if end > len(self.stories):
+            return self.attachments[end - len(self.stories) - 1].name
+        return str(end) if end else "ground"
+
     def require_springs(self, subject: str) -> None:
         """Raise UsageError if matrices or flexural stories replace the springs of the stories.
 

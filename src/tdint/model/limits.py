@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING, Any, Self
 from tdint.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:  # reading a model does not need numpy
+    import numpy as np
+    from numpy.typing import NDArray
+
     from tdint.arrays import Array
 
 
@@ -28,10 +31,11 @@ class LimitedQuantity:
     text : str
         Name of the quantity in sentences.
     location : str
-        Location of the quantity: `story` or `floor`.
+        Location of the quantity: `story`, `floor`, `attachment` or `link`.
     values : callable
         Function that returns the absolute values of the quantity, shape (motions, n). Its arguments
-        are the peak responses by name, and the story heights in m.
+        are the peak responses by name, and the story heights in m. Demands of attachments and links
+        are among the peak responses, with the keys of `QUANTITIES`.
     """
 
     unit: str
@@ -39,9 +43,15 @@ class LimitedQuantity:
     location: str
     values: Callable[[Mapping[str, Array], Array], Array]
 
+    @property
+    def of_device(self) -> bool:
+        """True for a quantity of attachments or links."""
+        return self.location in ("attachment", "link")
+
 
 DRIFT_RATIO, RESIDUAL = "drift_ratio", "residual_drift_ratio"
 ISOLATOR, ACCELERATION = "isolator_displacement", "floor_acceleration"
+STROKE, LINK_DEFORMATION, LINK_FORCE = "attachment_stroke", "link_deformation", "link_force"
 
 QUANTITIES = {
     DRIFT_RATIO: LimitedQuantity(
@@ -62,13 +72,20 @@ QUANTITIES = {
         "floor",
         lambda peaks, height: peaks["peak_absolute_acceleration"],
     ),
+    STROKE: LimitedQuantity(
+        "m", "attachment stroke", "attachment", lambda peaks, height: peaks[STROKE]
+    ),
+    LINK_DEFORMATION: LimitedQuantity(
+        "m", "link deformation", "link", lambda peaks, height: peaks[LINK_DEFORMATION]
+    ),
+    LINK_FORCE: LimitedQuantity("N", "link force", "link", lambda peaks, height: peaks[LINK_FORCE]),
 }
 """Quantities by their keys in the section `limits` of a model file."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Limit of a quantity for the stories of a building.
+    """Limit of a quantity for the stories, attachments or links of a building.
 
     Attributes
     ----------
@@ -77,29 +94,44 @@ class Limit:
     quantity : str
         A key of `QUANTITIES`.
     values : tuple of float
-        Limit of each story, or of the floor above it, SI units; nan without a limit.
+        Limit of each story, or of the floor above it, or of each attachment or link, SI units; nan
+        without a limit.
+    names : tuple of str
+        Names of the attachments or links; empty for stories and floors.
     """
 
     level: str
     quantity: str
     values: tuple[float, ...]
+    names: tuple[str, ...] = ()
 
     @classmethod
     def from_json(cls, stored: Sequence[Any]) -> Self:
-        """Create a limit from the list that `as_json` returned: level, quantity, and the limit of
-        each story (None: no limit)."""
-        level, quantity, limits = stored
+        """Create a limit from the list that `as_json` returned."""
+        level, quantity, limits, names = stored
         values = tuple(math.nan if limit is None else limit for limit in limits)
-        return cls(level, quantity, values)
+        return cls(level, quantity, values, tuple(names))
 
     def as_json(self) -> list[Any]:
-        """Return the limit as a list that JSON can represent: level, quantity, and the limit of
-        each story (None: no limit), because JSON has no nan."""
+        """Return the limit as a list that JSON can represent: level, quantity, the limits (None: no
+        limit), because JSON has no nan, and the names."""
         return [
             self.level,
             self.quantity,
             [None if math.isnan(value) else value for value in self.values],
+            list(self.names),
         ]
+
+    def applies_to(self, demands: Array) -> tuple[Array, NDArray[np.int64], Array]:
+        """Return the demands with a limit, the numbers of their places, from 1, and the limits.
+
+        The last axis of `demands` is the story, floor, attachment or link.
+        """
+        import numpy as np
+
+        values = np.array(self.values)
+        has_limit = ~np.isnan(values)
+        return demands[..., has_limit], np.flatnonzero(has_limit) + 1, values[has_limit]
 
 
 @dataclass(frozen=True)
@@ -111,7 +143,7 @@ class LimitCheck:
     level, quantity : str
         As in `Limit`.
     story : int
-        Story or floor, from 1, with the maximum ratio of demand to limit.
+        Story, floor, attachment or link, from 1, with the maximum ratio of demand to limit.
     demand : float
         Demand in this story, SI units: of the run, or mean over the motions of a suite.
     limit : float
@@ -121,9 +153,11 @@ class LimitCheck:
     largest : float
         Maximum demand of all motions and stories, SI units.
     largest_story : int
-        Story or floor with `largest`.
+        Story, floor, attachment or link with `largest`.
     motion : str
         Motion with `largest`.
+    names : tuple of str
+        As in `Limit`.
     """
 
     level: str
@@ -135,6 +169,12 @@ class LimitCheck:
     largest: float
     largest_story: int
     motion: str
+    names: tuple[str, ...] = ()
+
+    def place(self, number: int) -> int | str:
+        """Return the number of a story or floor, or the name of an attachment or link, from its
+        number."""
+        return self.names[number - 1] if self.names else number
 
     @property
     def ratio(self) -> float:
@@ -154,7 +194,8 @@ def check_limits(
     ----------
     peaks : mapping of str to ndarray, shape (motions, n)
         Peak responses of the stories under each motion, by the names of
-        `tdint.response.runs.outcome.StoryValues`.
+        `tdint.response.runs.outcome.StoryValues`, and of attachments and links
+        (`device_demands`).
     height : ndarray, shape (n,)
         Story heights, m; nan for isolators.
 
@@ -169,11 +210,8 @@ def check_limits(
         return ()
     checks = []
     for limit in limits:
-        # Select the stories with a limit.
-        all_values = np.array(limit.values)
-        has_limit = ~np.isnan(all_values)
-        demands = QUANTITIES[limit.quantity].values(peaks, height)[:, has_limit]
-        story_numbers, limit_values = np.flatnonzero(has_limit) + 1, all_values[has_limit]
+        all_demands = QUANTITIES[limit.quantity].values(peaks, height)
+        demands, story_numbers, limit_values = limit.applies_to(all_demands)
         # Use the maximum of the story means, as in design codes, not the mean of the maxima.
         mean_demands = np.mean(demands, axis=0)
         # `argmax` returns the index of the first nan, if any: a limit with an unknown demand is
@@ -191,6 +229,7 @@ def check_limits(
                 largest=float(demands[motion, story]),
                 largest_story=int(story_numbers[story]),
                 motion=motions[int(motion)],
+                names=limit.names,
             )
         )
     return tuple(checks)
@@ -216,13 +255,44 @@ def check_demands(
     Raises
     ------
     UsageError
-        The requested limit is invalid, as for `chosen_limits`.
+        The requested limit is invalid, as for `chosen_limits`; or the peaks do not contain the
+        attachments and links of a limit.
     """
     if not motions:
         return ()
     limits = chosen_limits(limits, requested, peaks["peak_drift_ratio"], name)
+    for limit in limits:
+        if QUANTITIES[limit.quantity].of_device and limit.quantity not in peaks:
+            raise UsageError(
+                f"{name}: these results contain no attachments and links, which the limit "
+                f"`{limit.quantity}` requires; use `tdint run` or a campaign, or another limit"
+            )
     checks = check_limits(limits, peaks, height, motions)
     return tuple(replace(check, within=False) for check in checks) if has_failure else checks
+
+
+def device_demands(
+    drift: Array, spring_force: Array, damper_force: Array, attachments: int
+) -> dict[str, Array]:
+    """Return the demands of attachments and links by the keys of `QUANTITIES`.
+
+    The force of a link is the larger of the peaks of its spring and of its dashpot.
+
+    Parameters
+    ----------
+    drift, spring_force, damper_force : ndarray, shape (..., devices)
+        Peaks of the attachments and then the links, m and N.
+    attachments : int
+        Number of attachments.
+    """
+    import numpy as np
+
+    links = slice(attachments, None)
+    return {
+        STROKE: drift[..., :attachments],
+        LINK_DEFORMATION: drift[..., links],
+        LINK_FORCE: np.fmax(spring_force, damper_force)[..., links],
+    }
 
 
 def by_level(checks: Iterable[LimitCheck]) -> dict[str, list[LimitCheck]]:
@@ -307,16 +377,17 @@ def uniform_drift_limit(limits: Iterable[Limit]) -> float | None:
     return values.pop() if len(values) == 1 else None
 
 
-def isolator_limits(isolators: Iterable[int], stories: int) -> tuple[Limit, ...]:
-    """Return an infinite limit of the displacements of isolators.
+def isolator_check(
+    isolators: Sequence[int], peaks: Mapping[str, Array], height: Array, motions: Sequence[str]
+) -> LimitCheck | None:
+    """Return the maximum displacement of isolators as a comparison with an infinite limit; None
+    without isolators or motions.
 
-    The comparison of demands with this limit returns the maximum displacement of the isolators.
-
-    Parameters
-    ----------
-    isolators : iterable of int
-        Numbers of the stories that are isolators, from 1. Without isolators the result is empty.
+    `isolators` are the numbers of the stories that are isolators, from 1; the other arguments are
+    those of `check_limits`.
     """
-    numbers = set(isolators)
-    values = tuple(math.inf if number in numbers else math.nan for number in range(1, stories + 1))
-    return (Limit("", ISOLATOR, values),) if numbers else ()
+    values = tuple(
+        math.inf if number in isolators else math.nan for number in range(1, len(height) + 1)
+    )
+    limits = (Limit("", ISOLATOR, values),) if isolators else ()
+    return next(iter(check_limits(limits, peaks, height, motions)), None)

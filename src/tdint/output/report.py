@@ -69,7 +69,9 @@ def model_chapter(
         f"{damping_text(model)}. "
         f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
-    return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
+    devices = buildings.device_model_table(model, units)
+    tables = (buildings.model_table(model, units), *((devices,) if devices else ()))
+    return Chapter(f"Building: {model.name}", (facts, *tables))
 
 
 def first_period(model: Model) -> float:

@@ -13,12 +13,13 @@ from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, Ra
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.output.tables.loads import LOAD_COLUMNS, loads_summary
 from tdint.response.runs.demands import DEMANDS, only
-from tdint.response.runs.outcome import ELEMENT_QUANTITIES, ENERGY_TERMS
+from tdint.response.runs.outcome import ENERGY_TERMS
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
 if TYPE_CHECKING:
     from tdint.model.limits import LimitCheck
+    from tdint.output.tables.table import Column
     from tdint.response.runs.outcome import (
         Collapse,
         ErrorEstimate,
@@ -104,12 +105,6 @@ MEANINGS = {
     "loss_ratio": ("1", "mean loss ratio"),
     "version": ("1", "version of this file's layout"),
 }
-MEANINGS |= {quantity.column: (quantity.unit, quantity.meaning) for quantity in ELEMENT_QUANTITIES}
-MEANINGS |= {
-    f"{quantity.column}_error": (quantity.unit, f"estimated absolute error of {quantity.column}")
-    for quantity in ELEMENT_QUANTITIES
-}
-MEANINGS["yield_drift_m"] = ("m", "drift at first yield; null without yielding")
 MEANINGS |= {column.name: (column.unit, column.meaning) for column in LOAD_COLUMNS}
 MEANINGS |= {
     f"{name}_J": ("J", f"{meaning}, at the end or the last time reached")
@@ -134,6 +129,9 @@ LIMIT_MEANINGS = {
         ("residual_drift_ratio", "1"),
         ("isolator_displacement", "m"),
         ("floor_acceleration", "m/s^2"),
+        ("attachment_stroke", "m"),
+        ("link_deformation", "m"),
+        ("link_force", "N"),
     )
     for part, text in (
         ("", "demand with the largest ratio to its limit:"),
@@ -290,15 +288,20 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     names = dict.fromkeys(
         _number_keys({key: value for key, value in content.items() if key not in skipped})
     )
-    known = MEANINGS
-    if content.keys() & {"attachments", "links"}:
-        from tdint.output.tables.devices import COLUMNS
+    columns: list[Column] = []
+    if "elements" in content:
+        from tdint.output.tables.responses import ELEMENT_COLUMNS, ELEMENT_ERROR
 
-        known = {column.name: (column.unit, column.meaning) for column in COLUMNS} | MEANINGS
+        columns += (*ELEMENT_COLUMNS, *ELEMENT_ERROR)
+    if content.keys() & {"attachments", "links"}:
+        from tdint.output.tables import devices
+
+        columns += devices.COLUMNS
     if content.keys() & {"rows", "flexure"}:
         from tdint.output.tables import matrices
 
-        known = known | {c.name: (c.unit, c.meaning) for c in matrices.COLUMNS}
+        columns += matrices.COLUMNS
+    known = {column.name: (column.unit, column.meaning) for column in columns} | MEANINGS
     return {key: {"meaning": known[key][1], "unit": known[key][0]} for key in names}
 
 
@@ -376,14 +379,7 @@ def _elements(response: Response) -> dict[str, Any]:
     from tdint.output.tables.responses import element_table
 
     table = element_table(response)
-    if table is None:
-        return {}
-    return {
-        "elements": [
-            {key: None if value != value else value for key, value in row.items()}
-            for row in table.as_dictionaries()
-        ]
-    }
+    return {"elements": table.as_dictionaries()} if table else {}
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:

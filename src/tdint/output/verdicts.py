@@ -91,7 +91,7 @@ def _sentence(
     for i, check in enumerate(checks):
         quantity = QUANTITIES[check.quantity]
         clause = f"mean {quantity.text}" if mean else quantity.text
-        clause += f" {_demand(check, units)} ({quantity.location} {check.story})"
+        clause += f" {_demand(check, units)} ({quantity.location} {check.place(check.story)})"
         clause += " governs:" if i == 0 and governs else ","
         ratio = number_text(check.ratio, unlike=1.0)
         clause += f" {ratio} times the limit of {_limit(check, units)}"
@@ -111,7 +111,7 @@ def _maximum(check: LimitCheck, units: OutputUnits) -> str:
     """
     location = QUANTITIES[check.quantity].location
     value = _text(check, check.largest, units, 3)
-    return f"largest {value} ({location} {check.largest_story}, {check.motion})"
+    return f"largest {value} ({location} {check.place(check.largest_story)}, {check.motion})"
 
 
 def _demand(check: LimitCheck, units: OutputUnits, digits: int = DIGITS) -> str:
@@ -212,7 +212,8 @@ def limit_table(
                 row += [level or "-"] if has_levels else []
                 row += [
                     quantity.text,
-                    f"{quantity.location}\u00a0{check.story}",  # not divided in a narrow column
+                    # A number is not divided from its noun in a narrow column.
+                    f"{quantity.location}\u00a0{check.place(check.story)}",
                     _demand(check, units),
                     _limit(check, units),
                     f"{number_text(check.ratio, unlike=1.0)}",
@@ -249,20 +250,22 @@ def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str
     """
     entries = []
     for check in checks:
-        unit = suffix(QUANTITIES[check.quantity].unit)
+        quantity = QUANTITIES[check.quantity]
+        unit = suffix(quantity.unit)
+        place = quantity.location if quantity.of_device else "story"
         entry = {
             **({"level": check.level} if check.level else {}),
             "quantity": check.quantity,
             "met": check.within,
             f"{check.quantity}{unit}": check.demand,
             f"{check.quantity}_limit{unit}": check.limit,
-            "limit_story": check.story,
+            f"limit_{place}": check.place(check.story),
             "limit_ratio": None if math.isnan(check.ratio) else check.ratio,
         }
         if mean:
             entry |= {
                 f"{check.quantity}_largest{unit}": check.largest,
-                "largest_story": check.largest_story,
+                f"largest_{place}": check.place(check.largest_story),
                 "motion": check.motion,
             }
         entries.append(entry)

@@ -188,6 +188,33 @@ def test_results_do_not_depend_on_threads_and_shards(study: Path, tdint: Command
         assert [(Path(directory) / name).read_bytes() for name in names] == expected, directory
 
 
+@pytest.mark.long
+def test_shards_of_elements_attachments_and_links_merge(folder: Path, tdint: Command) -> None:
+    """All tables of the merged shards have the bytes of one campaign."""
+    Path("attached.yaml").write_text(
+        "stories:\n"
+        "  - {mass: 10, height: 3, elements: [{name: a, type: bilinear, stiffness: 5000, yield_force: "
+        "20, hardening: 0.1}, {name: b, type: linear, stiffness: 3000}]}\n"
+        "  - {mass: 10, height: 3, stiffness: 8000}\n"
+        "damping: 5%\n"
+        "attachments: [{name: tank, floor: 1, mass: 0.5, stiffness: 200}]\n"
+        "links: [{name: tie, from: tank, to: 2, stiffness: 50}]\n"
+    )
+    Path("study.yaml").write_text(
+        "buildings: {models: [attached.yaml, shaken.yaml]}\n"
+        "records: {files: [motion.mseed, other.mseed], units: m/s^2, component: HNE}\n"
+        "intensity: {scales: [0.5, 1]}\n"
+        "outputs: {stories: true, profiles: true}\n"
+    )
+    tdint("campaign", "study.yaml", "-o", "one", code=0)
+    for shard in ("1/2", "2/2"):
+        tdint("campaign", "study.yaml", "-o", f"part-{shard[0]}", "--shard", shard, code=0)
+    tdint("campaign", "merge", "part-2", "part-1", "-o", "all", code=0)
+    tables = {file.name: file.read_bytes() for file in Path("one").glob("*.csv")}
+    assert {"runs.csv", "stories.csv", "elements.csv"} <= tables.keys()
+    assert {file.name: file.read_bytes() for file in Path("all").glob("*.csv")} == tables
+
+
 def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
     """An interrupted campaign continues. All commands that use its runs report the missing runs."""
     first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)

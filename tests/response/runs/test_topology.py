@@ -138,9 +138,10 @@ def test_methods_agree_on_yielding_links():
 def test_history_and_signs_of_links():
     """The deformation of a link is the displacement of `to` minus that of `from`."""
     model = load_model(io.StringIO(LINEAR))
-    history = tdint.run(
+    response = tdint.run(
         model, MOTION, duration=0.2, history=True, check=False, method="newmark-average"
-    ).history
+    )
+    history = response.history
     devices, u = history.devices, history.displacement
     assert devices.attachments == ("tank", "tmd") and devices.links == ("lower", "cable", "tie")
     assert devices.drift[:, 0] == pytest.approx(devices.displacement[:, 0] - u[:, 0])
@@ -148,6 +149,28 @@ def test_history_and_signs_of_links():
     assert devices.drift[:, 3] == pytest.approx(u[:, 0] - u[:, 2])
     assert devices.shear[:, 3] == pytest.approx(9e6 * devices.drift[:, 3])
     assert devices.drift[:, 4] == pytest.approx(u[:, 1] - devices.displacement[:, 0])
+    peaks = response.devices.stories
+    assert peaks.residual_drift == pytest.approx(devices.drift[-1])
+
+
+def test_elements_beside_links():
+    """Two equal halves of the spring of each story have its response and its error estimates."""
+    half = "{type: bilinear, stiffness: 3.0e4, yield_force: 30, hardening: 5%}"
+    whole = "stiffness: 6.0e4, law: {type: bilinear, yield_force: 60, hardening: 5%}"
+    halves = BILINEAR.replace(whole, f"elements: [{half}, {half}]")
+    initial = "\ninitial: {displacement: [0.001, 0.002, 0.004], velocity: [0.1, 0, 0]}"
+    one, other = (
+        tdint.run(load_model(io.StringIO(text + initial)), MOTION, duration=0.4)
+        for text in (BILINEAR, halves)
+    )
+    for first, second in (
+        (one.stories.peak_drift, other.stories.peak_drift),
+        (one.check.errors.peak_drift, other.check.errors.peak_drift),
+        (one.devices.stories.peak_shear, other.devices.stories.peak_shear),
+        (one.stories.peak_shear, other.elements.peak_force[::2] + other.elements.peak_force[1::2]),
+    ):
+        assert second == pytest.approx(first, rel=1e-6)
+    assert np.all(np.isfinite(other.check.elements.peak_force))
 
 
 @pytest.mark.parametrize("method", ["rk5", "impulse", "noh-bathe", "houbolt", "chang"])

@@ -83,12 +83,10 @@ def test_rows_equal_single_runs(model: str, method: str) -> None:
             for story in results.stories
             if (story.motion, story.scale) == (run.motion, run.scale)
         ]
-        assert [story.story for story in stories] == list(
-            range(1, len(subject_batch.subject.model.stories) + 1)
-        )
-        for column, quantity in enumerate(STORY_QUANTITIES):
-            story_values = getattr(response.stories, quantity.name)
-            np.testing.assert_array_equal([story.values[column] for story in stories], story_values)
+        number, _, *peaks = zip(*(story.cells for story in stories), strict=True)
+        assert list(number) == list(range(1, len(subject_batch.subject.model.stories) + 1))
+        for cells, quantity in zip(peaks, STORY_QUANTITIES, strict=True):
+            np.testing.assert_array_equal(cells, getattr(response.stories, quantity.name))
     if model == "collapse-prone-frame":
         assert {"done", "collapsed"} <= {row.status for row in rows.values()}
 
@@ -130,7 +128,7 @@ def test_errors_equal_errors_of_single_runs(
         assert row.errors == tuple(own[name] for name in named)
         for number, quantity in enumerate(STORY_QUANTITIES):
             np.testing.assert_array_equal(
-                [item.errors[number] for item in stories],
+                [item.cells[2 + len(STORY_QUANTITIES) + number] for item in stories],
                 getattr(response.check.errors, quantity.name),
             )
     assert "collapsed" in {row.status for row in results.runs} or method == "impulse4"

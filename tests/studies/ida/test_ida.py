@@ -27,6 +27,7 @@ from tdint.studies.ida.ida_curve import (
     below_collapse,
     fractiles,
 )
+from tdint.studies.ida.ida_tables import capacity_table, limit_capacities
 from tdint.studies.motions.intensity import pga
 
 FRAME = Path(__file__).parents[3] / "configs" / "collapse-prone-frame.yaml"
@@ -381,3 +382,45 @@ links: [{from: ground, to: 2, dashpot: 1.0e-6}]
         for text in (chain, chain + devices)
     ]
     assert scales[1] == pytest.approx(scales[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("pair", [False, True])
+def test_capacities_of_a_linear_building_are_proportional_to_limits(tmp_path, pair):
+    """In a linear building, the intensity at a limit is the intensity of any run times the limit
+    divided by the demand of the run; of a pair, that of the component with the larger demand."""
+    lines = """
+units: {length: m, force: kN, mass: t}
+stories: [{repeat: 2, mass: 100, height: 3, stiffness: 4.0e+4}]
+damping: 5%
+attachments: [{name: tank, floor: 1, mass: 2, stiffness: 300, dashpot: 3}]
+links: [{name: damper, from: ground, to: 2, dashpot: 100}]
+limits:
+  attachment_stroke: 0.2
+  levels: {twice: {attachment_stroke: {tank: 0.4}, link_force: 50}}
+"""
+    (tmp_path / "m.yaml").write_text(lines)
+    first = motion(1)
+    second = replace(motion(2), source="1.m", component="HN2")
+    motions = [Horizontals(first, second, "")] if pair else [first]
+    study = ida(tmp_path / "m.yaml", motions, pga(), folder=tmp_path / "study")
+    (curve,) = study.motion_curves
+    (*_, stroke, twice, force) = capacities = limit_capacities(study, curve)
+    assert [item.limit for item in capacities] == [
+        "attachment_stroke", "twice: attachment_stroke", "twice: link_force",
+    ]  # fmt: skip
+    assert twice.capacity == pytest.approx(2.0 * stroke.capacity, rel=1e-3)
+    expected = []
+    for record in (first, second) if pair else (first,):
+        peaks = tdint.run(tmp_path / "m.yaml", record, check=False).devices.stories
+        intensity = pga().of(motions[0], study.pair or "")
+        ratios = peaks.peak_drift[0] / 0.2, peaks.peak_damper_force[1] / 5e4
+        expected.append([intensity / ratio for ratio in ratios])
+    assert [stroke.capacity, force.capacity] == pytest.approx(
+        np.min(expected, axis=0).tolist(), rel=1e-3
+    )
+    # A continued study reads the strokes from its store.
+    again = ida(tmp_path / "m.yaml", motions, pga(), folder=tmp_path / "study")
+    assert again.resumed == len(again.curves)
+    assert limit_capacities(again, again.motion_curves[0]) == capacities
+    (header, *rows) = capacity_table(again).csv().decode().splitlines()
+    assert "limit" in header.split(",") and len(rows) == len(again.thresholds) + 3

@@ -198,6 +198,29 @@ def local_table(typing_context, rows, columns):
     )
 
 
+@intrinsic
+def copy_rows_within(typing_context, table, source, target, count):
+    """Return the numba signature and the code generator of a copy of successive rows of a table.
+
+    In a kernel, `copy_rows_within(table, source, target, count)` copies `count` rows from row
+    `source` on to the rows from `target` on, as one block of memory. Both must not overlap. The
+    rest is as for `local`.
+    """
+
+    def generate(context, builder, signature, values):
+        """Generate the code of the copy."""
+        array = context.make_array(signature.args[0])(context, builder, values[0])
+        columns = builder.extract_value(array.shape, 1)
+        from_row, to_row = (
+            builder.gep(array.data, [builder.mul(row, columns)]) for row in values[1:3]
+        )
+        numbers = builder.mul(values[3], columns)
+        cgutils.raw_memcpy(builder, to_row, from_row, numbers, 8)
+        return context.get_dummy_value()
+
+    return types.none(table, types.intp, types.intp, types.intp), generate
+
+
 def _on_stack(dimensions: int) -> Any:
     """Return the numba type of an array of float64 in C order with a number of dimensions."""
     return types.Array(types.float64, dimensions, "C")

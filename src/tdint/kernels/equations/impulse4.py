@@ -633,9 +633,29 @@ def _evaluate_law(keep_branches, coefficients, scene, h, i, drifts, memory):
             tangent = restoring_force_outlined(
                 law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
             )
+        if TANGENT_DAMPING and keep_branches and not is_reversed:
+            tangent = _tangent_on_branch(scene, law_state, i, drift, tangent)
         force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
         force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
     return tangent_c, force_c, tangent, force
+
+
+@outlined
+def _tangent_on_branch(scene, law_state, i, drift, tangent):
+    """Return the tangent stiffness at the end of a substep, or at the limit of the branch of a
+    curved law, if `drift` is beyond it and the story has tangent damping (N/m).
+
+    The force of tangent damping jumps where a loop closes. A substep ends at this drift, within a
+    tolerance, and has the force before the jump; otherwise no drift satisfies its equations.
+    """
+    limited = min(max(drift, law_state[rows.LOWER, i]), law_state[rows.UPPER, i])
+    if limited == drift or scene.linear_terms[rows.TANGENT_DAMPING, i] == 0.0:
+        return tangent
+    tangent = _force_in_substep(scene.law_parameters, law_state, i, 0, rows.SECOND_TRIAL, limited)
+    _force_in_substep(
+        scene.law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
+    )
+    return tangent
 
 
 @inline

@@ -212,6 +212,7 @@ LAW = DriftLaw(
         ),
     ),
     kinked=True,
+    concave=True,
     yield_drift=_yield_drift,
     stiffness_after_yield=hardening_stiffness,
     last_line=_last_line,

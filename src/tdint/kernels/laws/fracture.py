@@ -38,6 +38,7 @@ def fracturing(law: DriftLaw) -> DriftLaw:
         law,
         functions=partial(_functions, law.functions, law.curved, fractured),
         kinked=True,
+        concave=False,
         failed=fractured,
         symmetric=lambda values: False,
     )

@@ -175,6 +175,10 @@ class DriftLaw:
     kinked : bool
         True if the tangent stiffness is discontinuous. The law then has a `switch`, and the changes
         of branch are located within a time step.
+    concave : bool
+        True if the force from a position of rest on is a concave function of the drift, in both
+        directions: without pinching, slack or stiffening. The work up to a drift is then at least
+        half of the largest force times the distance.
     extra_rows : int
         Number of rows of `law_state` that each state needs in addition to the common rows (see
         `tdint.kernels.layout.EXTRA_ROWS`).
@@ -221,6 +225,7 @@ class DriftLaw:
     parameters: tuple[LawParameter, ...] = ()
     curved: bool = False
     kinked: bool = False
+    concave: bool = False
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     symmetric: Callable[[Sequence[float]], bool] = lambda values: False

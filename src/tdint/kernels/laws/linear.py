@@ -31,5 +31,9 @@ def _functions() -> LawFunctions:
 
 
 LAW = DriftLaw(
-    "linear", "f = k d", _functions, last_line=lambda stiffness, values, side: (0.0, stiffness)
+    "linear",
+    "f = k d",
+    _functions,
+    concave=True,
+    last_line=lambda stiffness, values, side: (0.0, stiffness),
 )

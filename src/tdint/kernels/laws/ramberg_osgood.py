@@ -239,6 +239,7 @@ LAW = DriftLaw(
         LawParameter("exponent", low=1.0, high=100.0, low_allowed=False),
     ),
     kinked=True,
+    concave=True,
     curved=True,
     extra_rows=2 * _MAX_REVERSALS,
     yield_drift=yields_at_its_strength,

@@ -71,5 +71,6 @@ LAW = DriftLaw(
     _functions,
     parameters=(LawParameter("strength", force=1, low=0.0, low_allowed=False),),
     curved=True,
+    concave=True,
     stiffness_after_yield=lambda stiffness, values: 0.0,
 )

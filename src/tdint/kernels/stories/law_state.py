@@ -9,12 +9,21 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import I8, TABLE, VECTOR, inline, kernel, outlined
+from tdint.kernels.compiling import (
+    I8,
+    TABLE,
+    VECTOR,
+    copy_rows_within,
+    inline,
+    kernel,
+    outlined,
+)
 from tdint.kernels.laws.branch_following import (
     add_work,
     branch_follower,
     branch_owner,
     copy_extra_rows,
+    extra_rows,
 )
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
@@ -22,6 +31,9 @@ from tdint.kernels.laws.selection import (
     select_function,
 )
 from tdint.kernels.stories.branches import enter, sum_branches, switch, synchronize
+
+# Change of drift that determines the tangent in the direction of the motion, divided by the drift
+_DRIFT_OF_TANGENT = 1e-7
 
 # Each `select_function` returns a function that calls the function with this name of the law of
 # story `i`, or the default (last argument) for a law without such a function.
@@ -318,6 +330,18 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
     return restoring_force(law_parameters, law_state, i, previous, trial, drift)
 
 
+@outlined
+def tangent_in_motion(law_parameters, law_state, i, rate):
+    """Return the tangent stiffness of story `i` in the direction of its drift rate, N/m.
+
+    The direction can be opposite to that of the path to the present drift. A curved branch has no
+    slope in its state: the law is evaluated at a slightly different drift (in FIRST_TRIAL).
+    """
+    drift = law_state[rows.DRIFT, i]
+    drift += math.copysign(_DRIFT_OF_TANGENT * drift, rate)
+    return restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
+
+
 @inline
 def commit(law_parameters, law_state, i, previous, trial):
     """Make a trial state of story `i` the committed state.
@@ -429,12 +453,11 @@ def copy_step_start(law_state):
 
     Compiled into the time loop, this function would increase the time of all runs by 5 %.
     """
-    for row in range(rows.LAW_STATE_ROWS):
-        for i in range(law_state.shape[1]):
-            law_state[rows.STEP_START + row, i] = law_state[row, i]
+    copy_rows_within(law_state, rows.COMMITTED, rows.STEP_START, rows.LAW_STATE_ROWS)
     if law_state.shape[0] > rows.EXTRA_ROWS:
-        for i in range(law_state.shape[1]):
-            copy_extra_rows(law_state, i, rows.COMMITTED, rows.STEP_START)
+        first, start = extra_rows(law_state, rows.COMMITTED), extra_rows(law_state, rows.STEP_START)
+        count = (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
+        copy_rows_within(law_state, first, start, count)
 
 
 @inline

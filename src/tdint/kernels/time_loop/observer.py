@@ -58,14 +58,11 @@ from tdint.kernels.step_interpolant import acceleration_bulge
 from tdint.kernels.stepping import Ends, Located, Passage
 from tdint.kernels.stories.law_state import (
     hysteretic_energy,
-    restoring_force_outlined,
     start,
     step_start,
     strain_energy,
+    tangent_in_motion,
 )
-
-# Change of drift that determines the tangent after the start, divided by the initial drift
-_DRIFT_OF_TANGENT = 1e-7
 
 
 class _PowerValues(NamedTuple):
@@ -995,12 +992,7 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
         displacement_below = state[rows.DISPLACEMENT, i]
         if linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base_of(linear_terms, i)]
-            # The tangent in the direction of the motion, which can be opposite to the direction of
-            # the path to the initial drift. A curved branch has no slope in its state.
-            drift += math.copysign(_DRIFT_OF_TANGENT * drift, rate)
-            stiffness = restoring_force_outlined(
-                law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift
-            )
+            stiffness = tangent_in_motion(law_parameters, law_state, i, rate)
             state[rows.DAMPING_FORCE, i] = linear_terms[rows.TANGENT_DAMPING, i] * stiffness * rate
             state[rows.DAMPING_STATE, i] = state[rows.DAMPING_FORCE, i]
     return 0

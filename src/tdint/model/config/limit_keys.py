@@ -3,6 +3,8 @@
 A limit is a single value for all stories, or a mapping from stories to values. The keys of the
 mapping are numbers (`3`, `2-5`), types of hysteretic laws, or `others`. A number has priority over
 a type, and a type over `others`. The stories of the model are empty after an error in the stories.
+Limits of attachments and links are a single value for all, or a mapping from their names or
+`others` to values.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from dataclasses import dataclass
 
 from tdint.errors import UsageError, did_you_mean
 from tdint.model.config.sections import ModelUnits
+from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
     DRIFT_BOUNDS,
     POSITIVE,
@@ -26,7 +29,17 @@ from tdint.model.keys.fields import (
     Value,
     ValueType,
 )
-from tdint.model.limits import ACCELERATION, DRIFT_RATIO, ISOLATOR, RESIDUAL, Limit
+from tdint.model.limits import (
+    ACCELERATION,
+    DRIFT_RATIO,
+    ISOLATOR,
+    LINK_DEFORMATION,
+    LINK_FORCE,
+    QUANTITIES,
+    RESIDUAL,
+    STROKE,
+    Limit,
+)
 from tdint.model.story import Story
 from tdint.units import parse_with_unit
 
@@ -35,13 +48,17 @@ OTHERS = "others"
 _STORY_NUMBERS = re.compile(r"([1-9]\d{0,17})(?:-([1-9]\d{0,17}))?")
 _STORY_KEYS = r"^([1-9][0-9]*(-[1-9][0-9]*)?|[a-z][a-z0-9-]*)$"
 _STORY_MAPPING = f"a mapping such as {{1: ..., 2-5: ..., bilinear: ..., {OTHERS}: ...}}"
+_NAMES = "^.+$"
+_NAME_MAPPING = f"a mapping from names to limits, such as {{tank: ..., {OTHERS}: ...}}"
 
 
 @dataclass(frozen=True)
 class _ByStory:
-    """One value for all stories, or a mapping from stories or types of laws to values."""
+    """One value for all stories, or a mapping from stories or types of laws to values; of
+    attachments and links, a mapping from names (`keys` is then any text)."""
 
     type: ValueType
+    keys: str = _STORY_KEYS
 
     def schema(self) -> Schema:
         """Return the JSON schema: a single value, or a mapping with at least one entry."""
@@ -51,7 +68,7 @@ class _ByStory:
                 value,
                 {
                     "type": "object",
-                    "patternProperties": {_STORY_KEYS: value},
+                    "patternProperties": {self.keys: value},
                     "additionalProperties": False,
                     "minProperties": 1,
                 },
@@ -79,6 +96,22 @@ _LIMITS = (
         "absolute acceleration of the floors, in the unit of length of the file over s^2 or with "
         "a unit: 0.4 g",
     ),
+    Key(
+        STROKE,
+        _ByStory(_LENGTH, _NAMES),
+        "displacement of attachments relative to their floors, in the unit of length of the file "
+        "or with a unit: 300 mm",
+    ),
+    Key(
+        LINK_DEFORMATION,
+        _ByStory(_LENGTH, _NAMES),
+        "deformation of links, in the unit of length of the file or with a unit: 50 mm",
+    ),
+    Key(
+        LINK_FORCE,
+        _ByStory(POSITIVE, _NAMES),
+        "force of the spring and of the dashpot of links, in the unit of force of the file",
+    ),
 )
 _QUANTITIES = Keys(_LIMITS)
 
@@ -101,15 +134,36 @@ LIMITS = Keys(
 """Keys of the section `limits` of a model file."""
 
 
-def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tuple[Limit, ...]:
+@dataclass(frozen=True)
+class _Places:
+    """Stories, attachments and links of a model, to which limits apply."""
+
+    stories: Sequence[Story]
+    attachments: Sequence[Attachment]
+    links: Sequence[Link]
+
+    def names(self, quantity: str) -> tuple[str, ...]:
+        """Return the names of the attachments or links that have a quantity."""
+        items = self.attachments if quantity == STROKE else self.links
+        return tuple(item.name for item in items) if QUANTITIES[quantity].of_device else ()
+
+
+def read_limits(
+    value: Value,
+    unit: ModelUnits,
+    stories: Sequence[Story],
+    attachments: Sequence[Attachment] = (),
+    links: Sequence[Link] = (),
+) -> tuple[Limit, ...]:
     """Return the limits of a model: limits without a level, followed by the limits of each level.
 
     Limits with errors are reported and omitted.
     """
+    places = _Places(stories, attachments, links)
     section = value.section(LIMITS)
     if section is None:
         return ()
-    limits = _read_level(section, "", unit, stories)
+    limits = _read_level(section, "", unit, places)
     levels = section.get("levels")
     expected = "the limits of each performance level, such as {life safety: {drift_ratio: 2%}}"
     level_entries = levels.named(expected, f"is empty; give {expected}") if levels else None
@@ -123,15 +177,13 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
         elif level_section := entry.section(_QUANTITIES):
             if not level_section.mentions(*_QUANTITIES):
                 entry.fault(f"is empty; give one of {', '.join(_QUANTITIES)}")
-            limits += _read_level(level_section, name, unit, stories)
+            limits += _read_level(level_section, name, unit, places)
     if not section.mentions(*LIMITS):
         value.fault(f"is empty; give one of {', '.join(LIMITS)}")
     return tuple(limits)
 
 
-def _read_level(
-    section: Section, level: str, unit: ModelUnits, stories: Sequence[Story]
-) -> list[Limit]:
+def _read_level(section: Section, level: str, unit: ModelUnits, places: _Places) -> list[Limit]:
     """Return the limits of a single performance level, at most one for each quantity.
 
     `level` is empty for limits without a level.
@@ -139,10 +191,15 @@ def _read_level(
     limits = []
     for quantity in _QUANTITIES:
         if entry := section.get(quantity):
-            values = _read_values(entry, quantity, unit, stories)
+            names = places.names(quantity)
+            values = (
+                _read_named_values(entry, quantity, unit, names)
+                if QUANTITIES[quantity].of_device
+                else _read_values(entry, quantity, unit, places.stories)
+            )
             # A limit with a reported error has no finite value and is omitted.
             if values is not None and any(map(math.isfinite, values)):
-                limits.append(Limit(level, quantity, values))
+                limits.append(Limit(level, quantity, values, names))
     return limits
 
 
@@ -169,6 +226,24 @@ def _read_values(
         for story_index in _story_indices(inner_entry, name, quantity, stories, applies):
             limits[story_index] = limit
     return tuple(limits)
+
+
+def _read_named_values(
+    entry: Value, quantity: str, unit: ModelUnits, names: Sequence[str]
+) -> tuple[float, ...]:
+    """Return the limit of each attachment or link, nan without a limit or after reporting an
+    error."""
+    location, read_limit = QUANTITIES[quantity].location, _limit_reader(quantity, unit)
+    if not names:
+        entry.fault(f"the model has no {location}; add `{location}s`, or omit the limit")
+    if not entry.is_mapping:
+        return (read_limit(entry),) * len(names)
+    entries = entry.named(_NAME_MAPPING, f"is empty; give {_NAME_MAPPING}") or {}
+    limits = {name: read_limit(inner) for name, inner in entries.items()}
+    for name in limits.keys() - {*names, OTHERS} if names else ():
+        hint = did_you_mean(name, [*names, OTHERS]) or f"; names: {', '.join(names)}, {OTHERS}"
+        entries[name].fault(f"{location} {name!r} not found{hint}")
+    return tuple(limits.get(name, limits.get(OTHERS, math.nan)) for name in names)
 
 
 def _priority(name: str) -> int:
@@ -240,7 +315,12 @@ _NOT_APPLICABLE = {
 }
 """Messages if no story has a value of the quantity."""
 
-_LIMIT_UNITS = {ISOLATOR: ("displacement", "500 mm"), ACCELERATION: ("acceleration", "0.4 g")}
+_LIMIT_UNITS = {
+    ISOLATOR: ("displacement", "500 mm"),
+    ACCELERATION: ("acceleration", "0.4 g"),
+    STROKE: ("displacement", "300 mm"),
+    LINK_DEFORMATION: ("displacement", "50 mm"),
+}
 """Quantity of a limit with a unit, and an example for messages."""
 
 
@@ -248,6 +328,8 @@ def _limit_reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
     """Return the function that reads a limit in SI units, or nan after reporting an error."""
     if quantity in (DRIFT_RATIO, RESIDUAL):
         return lambda value: value.number(DRIFT_BOUNDS)
+    if quantity == LINK_FORCE:
+        return lambda value: value.number(POSITIVE, unit.force)
     unit_quantity, example = _LIMIT_UNITS[quantity]
 
     def parse_positive(text: str) -> float:

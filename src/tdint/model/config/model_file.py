@@ -45,10 +45,12 @@ from tdint.model.config.sections import (
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.definition import (
     Analysis,
+    Attachment,
     Damping,
     Excitation,
     Force,
     Initial,
+    Link,
     Matrices,
     ModalDamping,
     Model,
@@ -565,7 +567,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_units=page_units,
         page_head=_read_page_head(section.get("report")),
         damage=_read_damage(section.get("damage")),
-        limits=_read_limits(section, unit, stories),
+        limits=_read_limits(section, unit, stories, attachments, links),
         plausibility_off=section.read("plausibility") or "",
         weight_factor=_weight_factor(section, unit) if stories else 1.0,
         force_unit=unit.named.force,
@@ -622,7 +624,11 @@ def _read_damage(value: Value | None) -> DamageStates | None:
 
 
 def _read_limits(
-    section: Section, unit: ModelUnits, stories: tuple[Story, ...]
+    section: Section,
+    unit: ModelUnits,
+    stories: tuple[Story, ...],
+    attachments: tuple[Attachment, ...],
+    links: tuple[Link, ...],
 ) -> tuple[Limit, ...]:
     """Return the limits of a model; empty without limits."""
     value = section.get("limits")
@@ -631,7 +637,7 @@ def _read_limits(
     # Imported here, because most models have no limits.
     from tdint.model.config.limit_keys import read_limits
 
-    return read_limits(value, unit, stories)
+    return read_limits(value, unit, stories, attachments, links)
 
 
 def _read_stories(

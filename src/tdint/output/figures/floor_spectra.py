@@ -34,7 +34,8 @@ def floor_picture(
     ratios = list(dict.fromkeys(floor_spectrum.spectrum.damping for floor_spectrum in spectra))
     for floor_spectrum in spectra:
         floor, spectrum = floor_spectrum.floor, floor_spectrum.spectrum
-        label = f"floor {floor}" + (f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else "")
+        damping_text = f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else ""
+        label = floor_spectrum.place + damping_text
         plot_style = line_style(floors.index(floor), ratios.index(spectrum.damping)) | {
             "linewidth": 1.6
         }

@@ -44,7 +44,9 @@ _MIN_BAND = 0.01
 _MIN_RESIDUAL = 0.05  # minimum residual drift that is shown, as a fraction of the peak drift
 _MIN_ENERGY = 1e-4  # minimum energy that is shown, as a fraction of the maximum input energy
 _ROUNDING = 1e-9  # relative difference up to which times or accelerations are considered equal
+_MAX_HEIGHT = 10.5  # inches; A4 with margins of 15 mm
 _MAX_NAMED = 3  # maximum number of events that the title names
+_MAX_DEVICES = 4  # maximum number of attachments and of links in a figure
 _LEGEND_ABOVE = {
     "loc": "lower left",
     "bbox_to_anchor": (-0.02, 1.0),
@@ -63,8 +65,8 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     """Plot the response of a building to a ground motion or to initial conditions.
 
     The figure shows the ground motion, the forces from tables, the roof displacement and energies
-    over time; drifts, floor accelerations and shears over the height; and the hysteresis loop of a
-    story.
+    over time; strokes of attachments over time and loops of links; drifts, floor accelerations and
+    shears over the height; and the hysteresis loop of a story.
 
     Parameters
     ----------
@@ -82,10 +84,12 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     # The first row contains the ground motion or the forces; with both, there is another row.
     has_loads = bool(response.model.excitation.tables)
     more = int(response.record is not None and has_loads)
-    height = (12.4 if narrow else 9.4) + 1.3 * more
+    has_devices = history.devices is not None
+    height = (12.4 if narrow else 9.4) + 1.3 * more + 2.0 * has_devices
+    height = height if narrow else min(height, _MAX_HEIGHT)
     figure = Figure(figsize=(8.0, height), layout="constrained")
-    ratios = (*(1.0,) * (1 + more), 1.6, 1.9, 6.4 if narrow else 3.4)
-    grid = figure.add_gridspec(4 + more, 1, height_ratios=ratios)
+    ratios = (*(1.0,) * (1 + more), 1.6, 1.9, *(1.9,) * has_devices, 6.4 if narrow else 3.4)
+    grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)
     upper: list[Any] = []
     if response.record is not None:
         upper.append(figure.add_subplot(grid[0]))
@@ -100,7 +104,10 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
             panel.sharex(roof)
             panel.tick_params(labelbottom=False)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
-    _draw_energies(figure.add_subplot(grid[-2], sharex=roof), response, history, units)
+    energies = figure.add_subplot(grid[-3 if has_devices else -2], sharex=roof)
+    _draw_energies(energies, response, history, units)
+    if history.devices is not None:
+        _draw_devices(figure, grid[-2], response, history, units)
     if narrow:
         lower_grid = grid[-1].subgridspec(2, 2)
     else:
@@ -249,6 +256,48 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
             write_note(axes, error, y=0.3)
         else:
             axes.set_title(error, loc="right", fontsize=8.0)
+
+
+def _draw_devices(
+    figure: Figure, cell: Any, response: Response, history: History, units: OutputUnits
+) -> None:
+    """Plot the strokes of attachments over time, and the forces of links (spring and dashpot) over
+    their deformations, side by side in a cell of the grid.
+
+    With many attachments or links, those with the largest values are shown.
+    """
+    devices, peaks, model = history.devices, response.devices, response.model
+    assert devices is not None and peaks is not None
+    count, names = len(model.attachments), [item.name for item in model.devices]
+    deformation, unit = units.of(devices.drift, "m"), units.label("m")
+    panels = iter(cell.subgridspec(1, bool(model.attachments) + bool(model.links)))
+    if model.attachments:
+        axes = figure.add_subplot(next(panels))
+        strokes = peaks.stories.peak_drift[:count]
+        for number, i in enumerate(np.argsort(-strokes)[:_MAX_DEVICES].tolist()):
+            label = f"{names[i]}, peak {_short(units.of(float(strokes[i]), 'm'))} {unit}"
+            _draw_line(axes, history.time, deformation[:, i], number, label)
+        axes.set(xlabel="time (s)", ylabel=f"stroke ({unit})")
+        axes.set_xlim(history.time[0], history.time[-1])
+    if model.links:
+        axes = figure.add_subplot(next(panels))
+        forces = devices.shear + devices.damper_force
+        largest = np.abs(forces[:, count:]).max(axis=0)
+        factor, force_unit = scaled_unit(float(largest.max()), "N", units)
+        for number, i in enumerate(np.argsort(-largest)[:_MAX_DEVICES].tolist()):
+            column = count + i
+            _draw_line(
+                axes, deformation[:, column], factor * forces[:, column], number, names[column]
+            )
+        axes.set(xlabel=f"deformation of link ({unit})", ylabel=f"force of link ({force_unit})")
+        axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+
+
+def _draw_line(axes: Any, x: Array, y: Array, number: int, label: str) -> None:
+    """Plot the line of an attachment or link, and update the legend above the panel."""
+    color = COLORS[number % len(COLORS)]
+    axes.plot(x, y, color=color, linewidth=0.8, label=label, zorder=3 - 0.1 * number)
+    axes.legend(**_LEGEND_ABOVE, ncols=2, columnspacing=1.2)
 
 
 def _short(value: float) -> str:

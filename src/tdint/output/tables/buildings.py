@@ -19,6 +19,7 @@ from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
     PERIOD,
+    TEXT,
     Column,
     Table,
     elements_of,
@@ -480,6 +481,13 @@ MODEL = (
     ),
 )
 """Stories of a model; the text columns of hysteretic laws and dashpots follow."""
+DEVICE = (
+    Column("name", TEXT, "name", "name of the attachment or link"),
+    Column("place", TEXT, "place", "floor of an attachment, start and end of a link"),
+    Column("mass_kg", "kg", "mass", "attached mass"),
+    Column("stiffness_N_m", "N/m", "stiffness", "initial stiffness of the spring"),
+)
+"""Attachments and links of a model; the text columns of hysteretic laws and dashpots follow."""
 
 
 def _story_values(model: Model, name: str) -> Array:
@@ -579,6 +587,33 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
         for row, story in zip(numbers.rows, model.stories, strict=True)
     ]
     return numbers._replace(columns=(*numbers.columns, "law", "dashpots"), rows=rows)
+
+
+def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
+    """Return the table of the attachments and links of a model: place, mass, stiffness, hysteretic
+    law and dashpot; None without them."""
+    if not model.devices:
+        return None
+    places = [
+        *(f"floor {item.floor}" for item in model.attachments),
+        *(" to ".join(map(model.end_name, item.ends)) for item in model.links),
+    ]
+    numbers = Table.of(
+        DEVICE,
+        [
+            (item.name, place, item.spring.mass or None, item.spring.stiffness or None)
+            for item, place in zip(model.devices, places, strict=True)
+        ],
+    ).in_units(units)
+    rows = [
+        (
+            *row,
+            law_words(item.spring, units) if item.spring.stiffness else "",
+            _dashpot_text(item.spring, units),
+        )
+        for row, item in zip(numbers.rows, model.devices, strict=True)
+    ]
+    return numbers._replace(columns=(*numbers.columns, "law", "dashpot"), rows=rows)
 
 
 def _dashpot_text(story: Story, units: OutputUnits) -> str:

@@ -5,16 +5,14 @@ from __future__ import annotations
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tdint.model.definition import Attachment, Link
-from tdint.output.tables.table import Cell, Column, Table, error_columns, rows_of
+from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
 from tdint.response.runs.outcome import STORY_QUANTITIES, DeviceHistory, History
 from tdint.units import OutputUnits, quantities
 
 if TYPE_CHECKING:
     from tdint.model.definition import Model
-    from tdint.response.runs.outcome import Response
+    from tdint.response.runs.outcome import DevicePeaks, Response
 
 _MEANINGS = {
     "peak_drift": "maximum absolute displacement of the mass relative to its floor (stroke)",
@@ -68,10 +66,13 @@ LINK_NAMES = (
     Column("to", "text", "end", "end: ground, a floor or an attachment"),
 )
 
-COLUMNS = (
-    *(*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ENERGY, *ATTACHMENT_ERROR, *ENERGY_ERROR),
-    *(*LINK_NAMES, *LINK_COLUMNS, *ENERGY, *LINK_ERROR, *ENERGY_ERROR),
+TABLES = (
+    ((*ATTACHMENT_NAMES, *ATTACHMENT_COLUMNS, *ENERGY), (*ATTACHMENT_ERROR, *ENERGY_ERROR)),
+    ((*LINK_NAMES, *LINK_COLUMNS, *ENERGY), (*LINK_ERROR, *ENERGY_ERROR)),
 )
+"""Columns of the tables of attachments and of links, and their additional columns with error
+estimates."""
+COLUMNS = tuple(chain.from_iterable(chain(*TABLES)))
 """All columns of both tables."""
 
 _HISTORY = {quantity.name: quantity for quantity in quantities(History)}
@@ -120,39 +121,49 @@ def history_groups(
 def device_tables(response: Response) -> tuple[Table | None, Table | None]:
     """Return the tables of attachments and links, with error estimates if the run has them; None
     for a table without rows."""
-    devices, model = response.devices, response.model
+    devices = response.devices
     if devices is None:
         return None, None
-    count = len(model.attachments)
-    attachments = [(item.name, item.floor) for item in model.attachments]
-    links = [(item.name, *(end_name(model, end) for end in item.ends)) for item in model.links]
-    groups = (
-        (ATTACHMENT_NAMES, attachments, ATTACHMENT_COLUMNS, ATTACHMENT_ERROR, slice(count)),
-        (LINK_NAMES, links, LINK_COLUMNS, LINK_ERROR, slice(count, None)),
+    has_errors = devices.errors is not None
+    attachments, links = (
+        Table.of((*columns, *(errors if has_errors else ())), rows) if rows else None
+        for (columns, errors), rows in zip(
+            TABLES, device_rows(response.model, devices), strict=True
+        )
     )
-    tables = []
-    for names, labels, columns, errors, part in groups:
-        sources: list[tuple[tuple[Column, ...], object]] = [
-            (columns, devices.stories),
-            (ENERGY, devices),
-        ]
-        if devices.errors:
-            sources += [(errors, devices.errors), (ENERGY_ERROR, devices)]
-        values = zip(*(rows_of(group, source) for group, source in sources), strict=True)
-        rows: list[tuple[Cell, ...]] = [
-            (*label, *chain.from_iterable(row))
-            for label, row in zip(labels, list(values)[part], strict=True)
-        ]
-        all_columns = [*names, *(column for group, _ in sources for column in group)]
-        tables.append(Table.of(all_columns, rows) if rows else None)
-    return tables[0], tables[1]
+    return attachments, links
 
 
-def end_name(model: Model, end: int) -> str:
-    """Return the name of an end of a link: ground, the number of a floor, or an attachment."""
-    if end > len(model.stories):
-        return model.attachments[end - len(model.stories) - 1].name
-    return str(end) if end else "ground"
+def device_rows(
+    model: Model, devices: DevicePeaks | None
+) -> tuple[list[tuple[Cell, ...]], list[tuple[Cell, ...]]]:
+    """Return the rows of both tables; empty without attachments and links (None)."""
+    if devices is None:
+        return [], []
+    errors, energy_errors = devices.errors, devices if devices.errors else None
+    count = len(model.attachments)
+    columns = (ATTACHMENT_COLUMNS, ATTACHMENT_ERROR), (LINK_COLUMNS, LINK_ERROR)
+    attachment_cells, link_cells = (
+        joined_rows(
+            (
+                (peak_columns, devices.stories),
+                (ENERGY, devices),
+                (peak_errors, errors),
+                (ENERGY_ERROR, energy_errors),
+            )
+        )
+        for peak_columns, peak_errors in columns
+    )
+    return (
+        [
+            (item.name, item.floor, *cells)
+            for item, cells in zip(model.attachments, attachment_cells[:count], strict=True)
+        ],
+        [
+            (item.name, *map(model.end_name, item.ends), *cells)
+            for item, cells in zip(model.links, link_cells[count:], strict=True)
+        ],
+    )
 
 
 def device_sentences(response: Response, units: OutputUnits) -> list[str]:
@@ -184,13 +195,7 @@ def device_sentences(response: Response, units: OutputUnits) -> list[str]:
 def as_json(response: Response) -> dict[str, Any]:
     """Return the rows of both tables under the keys `attachments` and `links`, if they exist."""
     return {
-        key: [
-            {
-                name: None if isinstance(value, float) and np.isnan(value) else value
-                for name, value in row.items()
-            }
-            for row in table.as_dictionaries()
-        ]
+        key: table.as_dictionaries()
         for key, table in zip(("attachments", "links"), device_tables(response), strict=True)
         if table is not None
     }

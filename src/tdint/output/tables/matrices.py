@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from tdint.output.tables.table import Cell, Column, Table, columns_of, error_columns, rows_of
+from tdint.output.tables.table import (
+    Cell,
+    Column,
+    Table,
+    columns_of,
+    error_columns,
+    joined_rows,
+    rows_of,
+)
 from tdint.response.runs.outcome import FLEXURE_QUANTITIES, STORY_QUANTITIES, FlexureValues
 
 if TYPE_CHECKING:
@@ -47,13 +54,11 @@ COLUMNS = (
 def row_table(response: Response) -> Table:
     """Return the table of the rows of a model that are not floors."""
     errors = response.check.errors if response.check else None
-    groups = [(ROW_COLUMNS, response.stories), *([(ROW_ERROR, errors)] if errors else [])]
-    cells = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
+    cells = joined_rows(((ROW_COLUMNS, response.stories), (ROW_ERROR, errors)))
     rows: list[tuple[Cell, ...]] = [
-        (name, *chain.from_iterable(row))
-        for name, row in zip(response.model.rows, cells, strict=True)
+        (name, *row) for name, row in zip(response.model.rows, cells, strict=True)
     ]
-    return Table.of([ROW_NAME, *(column for columns, _ in groups for column in columns)], rows)
+    return Table.of((ROW_NAME, *ROW_COLUMNS, *(ROW_ERROR if errors else ())), rows)
 
 
 def with_flexure(response: Response, table: Table) -> Table:
@@ -61,11 +66,10 @@ def with_flexure(response: Response, table: Table) -> Table:
     peaks = response.flexure
     if peaks is None:
         return table
-    groups = [(FLEXURE_COLUMNS, peaks), *([(FLEXURE_ERROR, peaks.errors)] if peaks.errors else [])]
-    cells = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
-    added = Table.of([column for columns, _ in groups for column in columns], [])
+    cells = joined_rows(((FLEXURE_COLUMNS, peaks), (FLEXURE_ERROR, peaks.errors)))
+    added = Table.of((*FLEXURE_COLUMNS, *(FLEXURE_ERROR if peaks.errors else ())), [])
     rows: list[tuple[Cell, ...]] = [
-        (*row, *chain.from_iterable(more)) for row, more in zip(table.rows, cells, strict=True)
+        (*row, *more) for row, more in zip(table.rows, cells, strict=True)
     ]
     return Table((*table.columns, *added.columns), rows, table.meanings | added.meanings)
 
@@ -89,7 +93,7 @@ def as_json(response: Response) -> dict[str, Any]:
     """Return the parts of summary.json of such models: `rows`, or `flexure` and `base`."""
     flexure = response.flexure
     if response.model.rows:
-        return {"rows": _without_nan(row_table(response))}
+        return {"rows": row_table(response).as_dictionaries()}
     if flexure is None:
         return {}
     base = {quantity.column: getattr(flexure, quantity.name) for quantity in _OF_BASE}
@@ -99,12 +103,4 @@ def as_json(response: Response) -> dict[str, Any]:
             for quantity in _OF_BASE
         }
     stories = Table.of(FLEXURE_COLUMNS, rows_of(FLEXURE_COLUMNS, flexure))
-    return {"flexure": _without_nan(stories), "base": base}
-
-
-def _without_nan(table: Table) -> list[dict[str, Any]]:
-    """Return the rows of a table as dictionaries, with None instead of nan."""
-    return [
-        {key: None if value != value else value for key, value in row.items()}
-        for row in table.as_dictionaries()
-    ]
+    return {"flexure": stories.as_dictionaries(), "base": base}

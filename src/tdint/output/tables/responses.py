@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -15,8 +14,8 @@ from tdint.output.tables.table import (
     Table,
     describe,
     error_columns,
+    joined_rows,
     numbered,
-    rows_of,
 )
 from tdint.response.runs.outcome import (
     ELEMENT_QUANTITIES,
@@ -30,6 +29,8 @@ from tdint.units import SI, OutputUnits, quantities
 if TYPE_CHECKING:
     from tdint.response.runs.outcome import (
         DeviceHistory,
+        ElementPeaks,
+        ElementValues,
         Gradient,
         Response,
         StoryErrors,
@@ -109,31 +110,30 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
         Estimated errors of the peaks. If they are specified, the columns of the peaks are followed
         by a column `<name>_error` for each peak.
     """
-    groups = [
-        (columns, values)
-        for columns, values in ((STORY_COLUMNS, stories), (STORY_ERROR, errors))
-        if values is not None
-    ]
-    rows = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
-    return Table.of(
-        [column for columns, _ in groups for column in columns],
-        [tuple(chain.from_iterable(row)) for row in rows],
-    )
+    columns = (*STORY_COLUMNS, *(STORY_ERROR if errors else ()))
+    return Table.of(columns, story_rows(stories, errors))
+
+
+def story_rows(stories: StoryPeaks, errors: StoryErrors | None = None) -> list[tuple[Cell, ...]]:
+    """Return the rows of `story_table`."""
+    return joined_rows(((STORY_COLUMNS, stories), (STORY_ERROR, errors)))
 
 
 def element_table(response: Response) -> Table | None:
     """Return the table of the elements of stories with several elements, with error estimates if
     the run has them; None without such stories."""
-    elements = response.elements
-    if elements is None:
+    if response.elements is None:
         return None
     errors = response.check.elements if response.check else None
-    groups = [(ELEMENT_COLUMNS, elements), *([(ELEMENT_ERROR, errors)] if errors else [])]
-    rows = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
-    return Table.of(
-        [column for columns, _ in groups for column in columns],
-        [tuple(chain.from_iterable(row)) for row in rows],
-    )
+    columns = (*ELEMENT_COLUMNS, *(ELEMENT_ERROR if errors else ()))
+    return Table.of(columns, element_rows(response.elements, errors))
+
+
+def element_rows(
+    elements: ElementPeaks | None, errors: ElementValues | None = None
+) -> list[tuple[Cell, ...]]:
+    """Return the rows of `element_table`; empty without elements (None)."""
+    return joined_rows(((ELEMENT_COLUMNS, elements), (ELEMENT_ERROR, errors)))
 
 
 def response_table(response: Response) -> Table:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from tdint.model.parameters import parameter_meaning
 from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, Column, error_columns
-from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.response.runs.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 
 BUILDING_COLUMNS = (
     Column("building", "text", "building", "name of the building"),
@@ -29,6 +29,14 @@ RUNS = (
     *(Column.of_quantity(quantity) for quantity in RUN if quantity.shown != HIDDEN),
 )
 """Columns of runs.csv."""
+
+SHOCKS = (
+    Column("shock", "1", "shock", "event of the sequence, from 1"),
+    Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
+    *(Column.of_quantity(quantity) for quantity in DEMANDED),
+)
+"""Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
 _WITH_ERROR = tuple(Column.of_quantity(quantity) for quantity in RUN_WITH_ERROR)
 

@@ -16,7 +16,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import repeat
+from itertools import chain, repeat
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -175,6 +175,13 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
     return list(zip(*cells_of_columns, strict=True))
 
 
+def joined_rows(groups: Iterable[tuple[Sequence[Column], Any]]) -> list[tuple[Cell, ...]]:
+    """Return the rows of several results side by side: for each group of columns, the cells of its
+    result. Groups without a result (None) are omitted."""
+    parts = [rows_of(columns, result) for columns, result in groups if result is not None]
+    return [tuple(chain.from_iterable(row)) for row in zip(*parts, strict=True)]
+
+
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """Return, for each column, the column NAME_error of the estimated errors of its values."""
     return tuple(
@@ -251,8 +258,16 @@ class Table(NamedTuple):
         return {key: self.as_dictionaries(), "meanings": dict(self.meanings)}
 
     def as_dictionaries(self) -> list[dict[str, Any]]:
-        """Return the rows, each as a dictionary by column."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        """Return the rows, each as a dictionary by column; None for nan, which JSON does not
+        have."""
+        # A nan differs from itself.
+        return [
+            {
+                name: None if cell != cell else cell
+                for name, cell in zip(self.columns, row, strict=True)
+            }
+            for row in self.rows
+        ]
 
     def chosen(self, names: Iterable[str]) -> Table:
         """Return the table with only the columns in `names`, in this order. Names that the table

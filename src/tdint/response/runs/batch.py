@@ -37,10 +37,11 @@ from tdint.response.runs.case import (
 from tdint.response.runs.elements import element_peaks
 from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.response.runs.load_case import LoadCase
-from tdint.response.runs.loop_results import energy_errors, named_peaks
+from tdint.response.runs.loop_results import columns, device_columns, energy_errors, named_peaks
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Collapse,
+    DevicePeaks,
     ElementPeaks,
     FailedRun,
     Response,
@@ -136,6 +137,10 @@ class Outcomes:
     ----------
     elements : ndarray, shape (runs, 2, elements)
         Results of the elements, as in `BatchResult`, of runs that are not in `responses`.
+    devices : StoryPeaks
+        Peaks of attachments and links of runs that are not in `responses`, as in `DevicePeaks`.
+    device_energy : ndarray, shape (runs, devices)
+        Energies dissipated by attachments and links of these runs, J.
     energy_error, steps : ndarray, shape (runs,)
         Energy imbalance divided by the maximum input energy; number of completed time steps.
     at_rest : list of int | None
@@ -150,6 +155,8 @@ class Outcomes:
 
     stories: StoryPeaks
     elements: Array
+    devices: StoryPeaks
+    device_energy: Array
     energy_error: Array
     steps: NDArray[np.int64]
     at_rest: list[int | None]
@@ -172,9 +179,12 @@ class Outcomes:
         at_rest = (
             batch.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(batch.ends)
         )
+        peaks = named_peaks(building, batch.peaks, batch.drifts)
         return cls(
-            named_peaks(building, batch.peaks, batch.drifts),
+            columns(peaks, slice(building.floors)),
             batch.elements,
+            device_columns(building, peaks),
+            batch.device_energy,
             energy_errors(batch.totals),
             batch.ends[:, STEPS_COMPLETED].astype(int),
             at_rest,
@@ -191,10 +201,7 @@ class Outcomes:
 
     def stories_of(self, i: int) -> StoryPeaks:
         """Return the peaks of run `i`."""
-        values = {
-            quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY_QUANTITIES
-        }
-        return StoryPeaks(height=self.stories.height, **values)
+        return _run_of(self.stories, i)
 
     def elements_of(self, i: int, model: Model) -> ElementPeaks | None:
         """Return the results of the elements of the building `model` in run `i`; None without
@@ -203,14 +210,22 @@ class Outcomes:
             return self.responses[i].elements
         return element_peaks(model, self.elements[i], self.stories_of(i))
 
+    def devices_of(self, i: int) -> DevicePeaks | None:
+        """Return the peaks of attachments and links in run `i`; None without them."""
+        if i in self.responses:
+            return self.responses[i].devices
+        if not self.device_energy.shape[1]:
+            return None
+        return DevicePeaks(_run_of(self.devices, i), self.device_energy[i])
+
     def fail(self, i: int, failure: FailedRun) -> None:
         """Replace the results of run `i` by its failure."""
         self.failures[i], self.at_rest[i] = failure, None
         self._put(i, None, np.nan, 0)
 
     def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
-        """Replace the results of run `i` by the results of an individual run; `elements` remains
-        unchanged, because `elements_of` uses the elements of the response.
+        """Replace the results of run `i` by the results of an individual run. Elements and devices
+        remain unchanged, because `elements_of` and `devices_of` use those of the response.
 
         Parameters
         ----------
@@ -240,6 +255,12 @@ class Outcomes:
                 getattr(stories, quantity.name) if stories else np.nan
             )
         self.energy_error[i], self.steps[i] = energy_error, steps
+
+
+def _run_of(peaks: StoryPeaks, i: int) -> StoryPeaks:
+    """Return the peaks of run `i` of many runs."""
+    values = {quantity.name: getattr(peaks, quantity.name)[i] for quantity in STORY_QUANTITIES}
+    return StoryPeaks(height=peaks.height, **values)
 
 
 def run_batch(

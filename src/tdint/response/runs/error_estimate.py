@@ -277,17 +277,14 @@ def with_error_estimate(
     )
     if response.devices is not None and other.devices is not None:
         count = len(response.model.stories)
-        parts = [
-            {field.name: getattr(errors, field.name)[part] for field in fields(StoryErrors)}
-            for part in (slice(count), slice(count, None))
-        ]
-        errors = StoryErrors(**parts[0])
+        device_errors = columns(errors, slice(count, None))
+        errors = columns(errors, slice(count))
         energy = response.devices.dissipated_energy
         energy_error = _extrapolated(
             energy, other.devices.dissipated_energy, np.abs(energy), factors(case.method)
         )
         devices = response.devices._replace(
-            errors=StoryErrors(**parts[1]),
+            errors=device_errors,
             dissipated_energy_error=energy_error,
         )
         response = replace(response, devices=devices)
@@ -342,6 +339,7 @@ def _with_devices(response: Response) -> Response | _AllPeaks:
     devices = response.devices
     if devices is None:
         return response
+    assert devices.interstep_bound is not None
 
     def joined(values: Any, others: Any) -> dict[str, Array]:
         """Return all arrays of both objects, joined."""
@@ -490,8 +488,8 @@ def _missed_excess(
     if finer_run is not None:
         possible = getattr(finer_run.stories, name) + getattr(finer_run.interstep_bound, name)
         excess = np.minimum(excess, possible - size)
-    if start is not None:
-        excess = np.maximum(excess, getattr(start, name) - size)
+    if start is not None:  # of all springs; the stories are the first
+        excess = np.maximum(excess, getattr(start, name)[: size.size] - size)
     return excess
 
 

@@ -30,6 +30,7 @@ from tdint.response.runs.outcome import (
     StoryPeaks,
     story_values,
 )
+from tdint.response.runs.prepared import device_energy
 
 Loads = tuple[Array, Array]
 """Forces on floors and points of their tables (`load_arrays`)."""
@@ -69,13 +70,21 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     if not building.branched:
         return None
     peaks = all_peaks(building, space)
-    bounds = _interstep_errors(building, space, late, peaks)
-    part = building.device_columns
-    dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
-    dissipated += space.law_state[rows.ENERGY_SPENT, part]
-    if np.any(building.linear_terms[rows.BRACE]):
-        dissipated += space.state[rows.BRACE_DISSIPATED, part]
-    return DevicePeaks(columns(peaks, part), columns(bounds, part), dissipated)
+    bounds = columns(_interstep_errors(building, space, late, peaks), building.device_columns)
+    return DevicePeaks(device_columns(building, peaks), device_energy(building, space), bounds)
+
+
+def device_columns(building: Building, peaks: StoryPeaks) -> StoryPeaks:
+    """Return the peaks of attachments and links; the residual deformations of links have the sign
+    of their ends in the model."""
+    devices = columns(peaks, building.device_columns)
+    return replace(devices, residual_drift=devices.residual_drift * _signs(building))
+
+
+def _signs(building: Building) -> Array:
+    """Return the signs of the deformations of attachments and links: -1 for a link whose end is
+    below its start, otherwise 1."""
+    return np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
 
 
 def flexure_peaks(building: Building, space: Workspace) -> FlexurePeaks | None:
@@ -98,10 +107,11 @@ def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> Stor
     Returns
     -------
     StoryPeaks
-        Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units.
+        Arrays of shape (n,) or (runs, n) with a single attribute for each quantity, in SI units:
+        first the stories, then attachments and links.
     """
     values = story_values(building, peaks, residual_drift)
-    return columns(StoryPeaks(height=building.heights, **values), slice(building.floors))
+    return StoryPeaks(height=building.heights, **values)
 
 
 def residual_oscillation(
@@ -312,8 +322,7 @@ def named_history(
 def _device_history(building: Building, series: dict[str, Array]) -> DeviceHistory:
     """Return the histories of attachments and links; the deformations of links have the sign of
     their ends in the model."""
-    part = building.device_columns
-    signs = np.array([*(1.0 for _ in building.attachments), *(x.sign for x in building.links)])
+    part, signs = building.device_columns, _signs(building)
     signed = ("drift", "shear", "damper_force")
     return DeviceHistory(
         attachments=tuple(column_name(item.name) for item in building.attachments),

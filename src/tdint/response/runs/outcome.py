@@ -491,10 +491,10 @@ class DevicePeaks(NamedTuple):
     stories : StoryPeaks
         Peaks, as of stories: the drift is the deformation (the stroke of an attachment), the shear
         the force of the spring. Displacement, velocity and acceleration are motions of the mass.
-    interstep_bound : StoryErrors
-        As for a `Response`.
     dissipated_energy : ndarray
         Energies dissipated by spring and dashpot since the start, J.
+    interstep_bound : StoryErrors | None
+        As for a `Response`; None for a run of a batch, which has no error estimate.
     errors : StoryErrors | None
         Estimated errors.
     dissipated_energy_error : ndarray | None
@@ -502,10 +502,23 @@ class DevicePeaks(NamedTuple):
     """
 
     stories: StoryPeaks
-    interstep_bound: StoryErrors
     dissipated_energy: Array
+    interstep_bound: StoryErrors | None = None
     errors: StoryErrors | None = None
     dissipated_energy_error: Array | None = None
+
+    def demands(self, attachments: int) -> dict[str, Array]:
+        """Return the demands of one run that limits apply to (`tdint.model.limits`), shape
+        (1, attachments) or (1, links); `attachments` is the number of attachments."""
+        from tdint.model.limits import device_demands
+
+        peaks = self.stories
+        return device_demands(
+            peaks.peak_drift[np.newaxis],
+            peaks.peak_shear[np.newaxis],
+            peaks.peak_damper_force[np.newaxis],
+            attachments,
+        )
 
 
 @dataclass(frozen=True)
@@ -868,6 +881,8 @@ class Response(Tabular):
             quantity.name: getattr(stories, quantity.name)[np.newaxis]
             for quantity in STORY_QUANTITIES
         }
+        if self.devices is not None:
+            peaks |= self.devices.demands(len(self.model.attachments))
         return check_demands(
             self.model.limits,
             limit,
@@ -883,15 +898,12 @@ class Response(Tabular):
         """Peak displacement of the isolators, as a comparison with an infinite limit; None without
         isolators.
         """
-        from tdint.model.limits import check_limits, isolator_limits
+        from tdint.model.limits import isolator_check
 
         isolators = [i for i, story in enumerate(self.model.stories, start=1) if story.isolator]
         peaks = {"peak_drift": self.stories.peak_drift[np.newaxis]}
-        # One limit applies to all isolators, so there is at most one comparison. It states the
-        # isolator with the largest displacement. The last argument [""] is the list of the names of
-        # the motions.
-        limits = isolator_limits(isolators, len(self.model.stories))
-        return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
+        # The last argument is the list of the names of the motions.
+        return isolator_check(isolators, peaks, self.stories.height, [""])
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

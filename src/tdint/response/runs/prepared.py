@@ -170,6 +170,8 @@ class BatchResult(NamedTuple):
     elements : ndarray, shape (runs, 2, elements)
         Maximum absolute force (N) and dissipated energy (J) of the elements of stories with several
         elements.
+    device_energy : ndarray, shape (runs, devices)
+        Energies dissipated by attachments and links, J.
     """
 
     peaks: Array
@@ -177,13 +179,15 @@ class BatchResult(NamedTuple):
     totals: Array
     ends: Array
     elements: Array
+    device_energy: Array
 
     @classmethod
     def empty(cls, runs: int, building: Building) -> BatchResult:
         """Return results of zeros for a number of runs of a building."""
-        n = building.stories
-        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,)
-        return cls(*(np.zeros((runs, *shape)) for shape in (*shapes, (2, building.elements))))
+        n, elements = building.stories, building.elements
+        devices = len(building.attachments) + len(building.links)
+        shapes = (2 * rows.PEAK_ROWS, n), (n,), (rows.TOTALS_SIZE,), (3,), (2, elements), (devices,)
+        return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 def element_results(law_state: Array, stories: int) -> Array:
@@ -193,6 +197,16 @@ def element_results(law_state: Array, stories: int) -> Array:
     `law_state` contains the law states of a building with `stories` stories.
     """
     return law_state[[rows.PEAK_FORCE, rows.ENERGY_SPENT], stories + 1 :]
+
+
+def device_energy(building: Building, space: Workspace) -> Array:
+    """Return the energies dissipated by attachments and links since the start of a run, J."""
+    part = building.device_columns
+    dissipated = space.observer_state[rows.DASHPOT_WORK, part].copy()
+    dissipated += space.law_state[rows.ENERGY_SPENT, part]
+    if np.any(building.linear_terms[rows.BRACE]):
+        dissipated += space.state[rows.BRACE_DISSIPATED, part]
+    return dissipated
 
 
 class RestCriterion(NamedTuple):
@@ -265,8 +279,8 @@ _GROWTH = 1e-6
 1e-5."""
 
 _PART_OF_TRIANGLE = 0.5
-"""Dimensionless. Energy for a drift of a story that is not linear, divided by the triangle of
-`_may_grow`. The path of a law with pinching is below the triangle.
+"""Dimensionless. Energy for a drift of a story, divided by the triangle of `_may_grow`, if a law of
+the building is not concave. The path of a law with pinching is below the triangle.
 """
 
 
@@ -294,7 +308,7 @@ def _may_grow(building: Building, space: Workspace) -> bool:
     triangle = 0.5 * peaks[rows.PEAK_SHEAR] * (peaks[rows.PEAK_DRIFT] - at_rest)
     # A story without a force, such as a gap that does not close, does not need energy.
     least = triangle.min(initial=math.inf, where=peaks[rows.PEAK_SHEAR] > 0.0)
-    return bool(energy > least * (1.0 if building.linear else _PART_OF_TRIANGLE))
+    return bool(energy > least * (1.0 if building.concave else _PART_OF_TRIANGLE))
 
 
 def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> None:
@@ -669,6 +683,8 @@ class PreparedBuilding:
             result.ends[i] = code, completed, at_rest
             if self.building.elements:
                 result.elements[i] = element_results(space.law_state, n)
+            if self.building.branched:
+                result.device_energy[i] = device_energy(self.building, space)
 
         return integrate_run
 

@@ -58,9 +58,10 @@ InterpolationName = Annotated[
 ]
 """Declarations that all spectra have in common. The last two are columns only if requested."""
 
-# Maximum number of oscillators integrated together; their data fit into the L1 cache
-_MAX_LANES = 56
-_REGISTER = 8  # number of values in a vector register of the processor
+_LANES = 4
+"""Number of oscillators that the kernel integrates together: the values of a vector register. More
+would hardly be faster, and the memory for the maxima of a long record is proportional to it."""
+
 # Relative reduction of a quotient before it is rounded up, so that a rounding error does not
 # increase an integer quotient by 1
 _ROUNDING = 1e-9
@@ -179,30 +180,35 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
     a sampling interval after the last sample, and maxima include the free vibration. Otherwise,
     maxima are evaluated until the last sample.
     """
-    if maxima.between:
-        ground = np.append(ground, 0.0)
+    # A copy, because kernels have no read-only arguments
+    ground = np.append(ground, [0.0] if maxima.between else [])
     result = np.empty((spectra.PEAKS, omega.size))
-    for indices, parts, table in groups(omega, damping, dt, maxima, _lanes):
-        lanes = _lanes(indices.size)
+    for indices, parts, table in groups(omega, damping, dt, maxima, _LANES):
         peaks = np.empty((spectra.PEAKS, indices.size))
-        scratch = spectra.scratch(ground.size, parts, lanes)
+        # The scratch arrays, which may be larger than the record, are not kept for the next group.
         spectra.peaks.compiled(
-            ground, dt, parts, table, lanes, int(maxima.between), peaks, *scratch
+            ground,
+            dt,
+            parts,
+            table,
+            _LANES,
+            int(maxima.between),
+            peaks,
+            *spectra.scratch(ground.size, parts, _LANES),
         )
         result[:, indices] = peaks
     return result
 
 
 def groups(
-    omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
+    omega: Array, damping: float, dt: float, maxima: Maxima, lanes: int
 ) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
     """Yield groups of oscillators whose time step is the same part of the sampling interval: their
     indices in `omega`, the number of time steps in a sampling interval, and a table of coefficients
     for the kernel.
 
-    `lanes` returns the number of oscillators that the kernel integrates together from the number of
-    oscillators in a group. The table has one column for each oscillator. The last column is
-    repeated until the number of columns is a multiple of the number of lanes.
+    The kernel integrates `lanes` oscillators together. The table has one column for each
+    oscillator. The last column is repeated until the number of columns is a multiple of `lanes`.
     """
     parts = maxima.parts(omega, dt)
     table = recursion_table(omega, dt / parts, damping, more=2)
@@ -212,20 +218,9 @@ def groups(
     # `np.unique` would import numpy.ma, which is slower than the spectrum of one record.
     for count in sorted(set(parts.tolist())):
         indices = np.flatnonzero(parts == count)
-        missing_columns = -indices.size % lanes(indices.size)
+        missing_columns = -indices.size % lanes
         columns = np.append(indices, np.full(missing_columns, indices[-1]))
         yield indices, count, table.take(columns, axis=1)
-
-
-def _lanes(count: int) -> int:
-    """Return the number of oscillators that the kernel integrates together, if there are `count`.
-
-    The result is a multiple of the number of values in a vector register of the processor. More
-    than `_MAX_LANES` oscillators are divided into several parts of equal size.
-    """
-    # Both quotients are rounded up (floor division of the negative number).
-    group_count = -(-count // _MAX_LANES)
-    return -(-count // (group_count * _REGISTER)) * _REGISTER
 
 
 # ---- Elastic response spectra

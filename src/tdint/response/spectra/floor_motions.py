@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from tdint.arrays import Numbers
 from tdint.errors import UsageError
@@ -13,46 +14,60 @@ from tdint.response.runs.outcome import Response
 from tdint.response.spectra.elastic import Spectrum, spectrum
 from tdint.tabular import Tabular
 
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
+
 ROOF = "roof"
 _CHANNEL = "HNX"  # channel code of a floor if the ground motion has no code of an accelerometer
 
 
 @dataclass(frozen=True, repr=False)
 class FloorSpectrum(Tabular):
-    """Elastic response spectrum of the absolute acceleration of a floor; floors are numbered from 1
-    at the bottom.
+    """Elastic response spectrum of the absolute acceleration of a floor or an attachment; floors
+    are numbered from 1 at the bottom.
 
     Attributes
     ----------
-    floor : int
-        Floor, from 1 at the bottom.
+    floor : int or str
+        Floor, from 1 at the bottom, or name of an attachment.
     spectrum : Spectrum
         Response spectrum of its absolute acceleration.
     """
 
-    floor: int
+    floor: int | str
     spectrum: Spectrum
+
+    @property
+    def place(self) -> str:
+        """Floor, such as `floor 3`, or name of the attachment."""
+        return self.floor if isinstance(self.floor, str) else f"floor {self.floor}"
 
     def _headline(self) -> str:
         periods = pluralize(self.spectrum.periods.size, "period")
-        return f"of floor {self.floor}, damping {self.spectrum.damping:g}, {periods}"
+        return f"of {self.place}, damping {self.spectrum.damping:g}, {periods}"
 
 
-def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
-    """Convert the names of floors to numbers without duplicates.
+def floors_of(names: Sequence[str], model: Model) -> tuple[int | str, ...]:
+    """Convert the names of floors to numbers; the result has no duplicates.
 
     Parameters
     ----------
     names : sequence of str
-        Numbers of floors, from 1 at the bottom, or `roof`.
+        Numbers of floors, from 1 at the bottom, `roof`, or names of attachments, which are not
+        converted.
 
     Raises
     ------
     UsageError
         The building has no such floor.
     """
-    numbers = []
+    stories = len(model.stories)
+    attachments = [item.name for item in model.attachments]
+    floors: list[int | str] = []
     for name in names:
+        if name in attachments:
+            floors.append(name)
+            continue
         # A name that is not a number becomes 0, which is rejected below.
         floor = (
             stories
@@ -63,14 +78,16 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
         )
         if not 1 <= floor <= stories:
             raise UsageError(
-                f"floor {name!r} not found; floors must be numbers from 1 to {stories}, or {ROOF}"
+                f"floor {name!r} not found; floors must be numbers from 1 to {stories}, "
+                f"{', '.join([*attachments, f'or {ROOF}'])}"
             )
-        numbers.append(floor)
-    return tuple(dict.fromkeys(numbers))
+        floors.append(floor)
+    return tuple(dict.fromkeys(floors))
 
 
-def floor_motion(response: Response, floor: int) -> Record:
-    """Return the absolute acceleration of a floor at the time steps of a run as a record.
+def floor_motion(response: Response, floor: int | str) -> Record:
+    """Return the absolute acceleration of a floor or an attachment at the time steps of a run as a
+    record.
 
     The station code of the record is the floor (F01, ..., F10 for ten floors), and its location
     code states that it is in SI units. The channel code is the code of the ground motion if this is
@@ -78,15 +95,15 @@ def floor_motion(response: Response, floor: int) -> Record:
 
     Parameters
     ----------
-    floor : int
-        Floor, from 1 at the bottom.
+    floor : int or str
+        Floor, from 1 at the bottom, or name of an attachment, whose station code is A01, A02, ...
 
     Raises
     ------
     UsageError
         The run kept no history.
     """
-    history = response.history
+    history, model = response.history, response.model
     if history is None:
         raise UsageError(
             "the motion of a floor requires a run with a response history; use run(..., "
@@ -99,15 +116,22 @@ def floor_motion(response: Response, floor: int) -> Record:
         if len(component) == 3 and component.isalnum() and component[1] == "N"
         else _CHANNEL
     )
+    if isinstance(floor, str):
+        assert history.devices is not None
+        letter, place = "A", floor
+        number = [item.name for item in model.attachments].index(floor) + 1
+        accelerations = history.devices.acceleration
+    else:
+        letter, place, number, accelerations = "F", f"floor {floor}", floor, history.acceleration
     # The number of the floor has at least two digits, and in all floors the same number of digits.
-    station = f"F{floor:0{max(2, len(str(len(response.model.stories))))}d}"
+    station = f"{letter}{number:0{max(2, len(str(len(model.stories))))}d}"
     return Record(
-        acceleration=history.acceleration[:, floor - 1],
+        acceleration=accelerations[:, number - 1],
         dt=response.dt,
         start=ground.start if ground else "",
         id=f".{station}.{SI_LOCATION}.{channel}",
         component=channel,
-        source=f"floor {floor} of {response.model.name}",
+        source=f"{place} of {model.name}",
     )
 
 
@@ -126,7 +150,7 @@ def floor_spectra(
     response : Response
         Response with its history.
     floors : sequence of int or str
-        Floors, from 1 at the bottom, or `roof`.
+        Floors, from 1 at the bottom, `roof`, or names of attachments.
     periods : ndarray, shape (k,)
         Periods, s. At period 0, the result is the maximum absolute acceleration of the floor at the
         time steps.
@@ -143,8 +167,8 @@ def floor_spectra(
     UsageError, AnalysisError
         As by `spectrum`; or the response has no history, or a floor does not exist.
     """
-    numbers = floor_numbers([str(floor) for floor in floors], len(response.model.stories))
-    motions = [(floor, floor_motion(response, floor)) for floor in numbers]
+    places = floors_of([str(floor) for floor in floors], response.model)
+    motions = [(floor, floor_motion(response, floor)) for floor in places]
     return tuple(
         FloorSpectrum(floor, spectrum(motion, periods, ratio))
         for floor, motion in motions

@@ -167,14 +167,13 @@ def _directional_displacements(
     )
     (first, dt), (second, _) = components
     result = np.empty((omega.size, rotation.ANGLES))
-    if settings.maxima.between:
-        # After the last sample, the ground acceleration decreases to zero.
-        first, second = np.append(first, 0.0), np.append(second, 0.0)
+    # After the last sample, the ground acceleration decreases to zero. The arrays are copied, because
+    # kernels have no read-only arguments.
+    end = [0.0] if settings.maxima.between else []
+    first, second = np.append(first, end), np.append(second, end)
     # Each group contains oscillators with the same number of parts of a sampling interval. The
     # compiled kernel computes one group at a time.
-    for indices, parts, table in groups(
-        omega, damping, dt, settings.maxima, lambda count: rotation.LANES
-    ):
+    for indices, parts, table in groups(omega, damping, dt, settings.maxima, rotation.LANES):
         peaks = np.empty((indices.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
         rotation.rotated_peaks.compiled(

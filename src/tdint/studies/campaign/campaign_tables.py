@@ -12,12 +12,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.output.tables.responses import (
-    ELEMENT_COLUMNS,
-    ELEMENT_ERROR,
-    STORY_COLUMNS,
-    STORY_ERROR,
-)
 from tdint.output.tables.runs import BUILDING_COLUMNS, RUN_ERRORS, RUNS, SAMPLE, varied_columns
 from tdint.output.tables.spectra import FLOOR_SUITE_COLUMNS, SPECTRUM
 from tdint.output.tables.table import (
@@ -36,8 +30,7 @@ from tdint.output.tables.table import (
     harmless,
     names,
 )
-from tdint.response.runs.demands import DEMANDED
-from tdint.response.runs.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
+from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
 if TYPE_CHECKING:
@@ -50,15 +43,10 @@ if TYPE_CHECKING:
     from tdint.studies.campaign.variants import Ratios
     from tdint.studies.fragility.measures import MeasuredRun, RunMeasure
     from tdint.studies.store.result_store import Store
+    from tdint.studies.store.schema import PartTable
 
 EVENT = Column("event", "text", "event", "event of a ground motion field")
 
-
-STORIES = (*BUILDING_COLUMNS, *STORY_COLUMNS)
-"""Columns of stories.csv of a campaign."""
-
-ELEMENTS = (*BUILDING_COLUMNS, *ELEMENT_COLUMNS)
-"""Columns of elements.csv of a campaign."""
 
 LEVEL = Column(
     "level",
@@ -130,15 +118,6 @@ PROFILES = (
 
 PROFILE_ERRORS = error_columns(PROFILES[5:10])
 """Additional columns of a campaign with error estimates."""
-
-SHOCKS = (
-    *BUILDING_COLUMNS,
-    Column("shock", "1", "shock", "event of the sequence, from 1"),
-    Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
-    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
-    *(Column.of_quantity(quantity) for quantity in DEMANDED),
-)
-"""Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
 FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *FLOOR_SUITE_COLUMNS, *COUNTS)
 """Columns of floor-spectra-mean.csv."""
@@ -295,59 +274,29 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
         yield head + results + errors + parameters + inventory_cells(building, sample)
 
 
-def story_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of stories.csv, the peak responses of the stories in all runs of a
-    campaign.
+def part_columns(store: Store, table: PartTable) -> tuple[Column, ...]:
+    """Return the columns of stories.csv, elements.csv, attachments.csv or links.csv, the results of
+    these parts of the buildings in all runs of a campaign; or of shocks.csv, the response to each
+    event of a sequence.
 
     The column `sample` is included if ground motions were sampled, because two samples can be the
     same ground motion.
     """
     sample_column = (SAMPLE,) if store.count("sample > 0") else ()
-    error_columns_of_stories = STORY_ERROR if store.checked else ()
-    return (*BUILDING_COLUMNS, *sample_column, *STORY_COLUMNS, *error_columns_of_stories)
+    errors = table.errors if store.checked else ()
+    return (*BUILDING_COLUMNS, *sample_column, *table.shown, *errors)
 
 
-def story_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of stories.csv, in the order of runs.csv and from the ground up."""
+def part_rows(store: Store, table: PartTable) -> Iterator[list[Any]]:
+    """Yield the rows of the table with `part_columns`, in the order of runs.csv and of the model
+    file."""
     has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
-    # A row of the store ends with the cells of the errors, even if no errors were estimated. They
-    # are then cut off.
-    value_count = len(STORY_COLUMNS) + (len(STORY_ERROR) if store.checked else 0)
-    for building, record, scale, sample, *values in store.stories():
+    texts = [index for index, column in enumerate(table.shown) if column.unit == TEXT]
+    for building, record, scale, sample, *cells in store.parts(table):
+        for index in texts:
+            cells[index] = cell_text(cells[index])
         sample_cell = (sample,) if has_samples else ()
-        yield [*name_cells(building, record), scale, *sample_cell, *values[:value_count]]
-
-
-def element_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of elements.csv, the results of the elements of stories with several
-    elements in all runs of a campaign; with the column `sample` as in `story_columns`."""
-    sample_column = (SAMPLE,) if store.count("sample > 0") else ()
-    error_columns_of_elements = ELEMENT_ERROR if store.checked else ()
-    return (*BUILDING_COLUMNS, *sample_column, *ELEMENT_COLUMNS, *error_columns_of_elements)
-
-
-def element_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of elements.csv, in the order of stories.csv and of the model file."""
-    has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
-    for (
-        building,
-        record,
-        scale,
-        sample,
-        story,
-        _,
-        name,
-        law,
-        yield_drift,
-        *cells,
-    ) in store.elements():
-        values = cells[: len(ELEMENT_QUANTITIES)]
-        errors = cells[len(ELEMENT_QUANTITIES) :] if store.checked else []
-        sample_cell = (sample,) if has_samples else ()
-        # The yield drift precedes the ductility, which is the last quantity.
-        results = [*values[:-1], yield_drift, values[-1], *errors]
-        head = [*name_cells(building, record), scale, *sample_cell]
-        yield [*head, story, cell_text(name), cell_text(law), *results]
+        yield [*name_cells(building, record), scale, *sample_cell, *cells]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -355,14 +304,11 @@ def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     write_rows(run_columns(store), run_rows(store), stream, units)
 
 
-def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write stories.csv, the peak responses of all stories in all runs of a campaign."""
-    write_rows(story_columns(store), story_rows(store), stream, units)
-
-
-def write_elements(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write elements.csv, the results of the elements in all runs of a campaign."""
-    write_rows(element_columns(store), element_rows(store), stream, units)
+def write_parts(
+    stream: BinaryIO, *, table: PartTable, store: Store, units: OutputUnits = SI
+) -> None:
+    """Write the table with `part_columns` to a stream."""
+    write_rows(part_columns(store, table), part_rows(store, table), stream, units)
 
 
 def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
@@ -432,16 +378,6 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
     errors = PROFILE_ERRORS if store.checked else ()
     columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
     write_rows(columns, profile_rows(profiles(store), units), stream)
-
-
-def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write shocks.csv, the response to each event of the sequences of a campaign, to a stream."""
-    name_cells = run_heads(store)
-    rows = (
-        [*name_cells(building, record), scale, *values]
-        for building, record, scale, _, *values in store.shocks()
-    )
-    write_rows(SHOCKS, rows, stream, units)
 
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:

@@ -14,29 +14,27 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice, repeat, zip_longest
-from typing import Any, NamedTuple, Protocol, TypeVar
+from itertools import chain, islice, zip_longest
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.output.tables.devices import device_rows
+from tdint.output.tables.responses import element_rows, story_rows
+from tdint.output.tables.table import Cell
 from tdint.response.runs.batch import Subject, run_batch
 from tdint.response.runs.case import Case
 from tdint.response.runs.demands import RUN, demand_cells, demand_errors
 from tdint.response.runs.error_estimate import attempt
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.outcome import (
-    ELEMENT_QUANTITIES,
     NO_STEP,
-    STORY_QUANTITIES,
     Collapse,
-    ElementPeaks,
-    ErrorEstimate,
     EventResponse,
     FailedRun,
     Response,
-    StoryPeaks,
 )
 from tdint.response.runs.prepared import Motions
 from tdint.response.runs.sequence import event_responses, sequence_of
@@ -44,7 +42,6 @@ from tdint.response.runs.settings import RunSettings
 from tdint.response.runs.step_choice import step_within
 from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.time_steps import Steps, finer
-from tdint.units import Quantity
 
 # ---- Input of runs, and rows of results: one for each run and, if requested, one for each story
 
@@ -163,154 +160,74 @@ _INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
 """Index of each quantity in `RunRow.values`, by the name of the quantity."""
 
 
-class EventRow(NamedTuple):
-    """Demands of a single event in a run under a sequence of earthquakes.
+class PartRow(NamedTuple):
+    """Results of a story, an element, an attachment, a link or an event in one run.
 
-    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `shock` is
-    the number of the event, from 1; `start` is the time of its first sample, s; `pga` is its peak
-    ground acceleration, m/s^2. `values` contains the demands in the order of
-    `tdint.response.runs.demands.DEMANDED`.
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `cells` are
+    the cells of its table, without errors if these were not estimated. Rows of elements,
+    attachments and links start with their number in the model, from 1.
     """
 
     building: int
     motion: int
     scale: float
     sample: int
-    shock: int
-    start: float
-    pga: float
-    values: tuple[Any, ...]
-
-
-class StoryRow(NamedTuple):
-    """Peak responses of one story in one run.
-
-    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` is
-    the number of the story, from 1 at the ground; `height` is the story height, m (nan if unknown).
-    `values` contains one value per quantity of `STORY_QUANTITIES`, in that order; `errors` contains
-    the estimated errors of these values, or is empty if errors were not estimated.
-    """
-
-    building: int
-    motion: int
-    scale: float
-    sample: int
-    story: int
-    height: float
-    values: tuple[float, ...]
-    errors: tuple[float, ...] = ()
-
-
-class ElementRow(NamedTuple):
-    """Results of a single element of a story with several elements in one run.
-
-    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` and
-    `number` are the numbers of the story and of the element, from 1; `yield_drift` is its drift at
-    first yield, m (nan without yielding). `values` and `errors` are as in `StoryRow`, in the order
-    of `ELEMENT_QUANTITIES`.
-    """
-
-    building: int
-    motion: int
-    scale: float
-    sample: int
-    story: int
-    number: int
-    element: str
-    law: str
-    yield_drift: float
-    values: tuple[float, ...]
-    errors: tuple[float, ...] = ()
+    cells: tuple[Cell, ...]
 
 
 @dataclass
 class Rows:
-    """Results of runs: rows of runs, rows of stories (only if they are stored), rows of events
-    (only of runs under sequences of earthquakes) and, with the rows of stories, rows of the
-    elements of stories with several elements."""
+    """Results of runs: rows of runs; rows of stories and of elements, attachments and links (only
+    if stories are stored); rows of events (only of runs under sequences of earthquakes)."""
 
     runs: list[RunRow] = field(default_factory=list)
-    stories: list[StoryRow] = field(default_factory=list)
-    shocks: list[EventRow] = field(default_factory=list)
-    elements: list[ElementRow] = field(default_factory=list)
+    stories: list[PartRow] = field(default_factory=list)
+    shocks: list[PartRow] = field(default_factory=list)
+    elements: list[PartRow] = field(default_factory=list)
+    attachments: list[PartRow] = field(default_factory=list)
+    links: list[PartRow] = field(default_factory=list)
 
     def extend(self, added: Rows) -> None:
         """Append the rows of another object."""
-        self.runs += added.runs
-        self.stories += added.stories
-        self.shocks += added.shocks
-        self.elements += added.elements
+        for name, rows in vars(added).items():
+            getattr(self, name).extend(rows)
+
+    def extend_parts(
+        self,
+        building: int,
+        run: Run,
+        stories: Iterable[tuple[Cell, ...]],
+        *others: Iterable[tuple[Cell, ...]],
+    ) -> None:
+        """Append rows of the stories, elements, attachments and links of a run.
+
+        `stories` and `others` contain the rows of their tables.
+        """
+        self.stories += (PartRow(building, *run, cells) for cells in stories)
+        parts = self.elements, self.attachments, self.links
+        for part, rows in zip(parts, others, strict=True):
+            part += (
+                PartRow(building, *run, (number, *cells))
+                for number, cells in enumerate(rows, start=1)
+            )
+
+    def with_scale(self, scale: float) -> Self:
+        """Return the rows of runs and their parts with another scale factor."""
+        rows_by_name = {
+            name: [row._replace(scale=scale) for row in rows] for name, rows in vars(self).items()
+        }
+        return replace(self, **rows_by_name)
 
 
-def story_rows(
-    building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None
-) -> list[StoryRow]:
-    """Return the rows of the stories of a run, from the ground up.
-
-    Parameters
-    ----------
-    run : Run
-        Ground motion, scale factor and sample of the run.
-    stories : StoryPeaks
-        Peak responses of the stories in this run.
-    check : ErrorEstimate, optional
-        Error estimate of the run. Without an estimate, the errors in the rows are empty.
-    """
-    values = _values_of(STORY_QUANTITIES, stories)
-    errors = _values_of(STORY_QUANTITIES, check.errors) if check else repeat(())
-    # `errors` is infinite if the errors were not estimated (`repeat`), so that `strict=True` would
-    # raise an error.
-    cells_by_story = zip(stories.height.tolist(), values, errors, strict=False)
-    # `run` fills the columns motion, scale and sample; `cells` fills height, values and errors.
+def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[PartRow]:
+    """Return the rows of the events of a run under a sequence of earthquakes, in chronological
+    order: number, start time (s), peak ground acceleration (m/s^2), and demands."""
+    # The peaks of an event have one run on their first axis, so there is one dictionary of demands.
     return [
-        StoryRow(building, *run, story, *cells)
-        for story, cells in enumerate(cells_by_story, start=1)
+        PartRow(building, *run, (number, event.start, event.record.pga, *demands.values()))
+        for number, event in enumerate(events, start=1)
+        for demands in demand_cells(event.stories)
     ]
-
-
-def element_rows(
-    building: int, run: Run, elements: ElementPeaks | None, check: ErrorEstimate | None = None
-) -> list[ElementRow]:
-    """Return the rows of the elements of a run, as `story_rows`; empty without elements (None)."""
-    if elements is None:
-        return []
-    values = _values_of(ELEMENT_QUANTITIES, elements)
-    estimated = check.elements if check else None
-    errors = _values_of(ELEMENT_QUANTITIES, estimated) if estimated else repeat(())
-    stories = elements.story.tolist()
-    # The elements of a story are consecutive.
-    numbers = [i - stories.index(story) + 1 for i, story in enumerate(stories)]
-    columns = (elements.element.tolist(), elements.law.tolist(), elements.yield_drift.tolist())
-    # `errors` is infinite if the errors were not estimated, as in `story_rows`.
-    cells_by_element = zip(stories, numbers, *columns, values, errors, strict=False)
-    return [ElementRow(building, *run, *cells) for cells in cells_by_element]
-
-
-def _values_of(quantities: Iterable[Quantity], peaks: Any) -> Iterable[tuple[float, ...]]:
-    """Return one tuple per story or element with a single value per quantity.
-
-    `peaks` contains the peak responses, or their errors: one array over the stories or elements per
-    quantity.
-    """
-    return zip(*(getattr(peaks, quantity.name).tolist() for quantity in quantities), strict=True)
-
-
-def event_rows(building: int, run: Run, events: Sequence[EventResponse]) -> list[EventRow]:
-    """Return the rows of the events of a run under a sequence of earthquakes.
-
-    Parameters
-    ----------
-    events : sequence of EventResponse
-        Responses to the events, in chronological order.
-    """
-    rows = []
-    for number, event in enumerate(events, start=1):
-        # The peaks of an event have one run on their first axis, so there is one dictionary.
-        (demands,) = demand_cells(event.stories)
-        rows.append(
-            EventRow(building, *run, number, event.start, event.record.pga, tuple(demands.values()))
-        )
-    return rows
 
 
 # ---- Time step of a building from a tolerance
@@ -516,7 +433,7 @@ class Batch:
         joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
         (run_row,) = joined_rows.runs
         # A failed run has no number of steps, and no demands of its events.
-        rows_of_events: list[EventRow] = []
+        rows_of_events: list[PartRow] = []
         if run_row.steps is not None:
             # The demands of the events require the response history: the run is repeated with the
             # same time step and the same number of steps.
@@ -534,9 +451,8 @@ class Batch:
             # studies of `tdint ida` have such records, and they do not store rows of stories.
             if record.fixed and len(events) > record.fixed:
                 run_row = _with_demands_of_event(run_row, events[-1])
-        stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
-        elements = [element._replace(scale=run.scale) for element in joined_rows.elements]
-        return Rows([run_row._replace(scale=run.scale)], stories, rows_of_events, elements)
+        rows = replace(joined_rows, runs=[run_row], shocks=rows_of_events)
+        return rows.with_scale(run.scale)
 
     def _time_steps(self, motion: int, max_step: float) -> Steps:
         """Return the time steps for a ground motion: the longest steps of at most `max_step` (s)
@@ -591,7 +507,7 @@ class Batch:
             # Only runs that were integrated individually, for example because errors are estimated,
             # have a response.
             response = outcomes.responses.get(index)
-            error_estimate = None if response is None else response.check
+            check = None if response is None else response.check
             values = demands[index] | {
                 "energy_error": float(outcomes.energy_error[index]),
                 "steps": int(outcomes.steps[index]),
@@ -600,13 +516,20 @@ class Batch:
             row = self._row(
                 job, statuses.get(index, "done"), outcomes.collapses.get(index), **values
             )
-            if error_estimate:
-                row = row._replace(errors=demand_errors(peaks, error_estimate.errors))
+            if check:
+                row = row._replace(errors=demand_errors(peaks, check.errors))
             results.runs.append(row)
             if settings.keeps_stories:
-                results.stories += story_rows(self.number, job.run, peaks, error_estimate)
-                elements = outcomes.elements_of(index, self.subject.model)
-                results.elements += element_rows(self.number, job.run, elements, error_estimate)
+                results.extend_parts(
+                    self.number,
+                    job.run,
+                    story_rows(peaks, check.errors if check else None),
+                    element_rows(
+                        outcomes.elements_of(index, self.subject.model),
+                        check.elements if check else None,
+                    ),
+                    *device_rows(self.subject.model, outcomes.devices_of(index)),
+                )
         return jobs_to_repeat
 
     def _row(

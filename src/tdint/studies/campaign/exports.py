@@ -21,11 +21,11 @@ from tdint.response.runs.demands import RUN
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.studies.campaign.campaign_tables import (
     numeric,
+    part_columns,
+    part_rows,
     run_columns,
     run_heads,
     run_rows,
-    story_columns,
-    story_rows,
     write_rows,
 )
 from tdint.studies.fragility.damage_tables import (
@@ -64,7 +64,7 @@ def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
 
 def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
     """Write the table of the peak responses of all stories of all runs of a campaign as Parquet."""
-    _write_parquet(store, stream, story_columns(store), story_rows(store))
+    _write_parquet(store, stream, part_columns(store, STORIES), part_rows(store, STORIES))
 
 
 def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
@@ -204,7 +204,7 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
     first_components = {
         number: number - (direction - 1) for number, (_, _, direction) in records.items()
     }
-    for building, building_rows in groupby(store.stories(), key=lambda row: row[0]):
+    for building, building_rows in groupby(store.parts(STORIES), key=lambda row: row[0]):
         rows: dict[tuple[int, float, int], list[Any]] = {}
         for (record, scale, sample), story_rows_of_run in groupby(
             building_rows, key=lambda row: row[1:4]

@@ -22,13 +22,21 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.ground_motion.horizontals import pair_name
-from tdint.model.limits import Limit, LimitCheck, check_demands, check_limits, isolator_limits
+from tdint.model.limits import (
+    LINK_DEFORMATION,
+    LINK_FORCE,
+    STROKE,
+    Limit,
+    LimitCheck,
+    check_demands,
+    isolator_check,
+)
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import integrate_case
 from tdint.response.spectra.elastic import SA_DAMPING
-from tdint.response.spectra.floor_motions import FloorSpectrum, floor_numbers, floor_spectra
+from tdint.response.spectra.floor_motions import FloorSpectrum, floor_spectra, floors_of
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.motions.intensity import SPECTRAL, measure_at
@@ -256,8 +264,7 @@ class Profile(SuiteLevel):
     def isolator_check(self) -> LimitCheck | None:
         """Comparison that reports the displacement of the isolators; its limit is infinite. None
         without isolators."""
-        limits = isolator_limits(self.isolators, len(self.height))
-        return next(iter(check_limits(limits, self.peaks, self.height, self.motions)), None)
+        return isolator_check(self.isolators, self.peaks, self.height, self.motions)
 
     def statistics(self, quantity: Quantity) -> Statistics:
         """Return the statistics of a quantity of `STORY_QUANTITIES` in each story, SI units."""
@@ -288,7 +295,9 @@ def profiles(store: Store) -> Iterator[Profile]:
     rules, has_errors = SuiteRules.of(store), store.checked
     file_of_record = {number: name for number, (name, _, _) in records.items()}
     for number, (name, _) in store.buildings().items():
+        limits = store.limits(number)
         values_by_run = _story_values(store, number, has_errors)
+        devices = device_values(store, number, limits.limits)
         for level in rules.levels_of(store, number):
             # `runs` are the runs of a motion: two of a pair, with both components in the name.
             motions, collapsed_motions = (
@@ -299,6 +308,7 @@ def profiles(store: Store) -> Iterator[Profile]:
                 for runs_of_motions in (level.completed, level.collapsed_runs)
             )
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
+            peaks |= _device_demands(level, devices)
             yield Profile(
                 **vars(level),
                 building=name,
@@ -306,8 +316,8 @@ def profiles(store: Store) -> Iterator[Profile]:
                 height=height,
                 peaks=peaks,
                 peak_errors=errors,
-                limits=store.limits(number).limits,
-                isolators=store.limits(number).isolators,
+                limits=limits.limits,
+                isolators=limits.isolators,
                 collapsed_motions=collapsed_motions,
             )
 
@@ -327,6 +337,49 @@ def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Ar
     for record, scale, sample, *values in store.connection.execute(query, (building,)):
         rows_by_run[Run(record, scale, sample)].append(values)
     return {run: np.array(rows, dtype=np.float64) for run, rows in rows_by_run.items()}
+
+
+_DEVICE_VALUES = {
+    STROKE: ("attachment_rows", "peak_drift_m"),
+    LINK_DEFORMATION: ("link_rows", "peak_deformation_m"),
+    LINK_FORCE: ("link_rows", "max(peak_force_N, peak_damper_force_N)"),
+}
+"""Table and value of the limited quantities of attachments and links, as in `device_demands`."""
+
+
+def device_values(
+    store: Store, building: int, limits: Iterable[Limit]
+) -> dict[str, dict[Run, list[float]]]:
+    """Read the demands of attachments and links in all runs of a building: for each limited
+    quantity, the values of each run in the order of the model."""
+    demands = {}
+    for quantity in {limit.quantity for limit in limits} & _DEVICE_VALUES.keys():
+        table, value = _DEVICE_VALUES[quantity]
+        values: dict[Run, list[float]] = defaultdict(list)
+        query = (
+            f"SELECT record, scale, sample, {value} FROM {table} WHERE building = ? ORDER BY "
+            "1, 2, 3, number"
+        )
+        for *run, demand in store.connection.execute(query, (building,)):
+            values[Run(*run)].append(demand)
+        demands[quantity] = values
+    return demands
+
+
+def _device_demands(
+    level: SuiteLevel, values: Mapping[str, Mapping[Run, list[float]]]
+) -> dict[str, Array]:
+    """Return the demands of `device_values` in the completed runs of a level, shape (motions,
+    attachments or links), by the name of the quantity."""
+    return {
+        quantity: np.array(
+            [
+                combine(np.array([of_run[run] for run in runs]), level.pair_demand)
+                for runs in level.completed
+            ]
+        )
+        for quantity, of_run in values.items()
+    }
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
@@ -569,11 +622,18 @@ class FloorSuite(SuiteLevel):
     """
 
     building: str
-    floor: int
+    floor: int | str
     damping: float
     periods: Array
     psa: Array
     base: int = 0
+
+    def place(self, lowest: int) -> str:
+        """Return the floor as text, counted from the isolators of the building with the fewest
+        isolators (`lowest`) below its first story; or the name of an attachment."""
+        if isinstance(self.floor, str):
+            return self.floor
+        return f"floor {self.floor - self.base + lowest}"
 
     @property
     def mean(self) -> Array:
@@ -631,7 +691,7 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         choice = replace(requested, floors=floors)
         subject = plan.buildings[building].subject()
         # Raise the error of an invalid floor before the runs.
-        floor_numbers(choice.floors, plan.buildings[building].stories)
+        floors_of(choice.floors, subject.model)
         result += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
     return sorted(result, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
 

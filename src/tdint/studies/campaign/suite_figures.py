@@ -314,7 +314,7 @@ def floor_suite_picture(
     for suite in suites:
         # Suites with equal keys have a common panel. An unknown scale factor or level is nan.
         key = (
-            suite.floor - suite.base + lowest,
+            suite.place(lowest),
             repr(suite.scale),
             repr(suite.level),
             suite.damping,
@@ -338,7 +338,7 @@ def floor_suite_picture(
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
         axes.set_title(
-            ", ".join(filter(None, [f"floor {first.floor - first.base + lowest}", level, damping])),
+            ", ".join(filter(None, [first.place(lowest), level, damping])),
             fontsize=9.0,
         )
     for axes in grid.ravel()[len(shown) :]:

@@ -20,6 +20,7 @@ from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.methods.catalogue import method_of
 from tdint.model.building import Building
 from tdint.model.definition import Model
+from tdint.model.limits import QUANTITIES, Limit
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyModel, AnyMotion, model_of, motion_of
 from tdint.response.runs.batch import Subject
@@ -28,6 +29,7 @@ from tdint.response.runs.prepared import Motions
 from tdint.response.runs.settings import RunSettings, settings_from
 from tdint.studies.campaign.buildings import ModelBuilding
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, ChunkResult, Rows, Run, RunRow
+from tdint.studies.campaign.story_profiles import device_values
 from tdint.studies.ida.ida_curve import (
     DamagedState,
     IdaCurve,
@@ -132,6 +134,9 @@ class IdaStudy(Tabular):
     partners : mapping of int to int
         Pairs of components. The key is the index of the second component in the records; the value
         is the index of the first component.
+    limits : tuple of Limit
+        Limits of attachments and links in the model, for which capacities of the undamaged building
+        are reported, in the order of `IdaRun.limit_ratios`.
     """
 
     model: Model
@@ -145,6 +150,7 @@ class IdaStudy(Tabular):
     checked: bool = False
     pair_demand: str = LARGER
     partners: Mapping[int, int] = field(default_factory=dict)
+    limits: tuple[Limit, ...] = ()
 
     def _headline(self) -> str:
         """Return the building, number of records, intensity measure and method."""
@@ -317,6 +323,9 @@ def ida(
         progress_reporter(progress, len(work_items), "record") as report_progress,
     ):
         runs_by_item, resumed = _run_work_items(work_items, store, jobs, report_progress)
+        limits = device_limits(subject.model)
+        if limits:
+            runs_by_item = _with_limit_ratios(runs_by_item, store, limits)
     collapse_drift = subject.model.collapse_drift
     # Curves are in the order of the work items: all records of a state, then of the next state.
     curves = tuple(
@@ -337,7 +346,36 @@ def ida(
         checked=settings.check,
         pair_demand=pair_demand,
         partners=_partners(motions_and_records),
+        limits=limits,
     )
+
+
+def device_limits(model: Model) -> tuple[Limit, ...]:
+    """Return the limits of attachments and links of a model."""
+    return tuple(limit for limit in model.limits if QUANTITIES[limit.quantity].of_device)
+
+
+def _with_limit_ratios(
+    runs_by_item: Sequence[RecordRuns], store: Store, limits: Sequence[Limit]
+) -> list[RecordRuns]:
+    """Return the runs of all work items with the ratios of their demands to limits, from the
+    attachments and links in the store; NaN for runs without a result and of damaged buildings."""
+    demands = device_values(store, 0, limits)
+
+    def limit_ratios(record: int, scale: float) -> Iterator[float]:
+        """Yield the maximum ratio of demand to limit for each limit."""
+        for limit in limits:
+            values = demands[limit.quantity].get(Run(record, scale))
+            if values is None:
+                yield math.nan
+            else:
+                limited, _, limit_values = limit.applies_to(np.array(values))
+                yield float(np.max(limited / limit_values))
+
+    return [
+        tuple(replace(run, limit_ratios=tuple(limit_ratios(item, run.scale))) for run in runs)
+        for item, runs in enumerate(runs_by_item)
+    ]
 
 
 def _partners(motions_and_records: Sequence[tuple[GroundMotion, Record]]) -> dict[int, int]:
@@ -495,7 +533,13 @@ class _WorkItem:
             subject,
             Motions({number: run_record}),
             {number: None},
-            settings_from(settings, CampaignSettings),
+            # The peaks of attachments and links are stored with those of stories. After a mainshock
+            # they would include it.
+            settings_from(
+                settings,
+                CampaignSettings,
+                profiles=damaged_state is None and bool(device_limits(subject.model)),
+            ),
         )
         return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
@@ -514,13 +558,14 @@ class _WorkItem:
         def run(scale: float) -> RunRow:
             """Integrate the building under the record multiplied by `scale`, and return the
             results."""
-            (row,) = self.batch.results([Run(self.number, scale)]).runs
+            results = self.batch.results([Run(self.number, scale)])
+            (row,) = results.runs
             # The time step is unstable at every level. Integrate the record again to raise the
             # error, which states the stability limit.
             if row.status == UNSTABLE:
                 case, settings = self.batch.subject.case(self.record), self.batch.settings
                 case.integrate(case.steps(settings.dt, settings.duration))
-            rows.runs.append(row)
+            rows.extend(replace(results, stories=[], elements=[], shocks=[]))
             return row
 
         runs = self._search_levels(run)
@@ -740,6 +785,8 @@ def _identity(
         "damping": spectral.damping if spectral else None,
         "thresholds": sorted(settings.thresholds or ()),
         "pairs": pair_intensity,
+        # The store contains attachments and links only if the model limits them.
+        **({"attachments and links": True} if device_limits(subject.model) else {}),
     }
     name, count = subject.model.name, len(records)
     motions = [SuiteMotion(record, record.source, record.component, record) for record in records]

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -61,6 +61,9 @@ class IdaRun:
         Energy imbalance divided by the maximum input energy; NaN without a result.
     drift_ratio_error, acceleration_error, residual_drift_ratio_error : float
         Estimated errors; NaN if not estimated.
+    limit_ratios : tuple of float
+        Maximum ratio of demand to limit over the attachments or links, for each limit of the study;
+        empty without limits.
     """
 
     im: float
@@ -74,6 +77,7 @@ class IdaRun:
     drift_ratio_error: float = math.nan
     acceleration_error: float = math.nan
     residual_drift_ratio_error: float = math.nan
+    limit_ratios: tuple[float, ...] = ()
 
     @classmethod
     def from_row(cls, im: float, row: RunRow) -> IdaRun:
@@ -85,7 +89,7 @@ class IdaRun:
         for demand, row_name in _ROW_NAMES.items():
             values[demand] = getattr(row, row_name)
             values[f"{demand}_error"] = errors.get(row_name)
-        float_values = {
+        float_values: dict[str, Any] = {
             name: math.nan if value is None else float(value) for name, value in values.items()
         }
         return cls(im, row.scale, row.status, finer=row.repeats, **float_values)
@@ -260,12 +264,13 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
 
 @dataclass(frozen=True)
 class Capacity:
-    """Intensity where a building first exceeds a drift ratio under a record.
+    """Intensity where a building first exceeds a drift ratio, or a limit of its attachments or
+    links, under a record.
 
     Attributes
     ----------
     threshold : float
-        Drift ratio. The collapse drift represents collapse of any cause.
+        Drift ratio. The collapse drift represents collapse of any cause. NaN for a limit.
     capacity : float
         Intensity. It is a lower bound if censored, and NaN if unknown.
     lower, upper : float
@@ -273,6 +278,8 @@ class Capacity:
         `upper` (NaN if censored).
     censored : bool
         True if the drift ratio was not exceeded up to the maximum level.
+    limit : str
+        Name of the limit; empty for a drift ratio.
     """
 
     threshold: float
@@ -280,6 +287,13 @@ class Capacity:
     lower: float
     upper: float
     censored: bool
+    limit: str = ""
+
+    @property
+    def intensity(self) -> float:
+        """Intensity; infinity if censored. If no run is below collapse, a censored capacity is NaN
+        and remains NaN (unknown)."""
+        return math.inf if self.censored and self.capacity > 0.0 else self.capacity
 
 
 @dataclass(frozen=True)
@@ -348,25 +362,45 @@ class IdaCurve:
         """
         if threshold >= self.collapse_drift:
             return self.collapse
-        # A curve may reach the drift ratio several times, because drifts can decrease at a higher
+        drifts = [run.drift_ratio for run in self.stable]
+        return self._first_crossing(drifts, threshold, self.residual_drift_ratio)
+
+    def limit_capacity(self, index: int, name: str) -> Capacity:
+        """Return the intensity where a demand first reaches its limit, by the rules of `capacity`.
+
+        Parameters
+        ----------
+        index : int
+            Index of the limit in `IdaRun.limit_ratios`.
+        """
+        ratios = [run.limit_ratios[index] for run in self.stable]
+        capacity = self._first_crossing(ratios, 1.0, 0.0)
+        return replace(capacity, threshold=math.nan, limit=name)
+
+    def _first_crossing(
+        self, demands: Sequence[float], threshold: float, residual: float
+    ) -> Capacity:
+        """Return the intensity where a demand first reaches a threshold.
+
+        `demands` are the demands of the runs in `stable`, and `residual` the demand before the
+        record.
+        """
+        # A curve may reach the threshold several times, because demands can decrease at a higher
         # level. Use the first crossing.
-        for i, run in enumerate(self.stable):
-            if run.drift_ratio < threshold:
+        for i, demand in enumerate(demands):
+            if demand < threshold:
                 continue
-            if threshold <= self.residual_drift_ratio:
+            if threshold <= residual:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
-            # Below the first run, interpolate linearly from intensity 0, where the drift is the
-            # residual drift (0 if undamaged).
+            # Below the first run, interpolate linearly from intensity 0, where the demand is the
+            # residual demand (0 if undamaged).
+            run = self.stable[i]
             if i == 0:
-                fraction = (threshold - self.residual_drift_ratio) / (
-                    run.drift_ratio - self.residual_drift_ratio
-                )
+                fraction = (threshold - residual) / (demand - residual)
                 return Capacity(threshold, run.im * fraction, 0.0, run.im, censored=False)
             # Otherwise the crossing is between the preceding run and this run.
             lower = self.stable[i - 1]
-            fraction = math.log(threshold / lower.drift_ratio) / math.log(
-                run.drift_ratio / lower.drift_ratio
-            )
+            fraction = math.log(threshold / demands[i - 1]) / math.log(demand / demands[i - 1])
             capacity = lower.im * (run.im / lower.im) ** fraction
             return Capacity(threshold, capacity, lower.im, run.im, censored=False)
         return replace(self.collapse, threshold=threshold)
@@ -380,12 +414,7 @@ class IdaCurve:
             Intensities: infinity if censored, NaN if unknown, and 0 if the residual drift of a
             damaged building is at least the drift ratio.
         """
-        intensities = []
-        for drift in drift_ratios.tolist():
-            capacity = self.capacity(drift)
-            # If no run is below collapse, a censored capacity is NaN and remains NaN (unknown).
-            is_infinite = capacity.censored and capacity.capacity > 0.0
-            intensities.append(math.inf if is_infinite else capacity.capacity)
+        intensities = [self.capacity(drift).intensity for drift in drift_ratios.tolist()]
         return np.where(drift_ratios <= self.residual_drift_ratio, 0.0, np.array(intensities))
 
 
@@ -418,10 +447,10 @@ class PairCurve(IdaCurve):
         levels = sorted(
             {run.im for curve in curves for run in curve.stable if run.im <= last_common_level}
         )
-        drifts = combine(np.array([_drifts_at(curve, levels) for curve in curves]), demand)
+        demands = combine(np.array([_demands_at(curve, levels) for curve in curves]), demand)
         runs = (
-            IdaRun(im, math.nan, DONE, drift)
-            for im, drift in zip(levels, drifts.tolist(), strict=True)
+            IdaRun(im, math.nan, DONE, drift, limit_ratios=tuple(limit_ratios))
+            for im, (drift, *limit_ratios) in zip(levels, demands.tolist(), strict=True)
         )
         residual = float(
             combine(np.array([curve.residual_drift_ratio for curve in curves]), demand)
@@ -454,26 +483,40 @@ class PairCurve(IdaCurve):
             return self.collapse
         if self.demand == MEAN:
             return super().capacity(threshold)
-        capacities = [part.capacity(threshold) for part in self.parts]
-        # If the capacity of a component is unknown, so is the capacity of the pair.
-        unknown = [item for item in capacities if math.isnan(item.capacity)]
-        return unknown[0] if unknown else min(capacities, key=lambda item: item.capacity)
+        return _smallest([part.capacity(threshold) for part in self.parts])
+
+    def limit_capacity(self, index: int, name: str) -> Capacity:
+        """Return the intensity where a demand of the pair first reaches its limit, by the rules of
+        `capacity`."""
+        if self.demand == MEAN:
+            return super().limit_capacity(index, name)
+        return _smallest([part.limit_capacity(index, name) for part in self.parts])
 
 
-def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
-    """Return the drift ratios of a curve at levels below its first collapse, by interpolation."""
+def _smallest(capacities: Sequence[Capacity]) -> Capacity:
+    """Return the smallest capacity; an unknown capacity, if there is one."""
+    unknown = [item for item in capacities if math.isnan(item.capacity)]
+    return unknown[0] if unknown else min(capacities, key=lambda item: item.capacity)
+
+
+def _demands_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
+    """Return the drift ratio, and the ratios of demand to limit, of a curve at levels below its
+    first collapse, by interpolation, shape (levels, 1 + limits)."""
     if not levels:
-        return np.empty(0)
+        return np.empty((0, 1))
     im = np.array([run.im for run in curve.stable])
-    drift = np.array([run.drift_ratio for run in curve.stable])
     intensities = np.asarray(levels)
-    # Interpolate linearly from the residual drift at intensity 0 to the first run, then on
-    # logarithmic axes.
-    below_first_run = (
-        curve.residual_drift_ratio + (drift[0] - curve.residual_drift_ratio) * intensities / im[0]
-    )
-    between_runs = np.exp(np.interp(np.log(intensities), np.log(im), np.log(drift)))
-    return np.asarray(np.where(intensities < im[0], below_first_run, between_runs))
+    columns = []
+    for index, values in enumerate(
+        zip(*((run.drift_ratio, *run.limit_ratios) for run in curve.stable), strict=True)
+    ):
+        # Interpolate linearly from the residual demand at intensity 0 to the first run, then on
+        # logarithmic axes.
+        residual = 0.0 if index else curve.residual_drift_ratio
+        below_first_run = residual + (values[0] - residual) * intensities / im[0]
+        between_runs = np.exp(np.interp(np.log(intensities), np.log(im), np.log(values)))
+        columns.append(np.where(intensities < im[0], below_first_run, between_runs))
+    return np.stack(columns, axis=-1)
 
 
 def fractiles(
@@ -492,14 +535,19 @@ def fractiles(
         Fractions of the fractiles; by default 16 %, 50 % and 84 %.
     """
     used = [curve for curve in curves if curve.stable]
-    result = np.full((len(fractions), drift_ratios.size), math.nan)
     if not used:
-        return result
-    # Intensities of the records in ascending order for each drift ratio, shape (records, k). NaN is
-    # last. The fractile is at a position between 0 and the index of the last record.
-    ranked = np.sort([curve.intensity_at(drift_ratios) for curve in used], axis=0)
+        return np.full((len(fractions), drift_ratios.size), math.nan)
+    return fractiles_of(np.array([curve.intensity_at(drift_ratios) for curve in used]), fractions)
+
+
+def fractiles_of(intensities: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)) -> Array:
+    """Return fractiles of intensities, shape (records, k), by the rules of `fractiles`."""
+    result = np.full((len(fractions), intensities.shape[1]), math.nan)
+    # Intensities of the records in ascending order, NaN last. The fractile is at a position between
+    # 0 and the index of the last record.
+    ranked = np.sort(intensities, axis=0)
     for row, fraction in zip(result, fractions, strict=True):
-        position = fraction * (len(used) - 1)
+        position = fraction * (len(ranked) - 1)
         low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
         can_interpolate = np.isfinite(low) & np.isfinite(high) & (low > 0.0)
         below, above = low[can_interpolate], high[can_interpolate]

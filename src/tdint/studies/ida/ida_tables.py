@@ -122,6 +122,15 @@ CAPACITIES = (
 )
 
 
+LIMIT = Column(
+    "limit",
+    "text",
+    "capacity.limit",
+    "limit of attachments or links in the model, with its performance level; threshold is then "
+    "empty",
+)
+
+
 @dataclass(frozen=True)
 class _CurveRows:
     """Source of the rows of the runs of a curve, or of the row of one of its capacities.
@@ -155,7 +164,7 @@ def ida_table(study: IdaStudy) -> Table:
 
 def capacity_table(study: IdaStudy) -> Table:
     """Return the table of the capacities of an incremental dynamic analysis, with one row per
-    ground motion and drift threshold.
+    ground motion and drift threshold, or limit of attachments or links.
 
     A capacity is the lowest intensity that exceeds the threshold.
 
@@ -163,13 +172,30 @@ def capacity_table(study: IdaStudy) -> Table:
     """
     # The rule for the demand of a pair is a column only if the study has pairs.
     pair_demand = (PAIR_DEMAND._replace(value="study.pair_demand"),) if study.partners else ()
-    columns = (*_with_damage(CAPACITIES, study), *pair_demand)
+    limit_column = (LIMIT,) if study.limits else ()
+    columns = (*_with_damage(CAPACITIES, study), *limit_column, *pair_demand)
     capacities = (
-        replace(curve, capacity=curve.curve.capacity(threshold))
-        for curve in _motion_curves(study)
-        for threshold in study.thresholds
+        replace(row, capacity=capacity)
+        for row in _motion_curves(study)
+        for capacity in (
+            *map(row.curve.capacity, study.thresholds),
+            *limit_capacities(study, row.curve),
+        )
     )
     return _with_unit(Table.of_results(columns, capacities), study.measure.unit)
+
+
+def limit_capacities(study: IdaStudy, curve: IdaCurve) -> list[Capacity]:
+    """Return the capacities of a curve for the limits of attachments and links; empty for a damaged
+    building, whose attachments and links have no results of the record alone."""
+    if curve.damage:
+        return []
+    return [
+        curve.limit_capacity(
+            index, f"{limit.level}: {limit.quantity}" if limit.level else limit.quantity
+        )
+        for index, limit in enumerate(study.limits)
+    ]
 
 
 def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:

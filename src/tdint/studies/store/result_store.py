@@ -539,20 +539,10 @@ class Store:
         rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
         return [schema.run_of(row) for row in rows]
 
-    def stories(self) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per story and run, with the values of the columns of
-        `schema.STORIES`, in the order of its key."""
-        yield from self.connection.execute(schema.STORIES.select())
-
-    def elements(self) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per element and run, with the values of the columns of
-        `schema.ELEMENTS`, in the order of its key."""
-        yield from self.connection.execute(schema.ELEMENTS.select())
-
-    def shocks(self) -> Iterator[tuple[Any, ...]]:
-        """Yield one tuple per event and run under a sequence of earthquakes, with the values of the
-        columns of `schema.SHOCKS`, in the order of its key."""
-        yield from self.connection.execute(schema.SHOCKS.select())
+    def parts(self, table: schema.PartTable) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per story, element, attachment, link or event and run, with the key of
+        the run and the values of the columns of its table, in the order of its key."""
+        yield from self.connection.execute(table.select_shown(self.checked))
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
         """Return name and method of each building by its number."""

@@ -18,12 +18,20 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import Any
+from typing import Any, Self
 
 from tdint.errors import OutputError
 from tdint.files import is_there, remove_abandoned
-from tdint.response.runs.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
-from tdint.response.runs.outcome import ELEMENT_QUANTITIES, STORY_QUANTITIES
+from tdint.output.tables.devices import TABLES as DEVICE_TABLES
+from tdint.output.tables.responses import (
+    ELEMENT_COLUMNS,
+    ELEMENT_ERROR,
+    STORY_COLUMNS,
+    STORY_ERROR,
+)
+from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
+from tdint.output.tables.table import TEXT, Column, names
+from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import RunRow
 from tdint.system import (
     file_system,
@@ -546,13 +554,18 @@ def _lock_error(folder: Path, error: sqlite3.OperationalError) -> OutputError:
 
 # ---- Schema
 
-VERSION = "10"
+VERSION = "11"
 """Version of the layout; stores with another version are refused."""
 
 # Columns that identify a run, with the type of their values.
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
 _SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
+
+
+def _quoted(columns: Iterable[str]) -> str:
+    """Return a list of columns in SQL. Quotes allow the names `from` and `to`."""
+    return ", ".join(f'"{column}"' for column in columns)
 
 
 @dataclass(frozen=True)
@@ -563,7 +576,7 @@ class RowTable:
     ----------
     key, others : dict of str to type
         Type of each column by its name: the columns of the primary key, and the remaining columns,
-        in the order of the fields of a row (`RunRow`, `StoryRow`, `EventRow`, `ElementRow`).
+        in the order of the fields of a row (`RunRow`, `PartRow`).
     hidden : tuple of str
         Columns that the view does not show.
     """
@@ -583,10 +596,10 @@ class RowTable:
     def create(self) -> str:
         """SQL statement that creates the table."""
         columns = ", ".join(
-            f"{name} {_SQL_TYPES.get(value_type, 'REAL')}"
+            f'"{name}" {_SQL_TYPES.get(value_type, "REAL")}'
             for name, value_type in (self.key | self.others).items()
         )
-        key = ", ".join(self.key)
+        key = _quoted(self.key)
         return (
             f"CREATE TABLE {self.name}({columns}, chunk INTEGER NOT NULL, PRIMARY KEY({key})) "
             "WITHOUT ROWID"
@@ -601,7 +614,7 @@ class RowTable:
         run_columns = [f"{self.name}.scale", f"{self.name}.sample"]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         result_columns = [
-            f"{self.name}.{column}"
+            f'{self.name}."{column}"'
             for column in self.columns
             if column not in (*_KEY, "dt_s", *self.hidden)
         ]
@@ -624,8 +637,8 @@ class RowTable:
             WHERE clause; by default all rows are selected.
         """
         return (
-            f"SELECT {', '.join(self.columns)}{more} FROM {self.name} {where} ORDER BY "
-            f"{', '.join(self.key)}"
+            f"SELECT {_quoted(self.columns)}{more} FROM {self.name} {where} ORDER BY "
+            f"{_quoted(self.key)}"
         )
 
     def insert(
@@ -688,27 +701,61 @@ _HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)
 RUNS = RowTable(
     "run_rows", _KEY, _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN
 )
-_STORY_COLUMN_TYPES = (
-    {"height_m": float}
-    | _column_types(STORY_QUANTITIES)
-    | _column_types(STORY_QUANTITIES, "_error")
+
+
+@dataclass(frozen=True)
+class PartTable(RowTable):
+    """Table of the rows of stories, elements, attachments, links or events of all runs.
+
+    Attributes
+    ----------
+    shown, errors : tuple of Column
+        Columns of the table of a run, and its additional columns with error estimates.
+    """
+
+    shown: tuple[Column, ...] = ()
+    errors: tuple[Column, ...] = ()
+
+    @classmethod
+    def of(
+        cls, name: str, view: str, columns: tuple[tuple[Column, ...], ...], *, numbered: bool
+    ) -> Self:
+        """Return the table of parts with the columns of the table of a run, and its columns with
+        error estimates.
+
+        `numbered` is True if rows start with a hidden number, which identifies the part; otherwise
+        the first column identifies it.
+        """
+        shown, errors = columns
+        types: dict[str, type] = {
+            column.name: {TEXT: str}.get(column.unit, int if column.name in _NUMBERS else float)
+            for column in (*shown, *errors)
+        }
+        hidden = ("number",) if numbered else ()
+        key = _KEY | dict.fromkeys(hidden or (shown[0].name,), int)
+        others = {column: value for column, value in types.items() if column not in key}
+        return cls(name, key, others, view, hidden, shown, errors)
+
+    def select_shown(self, has_errors: bool) -> str:
+        """Return the SQL query of the key of a run and its columns in tables, with rows in the
+        order of the key."""
+        columns = (*_KEY, *names((*self.shown, *(self.errors if has_errors else ()))))
+        return f"SELECT {_quoted(columns)} FROM {self.name} ORDER BY {_quoted(self.key)}"
+
+
+_NUMBERS = {"story", "floor", "shock", *(item.column for item in RUN if item.value_type is int)}
+"""Columns of whole numbers in the tables of parts."""
+STORIES = PartTable.of("story_rows", "stories", (STORY_COLUMNS, STORY_ERROR), numbered=False)
+ELEMENTS = PartTable.of("element_rows", "elements", (ELEMENT_COLUMNS, ELEMENT_ERROR), numbered=True)
+ATTACHMENTS, LINKS = (
+    PartTable.of(f"{kind}_rows", f"{kind}s", columns, numbered=True)
+    for kind, columns in zip(("attachment", "link"), DEVICE_TABLES, strict=True)
 )
-STORIES = RowTable("story_rows", _KEY | {"story": int}, _STORY_COLUMN_TYPES, "stories")
-_SHOCK_COLUMN_TYPES = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
-SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _SHOCK_COLUMN_TYPES, "shocks")
-_ELEMENT_COLUMN_TYPES = (
-    {"element": str, "law": str, "yield_drift_m": float}
-    | _column_types(ELEMENT_QUANTITIES)
-    | _column_types(ELEMENT_QUANTITIES, "_error")
-)
-ELEMENTS = RowTable(
-    "element_rows",
-    _KEY | {"story": int, "number": int},
-    _ELEMENT_COLUMN_TYPES,
-    "elements",
-    ("number",),
-)
-ROW_TABLES = (RUNS, STORIES, SHOCKS, ELEMENTS)
+SHOCKS = PartTable.of("shock_rows", "shocks", (SHOCK_COLUMNS, ()), numbered=False)
+_PARTS = (STORIES, ELEMENTS, ATTACHMENTS, LINKS, SHOCKS)
+PART_TABLES = {f"{table.view}.csv": table for table in _PARTS}
+"""Tables of parts by the name of their file."""
+ROW_TABLES = (RUNS, STORIES, SHOCKS, ELEMENTS, ATTACHMENTS, LINKS)
 """Tables in the order of the fields of `tdint.studies.campaign.chunks.Rows`."""
 
 
@@ -763,8 +810,7 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
     Parameters
     ----------
     *tables : iterable of tuple
-        Rows of runs, stories, events and elements in the order of their keys, as SQLite returns
-        them.
+        Rows of each table of `ROW_TABLES` in the order of their keys, as SQLite returns them.
     """
     digest = hashlib.sha256(repr((number, seconds)).encode())
     for row in chain(*tables):
