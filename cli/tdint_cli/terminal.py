@@ -14,7 +14,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
@@ -373,7 +373,7 @@ def _lines_of_errors(errors: Sequence[TdintError]) -> list[str]:
         if isinstance(error, IncompleteRecord):
             file, message = _file_and_message(str(error))
             # Files with different likely units have a common message.
-            key = message, replace(error.missing, units="")
+            key = message, error.missing._replace(units="")
             incomplete.setdefault(key, []).append((file, error.missing))
     for (message, _), found in incomplete.items():
         files = [file for file, _ in found]

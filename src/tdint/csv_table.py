@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, BinaryIO, overload
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, read_whole, record_digest
@@ -404,16 +404,14 @@ def stream_table(
     # complete content is read into memory first.
     mark, digest = ",", ""
     if read_first or source == STDIN or not is_file(source):
-        # Decode the bytes row by row, because decoded text can require four bytes per character.
-        data = _read_checked_bytes(source, needs, error)
+        data = _read_bytes(source, needs, error)
         first_line = data.partition(b"\n")[0].decode("utf-8", "replace")
         mark = next((mark for mark in separators if mark in first_line), ",")
         digest = sha256(data).hexdigest()
-        text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig", newline="")
-        rows = _parse_rows(source, text, error, mark)
+        rows = _stream_rows(source, io.BytesIO(data), error, mark)
     else:
         record_digest(source, lambda: digest_of(Path(source)))
-        rows = _stream_rows(source, error)
+        rows = _stream_rows(source, io.BufferedReader(io.FileIO(source)), error)
     # The header is the first row that is not a comment line. `next` returns an empty row at the end
     # of the file.
     header_line, header = next(rows, (0, []))
@@ -441,17 +439,21 @@ def read_rows(source: str, needs: str) -> list[tuple[int, list[str]]]:
     ModelError
         The file cannot be read; `needs` describes the file in the message.
     """
-    text = _read_checked_bytes(source, needs, ModelError).decode("utf-8-sig")
-    return list(_parse_rows(source, io.StringIO(text, newline=""), ModelError))
+    return list(
+        _stream_rows(source, io.BytesIO(_read_bytes(source, needs, ModelError)), ModelError)
+    )
 
 
-def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and the cells of each row of a CSV file, which is read in parts.
+def _stream_rows(
+    source: str, stream: BinaryIO, error: type[TdintError], separator: str = ","
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and the cells of each row of a CSV file, which is decoded in parts,
+    because decoded text can require four bytes per character.
 
     `error` is the type of the exception that is raised if the file contains a null character or is
     not UTF-8 text.
     """
-    with Path(source).open(encoding="utf-8-sig", newline="") as file:
+    with io.TextIOWrapper(stream, encoding="utf-8-sig", newline="") as file:
 
         def lines() -> Iterator[str]:
             """Yield the lines of the file, and raise an error for a null character."""
@@ -467,14 +469,14 @@ def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, li
                 lines_before += len(block)
 
         try:
-            yield from _parse_rows(source, lines(), error)
+            yield from _parse_rows(source, lines(), error, separator)
         except UnicodeDecodeError as decoding_error:
             byte = decoding_error.object[decoding_error.start]
             raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
 
 
 def _parse_rows(
-    source: str, lines: Iterable[str], error: type[TdintError], separator: str = ","
+    source: str, lines: Iterable[str], error: type[TdintError], separator: str
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row that is not blank.
 
@@ -500,22 +502,13 @@ def _parse_rows(
         raise error(f"{source}: a quotation mark below line {previous_line} is not closed")
 
 
-def _read_checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
-    """Read a complete file, check its content, and record its digest as an input of the command.
-    `error` is raised if the file cannot be read, is larger than `MOST_BYTES`, is not UTF-8 text, or
-    contains a null character.
+def _read_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
+    """Read a complete file, and record its digest as an input of the command. `error` is raised if
+    the file cannot be read, or is larger than `MOST_BYTES`.
     """
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(
         source, error, {FileNotFoundError: f"file not found; {needs}"}, large, MOST_BYTES
     )
     record_digest(source, data)
-    try:
-        data.decode("utf-8-sig")
-    except UnicodeDecodeError as decoding_error:
-        byte = data[decoding_error.start]
-        raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
-    if b"\0" in data:
-        line = data.count(b"\n", 0, data.index(b"\0")) + 1
-        raise error(f"{source}:{line}: null character; save the file as UTF-8 text")
     return data

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 _MAX_LINE_LENGTH, _HEAD_LENGTH, _TAIL_LENGTH = 1000, 700, 250
 """Maximum number of characters of a line of a message, and numbers of characters that are kept at
@@ -68,8 +67,7 @@ class UsageError(TdintError):
     exit_code = 2
 
 
-@dataclass(frozen=True)
-class ModelFault:
+class ModelFault(NamedTuple):
     """Error in a model file.
 
     Attributes

@@ -6,12 +6,10 @@ renamed after all of them have been written.
 
 from __future__ import annotations
 
-import logging
 import os
 import re
 import stat
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -242,12 +240,6 @@ _TEMPORARY_PATTERN = re.compile(
 )
 """Name of a temporary file with host, process and start time of the writer."""
 
-_WEEK = 7 * 86400.0
-"""Age in s above which a temporary file of another machine is reported. No run takes this long, and
-this machine cannot determine if the process of the writer still exists."""
-
-_log = logging.getLogger(__name__)
-
 # Temporary files of all threads, which are removed if another thread ends the process
 _unfinished: set[Path] = set()
 
@@ -430,21 +422,18 @@ def _temporary_name() -> str:
 def remove_abandoned(folder: Path) -> None:
     """Remove the temporary files of terminated processes of the machine from a directory.
 
-    Files of other machines are reported if they are older than a week, because this machine cannot
-    determine if their processes still run.
+    Files of other machines remain, because this machine cannot determine if their processes still
+    run.
     """
     for temporary in folder.glob(_TEMPORARY.format("*")):
         with suppress(OSError):
             writer = _TEMPORARY_PATTERN.fullmatch(temporary.name)
-            if writer and writer["host"] == this_host():
-                if not is_running(int(writer["process"]), int(writer["start"])):
-                    temporary.unlink()
-            elif time.time() - temporary.stat().st_mtime > _WEEK:
-                _log.info(
-                    "%s: temporary file older than a week; remove it unless a tdint process is "
-                    "still writing it",
-                    temporary,
-                )
+            if (
+                writer
+                and writer["host"] == this_host()
+                and not is_running(int(writer["process"]), int(writer["start"]))
+            ):
+                temporary.unlink()
 
 
 def remove_unfinished() -> None:

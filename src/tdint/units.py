@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import isclose, isfinite, nan
-from typing import Any, get_args, get_type_hints
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 from tdint.errors import UsageError, did_you_mean
 from tdint.number_parsing import number_text
@@ -66,8 +66,7 @@ GROUND_MOTION = {"acceleration": ACCELERATION, "velocity": VELOCITY, "displaceme
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class Units:
+class Units(NamedTuple):
     """Units of a ground motion.
 
     Attributes
@@ -121,8 +120,7 @@ def parse_units(text: str) -> Units:
     return Units(stripped, factor * GROUND_MOTION[quantity][unit], number is not None, quantity)
 
 
-@dataclass(frozen=True)
-class DriftSize:
+class DriftSize(NamedTuple):
     """Drift on the command line or in a file.
 
     Attributes
@@ -425,8 +423,7 @@ def unit_advice(text: str, factors: Mapping[str, float]) -> str:
     return f"; did you mean {equal[0]!r}?" if equal else f"; known: {', '.join(factors)}"
 
 
-@dataclass(frozen=True)
-class OutputUnits:
+class OutputUnits(NamedTuple):
     """Units of the output. Quantities without an output unit remain in SI units.
 
     Attributes
@@ -491,7 +488,7 @@ class OutputUnits:
         si : str
             SI unit, such as `N`.
         """
-        units = replace(self, mass=self.matching_mass_unit) if si == "kg" else self
+        units = self._replace(mass=self.matching_mass_unit) if si == "kg" else self
         return f"{number_text(units.of(value, si))} {units.unit(si)[0]}"
 
     @property
@@ -507,7 +504,7 @@ class OutputUnits:
     @property
     def in_figures(self) -> OutputUnits:
         """Units of figures: accelerations are in g unless another unit was requested."""
-        return self if self.acceleration else replace(self, acceleration="g")
+        return self if self.acceleration else self._replace(acceleration="g")
 
     def column(self, name: str, unit: str) -> tuple[str, float]:
         """Return the name of a column or key with its output unit, and the value of this unit in SI
@@ -563,4 +560,4 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
             raise UsageError(
                 f"output units {text[:60]!r}: two units of {quantity}, {units[quantity]} and {unit}"
             )
-    return replace(others, **units)
+    return others._replace(**units)

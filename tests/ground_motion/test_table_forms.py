@@ -250,7 +250,7 @@ def test_everything_that_is_missing_is_stated_together(file):
     ):  # fmt: skip
         with pytest.raises(IncompleteRecord) as error:
             read(file, content)
-        found = vars(error.value.missing)
+        found = error.value.missing._asdict()
         assert {name: found[name] for name in missing} == missing
 
 

@@ -2,11 +2,9 @@
 
 import errno
 import json
-import logging
 import os
 import subprocess
 import sys
-import time
 from hashlib import sha256
 from pathlib import Path
 
@@ -231,8 +229,7 @@ write_file(Path(sys.argv[1]), wait, overwrite=False)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
-def test_temporary_files_of_running_processes_are_kept_and_old_ones_reported(tmp_path, caplog):
-    caplog.set_level(logging.INFO, logger="tdint.files")
+def test_temporary_files_of_running_processes_and_other_machines_are_kept(tmp_path):
     command = [sys.executable, "-c", WAITS, str(tmp_path / "a.csv")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
         assert writer.stdout is not None and writer.stdout.readline() == "half\n"
@@ -244,13 +241,7 @@ def test_temporary_files_of_running_processes_are_kept_and_old_ones_reported(tmp
         for name in (ended, remote, old):
             (tmp_path / name).write_bytes(b"half")
         remove_abandoned(tmp_path)
-        assert (names(tmp_path), caplog.messages) == (sorted([running, remote, old]), [])
-        for name in (running, remote, old):
-            os.utime(tmp_path / name, (0.0, time.time() - 8 * 86400.0))
-        remove_abandoned(tmp_path)
         assert names(tmp_path) == sorted([running, remote, old])
-        assert len(caplog.messages) == 2
-        assert all("older than a week" in text and running not in text for text in caplog.messages)
         writer.kill()
     remove_abandoned(tmp_path)
     assert names(tmp_path) == sorted([remote, old])

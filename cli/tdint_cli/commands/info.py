@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -138,8 +138,8 @@ def command(request: Request) -> None:
     if products:
         notes |= dict.fromkeys(_export(request, products, sources.files, exported_files))
         records = [record for product in products for record in product.records]
-        table = replace(
-            products[0].table, rows=[row for product in products for row in product.table.rows]
+        table = products[0].table._replace(
+            rows=[row for product in products for row in product.table.rows]
         )
         outputs.deliver(
             table,

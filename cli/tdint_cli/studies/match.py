@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -216,7 +215,7 @@ def _origins(request: MatchRequest, matches: Sequence[Match]) -> list[MotionOrig
             # The change and the misfits of a pair are values of both components together.
             origin = part.origin()
             pair = matched.origin(texts)
-            origins.append(replace(pair, seed=origin.seed, seed_component=origin.seed_component))
+            origins.append(pair._replace(seed=origin.seed, seed_component=origin.seed_component))
     return origins
 
 

@@ -7,8 +7,8 @@ of the supported formats. Times without a time zone are UTC.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from tdint.ground_motion.record import Record
 
@@ -49,8 +49,7 @@ _DATES = tuple(
 _IGNORED_WORDS = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|fri|sat|sun)\b")
 
 
-@dataclass(frozen=True)
-class Earthquake:
+class Earthquake(NamedTuple):
     """Earthquake identified by one file.
 
     Attributes

@@ -6,8 +6,7 @@ import math
 import re
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -278,8 +277,7 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
 # ---- Check
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """Check of a format that is read by ObsPy.
 
     Attributes

@@ -10,7 +10,7 @@ from datetime import datetime
 from itertools import pairwise
 from math import isclose
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
@@ -363,8 +363,7 @@ _MAX_DIFFERENCE = 5
 _MAX_LISTED_FILES = 4  # maximum number of files that a message lists
 
 
-@dataclass(frozen=True)
-class PairNames:
+class PairNames(NamedTuple):
     """Patterns of the file names of the two components of a ground motion.
 
     Attributes

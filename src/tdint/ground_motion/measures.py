@@ -69,8 +69,7 @@ _MAX_FINAL_VELOCITY = 0.1
 """Fraction of the peak velocity; a larger final velocity is reported."""
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Velocity and displacement of the ground, computed by integration of the acceleration.
 
     Attributes
@@ -87,8 +86,7 @@ class Motion:
     pgd: float
 
 
-@dataclass(frozen=True)
-class Measures:
+class Measures(NamedTuple):
     """Intensity measures of a record, SI units.
 
     Attributes

@@ -20,10 +20,9 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,8 +48,7 @@ class Damaged(RecordError):
     """File that contradicts itself; the message states the contradiction."""
 
 
-@dataclass(frozen=True)
-class Statement:
+class Statement(NamedTuple):
     """Number stated in the header of a file, and the same number computed from the data that were
     read.
 
@@ -219,8 +217,7 @@ _MAX_RATE_CORRECTION = 0.01
 """Maximum relative correction of the nominal sampling rate by blockette 100."""
 
 
-@dataclass(frozen=True)
-class DataRecord:
+class DataRecord(NamedTuple):
     """Header of a data record of a MiniSEED file.
 
     Attributes
@@ -508,7 +505,7 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     # record is used instead.
     samples_end = record.data + record.samples * _WIDTHS.get(record.encoding, record.length)
     bytes_after_samples = len(content[samples_end:].rstrip(b"\0")) if record.samples else 0
-    return replace(record, remaining_bytes=bytes_after_samples)
+    return record._replace(remaining_bytes=bytes_after_samples)
 
 
 def _nominal_rate(factor: int, multiplier: int) -> float:

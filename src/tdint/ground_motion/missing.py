@@ -3,14 +3,13 @@ contain something other than a ground motion."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from tdint.errors import RecordError
 from tdint.units import STANDARD_GRAVITY
 
 
-@dataclass(frozen=True)
-class Missing:
+class Missing(NamedTuple):
     """Properties of a record that the file does not state and that the user must specify.
 
     A reader lists all properties together, so that a single question requests all of these

@@ -11,9 +11,8 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
@@ -35,8 +34,7 @@ _LONGEST_STATEMENT = 900
 """Characters; readers of header lines omit the end of longer lines."""
 
 
-@dataclass(frozen=True)
-class MotionOrigin:
+class MotionOrigin(NamedTuple):
     """Origin of a component of a ground motion that tdint wrote.
 
     Attributes
@@ -201,8 +199,8 @@ def header_statement(origin: MotionOrigin, samples: ArrayLike) -> str:
 
     count = len(origin.warnings)
     counted = (f"{pluralize(count, 'warning')} stated by tdint match",) if count else ()
-    without_steps = replace(origin, processing=())
-    for stated in (origin, without_steps, replace(without_steps, warnings=counted)):
+    without_steps = origin._replace(processing=())
+    for stated in (origin, without_steps, without_steps._replace(warnings=counted)):
         # The JSON file next to the motion has the same digits.
         content = {
             name: float(f"{value:.12g}") if isinstance(value, float) else value

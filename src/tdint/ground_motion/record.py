@@ -205,7 +205,7 @@ class Record(Tabular):
         """Origin of a file to which this record is written. A matched motion that is processed
         further keeps its seed and target."""
         first = self.origin or MotionOrigin(self.source, self.component)
-        return replace(first, processing=self.processing)
+        return first._replace(processing=self.processing)
 
     @property
     def digest(self) -> str:
@@ -484,7 +484,7 @@ class JoinedRecord(Record):
     @property
     def written_origin(self) -> MotionOrigin:
         first = self.origin or MotionOrigin(self.source, self.component)
-        return replace(first, processing=self.processing)
+        return first._replace(processing=self.processing)
 
     @property
     def digest(self) -> str:

@@ -36,6 +36,7 @@ __all__ = [
     "VARIANT",
     "VECTOR",
     "Kernel",
+    "copy_rows_within",
     "indirect_caller",
     "inline",
     "kernel",

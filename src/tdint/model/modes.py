@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,8 +156,7 @@ class Modes(Tabular):
             return np.asarray(modal_damping / (2.0 * self.omega))
 
 
-@dataclass(frozen=True)
-class ComplexModes:
+class ComplexModes(NamedTuple):
     """Damped modes of a building, one for each undamped mode; nan for a mode without vibration
     (critical damping or more).
 

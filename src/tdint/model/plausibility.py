@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,7 @@ from tdint.model.building import (
     unstable_after_yield,
     yield_strength,
 )
-from tdint.model.damage_states import DEMANDS
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.model.limits import DRIFT_RATIO, RESIDUAL
 from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
 from tdint.number_parsing import abbreviate, pluralize
@@ -37,8 +36,7 @@ _MAX_STUDY_WARNINGS = 10
 """Maximum number of warnings about the buildings of a study; further warnings are counted."""
 
 
-@dataclass(frozen=True)
-class UsualRange:
+class UsualRange(NamedTuple):
     """Range of the usual values of a property of buildings, and the warning about other values.
 
     Attributes
@@ -527,8 +525,7 @@ def period_range(count: int, height: float = math.nan) -> UsualRange:
     high = max(
         _MAX_PERIOD_OF_LOW_BUILDINGS, _MAX_PERIOD_AT_GROUND + _MAX_PERIOD_PER_HEIGHT * max_height
     )
-    return replace(
-        PERIOD,
+    return PERIOD._replace(
         name=f"fundamental period of {text}",
         low=max(PERIOD.low, low),
         high=min(PERIOD.high, high),
@@ -549,7 +546,7 @@ def _period_range(building: Building) -> UsualRange:
         if has_heights or count < 2 or unusual_stories(FLOOR, building.mass):
             return PERIOD
     usual_range = period_range(count, height)
-    return replace(usual_range, high=PERIOD.high) if building.isolators else usual_range
+    return usual_range._replace(high=PERIOD.high) if building.isolators else usual_range
 
 
 def _weights_as_masses(
@@ -606,7 +603,7 @@ def _unusual_floors(building: Building, period: float) -> list[str]:
         return []
     low = max(MASS_PER_HEIGHT.low, _MIN_TOWER_MASS * height**2)
     return unusual_stories(
-        replace(MASS_PER_HEIGHT, low=low),
+        MASS_PER_HEIGHT._replace(low=low),
         np.where(has_usual_height, building.mass / building.heights, math.nan),
     )
 
@@ -753,6 +750,12 @@ def _unusual_attached(model: Model, omega: float) -> list[str]:
 
 def _unusual_drift_ratios(model: Model) -> list[str]:
     """Return a warning about unusual drift ratios of limits and damage states."""
+    if not (model.limits or model.damage):
+        return []
+    # Imported here, because most models have neither.
+    from tdint.model.damage_states import DEMANDS
+    from tdint.model.limits import DRIFT_RATIO, RESIDUAL
+
     ratios = {
         f"limits{f'.levels.{limit.level}' if limit.level else ''}.{limit.quantity}": float(
             np.nanmax(limit.values)
@@ -763,7 +766,7 @@ def _unusual_drift_ratios(model: Model) -> list[str]:
     if model.damage and DEMANDS[model.damage.demand].unit == "1":
         names = [f"damage.thresholds.{state}" for state in model.damage.states]
         ratios |= dict(zip(names, model.damage.medians, strict=True))
-    return unusual(replace(COLLAPSE, name="drift ratio"), ratios)
+    return unusual(COLLAPSE._replace(name="drift ratio"), ratios)
 
 
 def _linear_coefficient(story: Story, rate: float) -> float:

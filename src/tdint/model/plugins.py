@@ -13,11 +13,11 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from tdint.errors import TdintError, UsageError
 from tdint.files import digest_of, is_file
@@ -32,8 +32,7 @@ _PREFIX = "tdint_plugin_"
 """Prefix of the names of plug-in modules in `sys.modules`."""
 
 
-@dataclass(frozen=True)
-class Origin:
+class Origin(NamedTuple):
     """Origin of a law or a method.
 
     Attributes

@@ -217,7 +217,7 @@ def mode_page(
     periods, mass_ratios = modes["period_s"], modes["mass_ratio"]
     # Damping ratios are in percent, as in the sentences of the report.
     meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
-    shown_table = replace(table, rows=table.rows[:_MOST_MODES], meanings=meanings)
+    shown_table = table._replace(rows=table.rows[:_MOST_MODES], meanings=meanings)
     shown_table = shown_table.with_values("damping", lambda ratio: 100.0 * float(ratio or 0.0))
     omission = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
     curve, caption = None, "Effective modal masses"

@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -146,8 +146,8 @@ def page_units(units: OutputUnits) -> OutputUnits:
     accelerations are in g unless a unit was selected. Tables then have the same units as figures,
     and no number needs a power of ten.
     """
-    units = replace(units, force="kN") if units.force == "N" else units
-    return replace(units, mass=units.matching_mass_unit).in_figures
+    units = units._replace(force="kN") if units.force == "N" else units
+    return units._replace(mass=units.matching_mass_unit).in_figures
 
 
 class _Flow:

@@ -20,8 +20,7 @@ from tdint.model.definition import damped_by
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.response.arguments import named_sample, numbers_of
 from tdint.response.runs.batch import Subject
-from tdint.response.runs.gradient import SCALE
-from tdint.response.runs.many_results import RunSpec
+from tdint.response.runs.many_results import SCALE, RunSpec
 from tdint.response.time_steps import Steps
 
 

@@ -878,7 +878,7 @@ def _read_problem(
     # The model is part of the file or a separate file. The record of the model is ignored.
     model: Model | str | None = None
     if model_value is not None:
-        model_origin = replace(origin, name=label or origin.name)
+        model_origin = origin._replace(name=label or origin.name)
         model = (
             model_from_mapping(model_value, model_origin)
             if model_value.is_mapping

@@ -84,7 +84,7 @@ def incomplete(
     also = f"; also required: {' and '.join(others)}" if others else ""
     peaks = [float(np.max(np.abs(table.columns[index]))) for index in table.candidates]
     units = "" if has_units else likely_units(max(peaks, default=0.0))
-    missing = replace(missing, step=missing.step or lacks_step, units=units)
+    missing = missing._replace(step=missing.step or lacks_step, units=units)
     return IncompleteRecord(f"{reason}{also}", missing)
 
 

@@ -15,11 +15,10 @@ import hashlib
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
 from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, read_whole, record_digest
@@ -28,12 +27,6 @@ from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
-from tdint.ground_motion.reading.other_files import (
-    has_data_suffix,
-    other_type,
-    repeated_motions,
-    unused_text,
-)
 from tdint.ground_motion.record import Input
 
 if TYPE_CHECKING:
@@ -244,8 +237,7 @@ def _read_archive_file(archive: ZipFile, entry: ZipInfo, name: str, budget: list
     return bytes(content)
 
 
-@dataclass(frozen=True)
-class Plugin:
+class Plugin(NamedTuple):
     """File format with the entry points of its two functions, which are imported on first use.
 
     Attributes
@@ -266,8 +258,7 @@ class Plugin:
         return self.name not in OBSPY_FORMATS
 
 
-@dataclass(frozen=True)
-class _Recognized:
+class _Recognized(NamedTuple):
     """File whose format has been recognized.
 
     Attributes
@@ -283,8 +274,7 @@ class _Recognized:
     is_record: bool = True
 
 
-@dataclass(frozen=True)
-class Contents:
+class Contents(NamedTuple):
     """Traces of a file.
 
     Attributes
@@ -315,6 +305,9 @@ def other_content(source: str | Path, layout: TextLayout = AS_STATED) -> str:
 
 def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
     """Return the type of a file with this content (`other_content`)."""
+    # Imported here and below, because most commands read files with one motion only.
+    from tdint.ground_motion.reading.other_files import has_data_suffix, other_type
+
     if is_zip(data) and source.lower().endswith(".zip"):
         return ""
     # A table that is too small for a record is no table of data.
@@ -396,13 +389,15 @@ def read_all_contents(
                 f"{', '.join(names) or 'nothing'}"
             )
         if unused:
+            from tdint.ground_motion.reading.other_files import unused_text
+
             text = unused_text(
                 {name.removeprefix(f"{source}/"): why for name, why in unused.items()}
             )
             notes = (f"not used: {text}",)
     contents = [(name, read_contents(content, name, layout)) for name, content in records]
     name, first = contents[0]
-    return [(name, replace(first, notes=(*notes, *first.notes))), *contents[1:]]
+    return [(name, first._replace(notes=(*notes, *first.notes))), *contents[1:]]
 
 
 def _records_in_archive(
@@ -410,6 +405,8 @@ def _records_in_archive(
 ) -> tuple[list[tuple[str, bytes]], dict[str, str]]:
     """Return the names and contents of the records in a zip file, and the names of its other files
     with the reason why they are not used, by the rules for directories."""
+    from tdint.ground_motion.reading.other_files import repeated_motions
+
     files = [*archive_files(data, source)]
     if any(name.endswith(_SPREADSHEET_MEMBERS) for name, _ in files):
         raise OtherContent(f"{source}: the file is a spreadsheet; save it as CSV", "spreadsheet")

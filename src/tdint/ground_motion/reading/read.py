@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from logging import getLogger
 from math import isclose, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +65,7 @@ _MAX_MEAN_FRACTION = (
 )
 
 
-@dataclass(frozen=True)
-class _Channel:
+class _Channel(NamedTuple):
     """Traces of a channel of a record.
 
     Attributes
@@ -642,7 +641,7 @@ def _to_record(
         motion = to_acceleration(trace, contents.format, units, label)
         if instruments is not None:
             unused = f"the inventory is not used, because the units are known ({motion.units})"
-            motion = replace(motion, notes=(*motion.notes, unused))
+            motion = motion._replace(notes=(*motion.notes, unused))
             instruments = None
     else:
         from tdint.ground_motion.reading.instrument import remove_response

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.files import STDIN
@@ -30,8 +30,7 @@ _RELATIVE_PREFIX = "./"
 """Prefix of patterns that are compared with the end of a path."""
 
 
-@dataclass(frozen=True)
-class FileUnits:
+class FileUnits(NamedTuple):
     """Units of samples specified by the user, by file.
 
     Attributes

@@ -18,9 +18,8 @@ reported as a warning. It is an error if the values of the samples are unlikely 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
 from math import isclose
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +53,7 @@ _SAC_DISPLACEMENT, _SAC_VELOCITY, _SAC_TIME_SERIES = 6, 7, 1
 last)."""
 
 
-@dataclass(frozen=True)
-class Declared:
+class Declared(NamedTuple):
     """Units of the samples stated in a file.
 
     Attributes
@@ -74,8 +72,7 @@ class Declared:
     remove_mean: bool = False
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Samples of a trace in SI units and the source of their units.
 
     Attributes
@@ -120,7 +117,7 @@ def to_acceleration(trace: Any, format_name: str, specified: Units | None, label
         return motion
     note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENTIATION_NOTE}"
     samples = differentiated(motion.samples, float(trace.stats.delta), motion.quantity)
-    return replace(motion, samples=samples, notes=(*motion.notes, note))
+    return motion._replace(samples=samples, notes=(*motion.notes, note))
 
 
 def to_motion(trace: Any, format_name: str, specified: Units | None, label: str) -> Motion:
@@ -271,7 +268,7 @@ def _convert_by_file_units(
         notes.append(
             f"counts converted to m/s^2 by the calibration factor of the file {declared.factor:.6g}"
         )
-        units = replace(units, text=f"{declared.factor:.6g} {units.text}")
+        units = units._replace(text=f"{declared.factor:.6g} {units.text}")
     scale = declared.factor * declared.units.scale
     return Motion(
         _scaled(samples, scale), units.text, declared.origin, units.quantity, tuple(notes)

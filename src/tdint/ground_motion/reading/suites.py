@@ -6,9 +6,9 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_file, is_folder, is_set, protect_input
@@ -37,8 +37,7 @@ from tdint.number_parsing import abbreviate, pluralize
 _MAX_NAMES = 10  # maximum number of names in a message
 
 
-@dataclass(frozen=True)
-class Sources:
+class Sources(NamedTuple):
     """Record files to read.
 
     Attributes
@@ -182,8 +181,7 @@ GroundMotion = Record | Horizontals
 """One component, or a pair of horizontal components."""
 
 
-@dataclass(frozen=True)
-class Suite:
+class Suite(NamedTuple):
     """Ground motions, in the order of their files.
 
     Attributes
@@ -370,8 +368,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
     return Suite(tuple(pairs), tuple(combine_single_components(failures)), tuple(notes))
 
 
-@dataclass(frozen=True)
-class SuiteMotion:
+class SuiteMotion(NamedTuple):
     """Component of a ground motion in a suite.
 
     Attributes

@@ -4,7 +4,7 @@ dashpots between any two floors."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tdint.model.config.sections import ModelUnits
 from tdint.model.config.stories import (
@@ -148,9 +148,15 @@ def _read_attachment(
     if inertance := section.get("inertance"):
         inertance.fault(_NO_INERTANCE)
     stiffness, law, _ = read_spring(section, unit)
+    spring = _spring(section, unit, stiffness, law)
+    return Attachment(name, floor, replace(spring, mass=read_mass(section, unit)))
+
+
+def _spring(section: Section, unit: ModelUnits, stiffness: float, law: Law) -> Story:
+    """Return the spring and the dashpot of a device without its mass."""
     dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
-    spring = Story(
-        mass=read_mass(section, unit),
+    return Story(
+        mass=0.0,
         height=None,
         stiffness=stiffness,
         law=law,
@@ -160,7 +166,6 @@ def _read_attachment(
         damper_factor=factor,
         p_delta=False,
     )
-    return Attachment(name, floor, spring)
 
 
 def _read_link(
@@ -175,7 +180,7 @@ def _read_link(
         stiffness, law, _ = read_spring(section, unit)
     elif not section.mentions("dashpot", "inertance"):
         section.value.fault("give at least one of `stiffness`, `law` and `dashpot`")
-    dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
+    spring = _spring(section, unit, stiffness, law)
     start, end = ends
     if start is None or end is None:
         return None
@@ -187,17 +192,6 @@ def _read_link(
             "`from` must be below `to` for a law that differs in both directions; exchange both "
             "ends and both directions"
         )
-    spring = Story(
-        mass=0.0,
-        height=None,
-        stiffness=stiffness,
-        law=law,
-        dashpot=dashpot,
-        power_dashpot=power_dashpot,
-        rayleigh=False,
-        damper_factor=factor,
-        p_delta=False,
-    )
     return Link(name, (start, end), spring)
 
 

@@ -14,7 +14,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -345,7 +345,6 @@ def _suppression_reason(text: str) -> str:
 _PLAUSIBILITY = TextLine(_suppression_reason)
 
 
-@dataclass(frozen=True)
 class _LineOrNothing:
     """Text of a line of a report, which may be empty."""
 
@@ -392,7 +391,7 @@ def model_keys() -> Keys:
 
     types = {"building": BUILDING, "damage": DAMAGE, "limits": LIMITS}
     return Keys(
-        tuple(replace(key, type=types.get(key.name, key.type)) for key in _MODEL.declared),
+        tuple(key._replace(type=types.get(key.name, key.type)) for key in _MODEL.declared),
         _MODEL.one_of,
         other_names=_MODEL.other_names,
     )

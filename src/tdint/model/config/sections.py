@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tdint import units
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
@@ -51,8 +51,7 @@ UNITS = Keys(
 )
 
 
-@dataclass(frozen=True)
-class ModelUnits:
+class ModelUnits(NamedTuple):
     """Factors from the units of the file to SI units, and the names of these units.
 
     Attributes

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -102,7 +102,6 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
     )
 
 
-@dataclass(frozen=True)
 class _LawType:
     """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
 
@@ -136,7 +135,6 @@ _INCLINATION = (
 """Keys of an inclined dashpot or element."""
 
 
-@dataclass(frozen=True)
 class _ElementType:
     """Type of an entry of `elements`: a mapping with the type of a law and its parameters."""
 
@@ -745,7 +743,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Eleme
     # multiplied by the cosine of its inclination and lengths divided by it, as by other units.
     cosine = _read_inclination(section)
     if not math.isnan(cosine):
-        unit = replace(unit, length=unit.length / cosine, force=unit.force * cosine)
+        unit = unit._replace(length=unit.length / cosine, force=unit.force * cosine)
     parameters = _read_parameters(section, law, unit) if law.parameters else ()
     has_unknown = any(map(math.isnan, parameters))
     stiffness_of_law = law.initial_stiffness(parameters) if law.initial_stiffness else None

@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import lt
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from tdint.errors import MAX_LISTED_FAULTS, ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
@@ -37,8 +37,7 @@ class ValueType(Protocol):
         """Return the JSON schema (draft 7) of these values."""
 
 
-@dataclass(frozen=True)
-class Bounds:
+class Bounds(NamedTuple):
     """Range of allowed numbers. A `ratio` can be written as 0.05, as 5% or as 1/20."""
 
     low: float = -math.inf
@@ -87,8 +86,7 @@ DRIFT_BOUNDS = Bounds(low=0.0, high=1.0, low_allowed=False, ratio=True)
 """Drift ratio. A drift above the story height is a percentage without the percent sign."""
 
 
-@dataclass(frozen=True)
-class Integer:
+class Integer(NamedTuple):
     """Whole number within bounds; `description` explains the bounds in messages."""
 
     low: int
@@ -108,7 +106,6 @@ def numbered(count: int | None) -> Integer:
     return Integer(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
 
-@dataclass(frozen=True)
 class Flag:
     """Boolean value, true or false."""
 
@@ -117,8 +114,7 @@ class Flag:
         return {"type": "boolean"}
 
 
-@dataclass(frozen=True)
-class TextLine:
+class TextLine(NamedTuple):
     """One line of text, which may also be a number without quotation marks.
 
     `parse` converts the text and raises UsageError if the text is invalid. `form` describes the
@@ -133,7 +129,6 @@ class TextLine:
         return {"type": ["string", "number"]}
 
 
-@dataclass(frozen=True)
 class PathOf:
     """Path relative to the file that contains it; `-` is standard input."""
 
@@ -142,8 +137,7 @@ class PathOf:
         return {"type": "string"}
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(NamedTuple):
     """One of several names; `description` is the noun for them in messages."""
 
     names: tuple[str, ...]
@@ -154,8 +148,7 @@ class Choice:
         return {"enum": list(self.names)}
 
 
-@dataclass(frozen=True)
-class EntriesOf:
+class EntriesOf(NamedTuple):
     """List with entries of a single type.
 
     Attributes
@@ -185,8 +178,7 @@ class EntriesOf:
         return {"type": "array", "items": self.type.schema(), **limits}
 
 
-@dataclass(frozen=True)
-class ByName:
+class ByName(NamedTuple):
     """Mapping with names that the user chooses.
 
     Attributes
@@ -208,8 +200,7 @@ class ByName:
         return {"type": "object", "additionalProperties": self.type.schema()}
 
 
-@dataclass(frozen=True)
-class Either:
+class Either(NamedTuple):
     """One of several types; `description` describes them in messages."""
 
     types: tuple[ValueType, ...]
@@ -220,8 +211,7 @@ class Either:
         return {"anyOf": [value_type.schema() for value_type in self.types]}
 
 
-@dataclass(frozen=True)
-class Key:
+class Key(NamedTuple):
     """Key of a mapping.
 
     Attributes

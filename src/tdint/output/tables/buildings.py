@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -573,7 +572,7 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
         (*row, law_words(story, units), _dashpot_text(story, units))
         for row, story in zip(numbers.rows, model.stories, strict=True)
     ]
-    return replace(numbers, columns=(*numbers.columns, "law", "dashpots"), rows=rows)
+    return numbers._replace(columns=(*numbers.columns, "law", "dashpots"), rows=rows)
 
 
 def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
@@ -600,7 +599,7 @@ def device_model_table(model: Model, units: OutputUnits = SI) -> Table | None:
         )
         for row, item in zip(numbers.rows, model.devices, strict=True)
     ]
-    return replace(numbers, columns=(*numbers.columns, "law", "dashpot"), rows=rows)
+    return numbers._replace(columns=(*numbers.columns, "law", "dashpot"), rows=rows)
 
 
 def _dashpot_text(story: Story, units: OutputUnits) -> str:
@@ -657,7 +656,7 @@ def mode_table(
         for floor, shape in enumerate(shapes, start=1)
     )
     complex_columns = (
-        replace(column, value=np.asarray(column.of(complex_modes)))
+        column._replace(value=np.asarray(column.of(complex_modes)))
         for column in (COMPLEX_MODE if complex_modes else ())
     )
     columns = (*MODE, mode_damping(damping), *MODE_END, *complex_columns, *shape_columns)

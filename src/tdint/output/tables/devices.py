@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +36,7 @@ _OF_LINKS = {
 }
 _QUANTITIES = {quantity.name: quantity for quantity in STORY_QUANTITIES}
 ATTACHMENT_COLUMNS = tuple(
-    replace(Column.of_quantity(_QUANTITIES[name]), meaning=meaning)
+    Column.of_quantity(_QUANTITIES[name])._replace(meaning=meaning)
     for name, meaning in _MEANINGS.items()
 )
 ATTACHMENT_ERROR = error_columns(ATTACHMENT_COLUMNS)
@@ -55,7 +54,7 @@ ENERGY = (
     ),
 )
 ENERGY_ERROR = tuple(
-    replace(column, value="dissipated_energy_error") for column in error_columns(ENERGY)
+    column._replace(value="dissipated_energy_error") for column in error_columns(ENERGY)
 )
 ATTACHMENT_NAMES = (
     Column("attachment", "text", "name", "name of the attachment"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tdint.output.tables.table import (
@@ -36,7 +35,7 @@ _OF_ROWS = {
     ),
 }
 ROW_COLUMNS = tuple(
-    replace(Column.of_quantity(quantity), name=_OF_ROWS[quantity.name][0], meaning=text)
+    Column.of_quantity(quantity)._replace(name=_OF_ROWS[quantity.name][0], meaning=text)
     for quantity in STORY_QUANTITIES
     if quantity.name in _OF_ROWS
     for text in (_OF_ROWS[quantity.name][1],)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -24,7 +23,6 @@ from tdint.response.runs.outcome import (
     ENERGY_TERMS,
     STORY_QUANTITIES,
     ErrorHistory,
-    Gradient,
     History,
 )
 from tdint.units import SI, OutputUnits, quantities
@@ -34,13 +32,14 @@ if TYPE_CHECKING:
         DeviceHistory,
         ElementPeaks,
         ElementValues,
+        Gradient,
         Response,
         StoryErrors,
         StoryPeaks,
     )
 
 _ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
-STORY_COLUMNS = (
+STORY_COLUMNS: tuple[Column, ...] = (
     Column(
         "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
     ),
@@ -50,7 +49,7 @@ STORY_COLUMNS = (
 STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
-ELEMENT_COLUMNS = (
+ELEMENT_COLUMNS: tuple[Column, ...] = (
     Column.named("story", "story, numbered from the ground"),
     Column.named("element", "name of the element in the model file", TEXT),
     Column.named("law", "hysteretic law of the element", TEXT),
@@ -227,7 +226,7 @@ def history_columns(
         Names of rows that are not floors.
     """
     return tuple(
-        replace(column, name=f"{name}_{column.name}" if name else column.name)
+        column._replace(name=f"{name}_{column.name}" if name else column.name)
         for names, group in history_groups(stories, error, elements, devices, rows)
         for name in names
         for column in group

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -144,7 +144,7 @@ GROUND = (
 def ground_table(record: Record) -> Table:
     """Return acceleration, velocity and displacement of a record at its samples."""
     motion = integrate(record)
-    attributes = {"dt": record.dt, "acceleration": record.acceleration} | vars(motion)
+    attributes = {"dt": record.dt, "acceleration": record.acceleration} | motion._asdict()
     return Table.of_results(GROUND, [SimpleNamespace(**attributes)])
 
 
@@ -379,8 +379,7 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
         listed.append([text for text in info.notes if info is first or text not in common])
     added = [_measure_column(name) for name in MEASURES if name not in BUILTIN_MEASURES]
     table = Table.of_results((*INFO[:-1], *added, INFO[-1]), rows)
-    return replace(
-        table,
+    return table._replace(
         rows=[(*row[:-1], "; ".join(texts)) for row, texts in zip(table.rows, listed, strict=True)],
     )
 

@@ -16,10 +16,9 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import chain, repeat
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,8 +39,7 @@ _NUMBER_OR_SIGN = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?
 """Plain numbers, and a single sign, because - is the name of standard input."""
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """Column of a table.
 
     Attributes
@@ -192,8 +190,7 @@ def joined_rows(groups: Iterable[tuple[Sequence[Column], Any]]) -> list[tuple[Ce
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """Return, for each column, the column NAME_error of the estimated errors of its values."""
     return tuple(
-        replace(
-            column,
+        column._replace(
             name=f"{column.name}_error",
             meaning=f"estimated absolute error of {column.name}",
         )
@@ -211,15 +208,14 @@ def error_percent(error: Cell, value: Cell) -> float | None:
     return float(f"{100.0 * error / abs(value):.2g}")
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """Table with the names of its columns, rows with a single cell per column, and descriptions of
     the columns, as `describe` returns them.
     """
 
     columns: tuple[str, ...]
     rows: list[tuple[Cell, ...]]
-    meanings: dict[str, dict[str, str]] = field(default_factory=dict)
+    meanings: dict[str, dict[str, str]] = {}  # noqa: RUF012  never changed
 
     @classmethod
     def of(cls, columns: Sequence[Column], rows: Iterable[Iterable[Any]]) -> Table:
@@ -289,7 +285,7 @@ class Table:
         """Return the table with the results of a function in place of the values of a column."""
         column = self.columns.index(name)
         rows = [(*row[:column], function(row[column]), *row[column + 1 :]) for row in self.rows]
-        return replace(self, rows=rows)
+        return self._replace(rows=rows)
 
     def by_column(self) -> list[tuple[Column, Any]]:
         """Return each column with its cells.

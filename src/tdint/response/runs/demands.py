@@ -247,7 +247,6 @@ HIDDEN: tuple[str, ...] = ()
 Counts = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
 class RunValues:
     """Columns of many runs, arrays of shape (runs,), SI units.
 

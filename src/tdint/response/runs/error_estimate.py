@@ -25,9 +25,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -80,8 +80,7 @@ ten times the true error (104 random buildings).
 """
 
 
-@dataclass(frozen=True)
-class EstimateFactors:
+class EstimateFactors(NamedTuple):
     """Factors of the error estimate, dimensionless.
 
     Attributes
@@ -284,8 +283,7 @@ def with_error_estimate(
         energy_error = _extrapolated(
             energy, other.devices.dissipated_energy, np.abs(energy), factors(case.method)
         )
-        devices = replace(
-            response.devices,
+        devices = response.devices._replace(
             errors=device_errors,
             dissipated_energy_error=energy_error,
         )
@@ -326,8 +324,7 @@ def with_error_estimate(
     return replace(response, check=check)
 
 
-@dataclass(frozen=True)
-class _AllPeaks:
+class _AllPeaks(NamedTuple):
     """Peaks and bounds of all stories, attachments and links, for `story_errors`."""
 
     stories: StoryPeaks

@@ -9,20 +9,32 @@ reaches yield, the peak has a kink and the one-sided differences are different.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.parameters import changes_of, check_parameter, check_value
 from tdint.model.story import DASHPOT, story_numbers
-from tdint.response.runs.error_estimate import FLOOR, EstimateFactors
-
-SCALE = "record.scale"
-"""Name in `vary` that is not a parameter of the building: factor on the ground motion."""
+from tdint.response.run_plan import RunsRequest
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.case import Case
+from tdint.response.runs.error_estimate import (
+    FLOOR,
+    EstimateFactors,
+    default_reference,
+    factors,
+    shorter_steps,
+)
+from tdint.response.runs.many_results import HISTORY_FIELDS, SCALE, Runs, RunSpec
+from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
 
 SIZE = 1e-4
 """Dimensionless. Distance of a neighbor divided by the value of the parameter. For 13 771 pairs in
@@ -193,3 +205,194 @@ def neighbor_samples(
         if names[i] != SCALE:
             columns[names[i]][draw] = near[key][i][side]
     return draws, columns
+
+
+# ---- Derivatives of completed runs: two neighboring runs for each parameter, as additional samples
+
+Integrate = Callable[[RunsRequest, Sequence[RunSpec], int, tuple[str, ...]], Runs]
+"""Function that integrates the runs of a plan and keeps every N-th step of the named histories."""
+
+
+def gradient_of(
+    case: Case, response: Response, names: Sequence[str], integrate: Integrate
+) -> Gradient:
+    """Return the derivatives of the peaks of an individual run, and of its history if it was kept.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run. Errors of the derivatives are estimated if it has error estimates.
+
+    Raises
+    ------
+    UsageError
+        The case allows an unstable time step, or a parameter does not exist.
+    """
+    if case.allow_unstable:
+        raise UsageError(
+            "gradient cannot be used with allow_unstable: results of an unstable time step have no "
+            "derivative"
+        )
+    label, dt = case.method.label, response.dt
+    # Many runs require a record: without a ground motion, it is a record of zeros.
+    record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
+    subject = Subject(case.model, label)
+    check = response.check is not None
+    request = RunsRequest((subject,), (label,), (record,), None, None, check, {})
+    plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
+    # The index None adds the axis of the runs, with a single run.
+    peaks = StoryPeaks(
+        **{field.name: getattr(response.stories, field.name)[None] for field in fields(StoryPeaks)}
+    )
+    history = (
+        {name: getattr(response.history, field)[None] for name, field in HISTORY_FIELDS.items()}
+        if response.history
+        else {}
+    )
+    return differentiate(request, plan, peaks, history, 1, names, integrate).select_run(0)
+
+
+def differentiate(
+    request: RunsRequest,
+    plan: Sequence[RunSpec],
+    peaks: StoryPeaks,
+    history: Mapping[str, NDArray[np.floating[Any]]],
+    every: int,
+    names: Sequence[str],
+    integrate: Integrate,
+) -> Gradient:
+    """Return the derivatives of completed runs, with error estimates if `request.check` is true.
+
+    The errors are estimated by computing the derivatives again from a second set of runs with half
+    the time step. `default_reference` selects the method of these runs.
+
+    Parameters
+    ----------
+    plan : sequence of RunSpec
+        Completed runs.
+    peaks : StoryPeaks
+        Peaks of all runs, shape (runs, n), SI units.
+    history : mapping of str to ndarray, shape (runs, rows, n)
+        Histories of all runs that were kept, every N-th step (`every`), by the names of
+        `HISTORY_FIELDS`.
+    names : sequence of str
+        Parameters, as in `vary` of `run_many`.
+    """
+    gradient = _differentiated(request, plan, peaks, history, every, names, integrate)
+    if not request.check:
+        return gradient
+    subjects = tuple(
+        Subject(subject.model, default_reference(subject.case(None)).method.label)
+        for subject in request.subjects
+    )
+    labels = tuple(subject.method for subject in subjects)
+    other_request = replace(request, subjects=subjects, methods=labels, check=False)
+    others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
+    base = integrate(other_request, others, 1, ())
+    other = _differentiated(other_request, others, base.stories, {}, 1, names, integrate)
+    errors = {}
+    model_factors = [factors(subject.integrator) for subject in request.subjects]
+    for field in fields(StoryErrors):
+        derivatives, other_derivatives = getattr(gradient, field.name), getattr(other, field.name)
+        errors[field.name] = np.full_like(derivatives, math.nan)
+        for run, with_half_step in zip(plan, other_derivatives, strict=True):
+            errors[field.name][run.number] = slope_errors(
+                derivatives[run.number], with_half_step, model_factors[run.model]
+            )
+    return replace(gradient, errors=StoryErrors(**errors))
+
+
+def _differentiated(
+    request: RunsRequest,
+    plan: Sequence[RunSpec],
+    peaks: StoryPeaks,
+    history: Mapping[str, NDArray[np.floating[Any]]],
+    every: int,
+    names: Sequence[str],
+    integrate: Integrate,
+) -> Gradient:
+    """Return the derivatives of the results of completed runs (`plan`) with respect to parameters
+    (`names`), with a row for each of all runs; nan for runs that are not in `plan`.
+
+    For each run and parameter, two neighboring runs are integrated with another value of only this
+    parameter (`neighbors`). The derivative follows from the three results (`slopes`).
+    """
+    # Derivatives are computed at the values in `numbers`: the value of the sample if a parameter is
+    # varied (never nan), otherwise the value of the model, or 1 for a factor such as
+    # `record.scale`. `near` contains the two neighbors of each value. The keys
+    # of both dictionaries are the indices of building and sample.
+    numbers = dict[tuple[int, int], list[float]]()
+    near = dict[tuple[int, int], list[tuple[float, float]]]()
+    for key in dict.fromkeys((run.model, run.draw) for run in plan):
+        model = request.varied(*key).model
+        numbers[key] = [
+            float(request.vary[name][key[1]]) if name in request.vary else number_at(model, name)
+            for name in names
+        ]
+        near[key] = [
+            neighbors(model, name, number) for name, number in zip(names, numbers[key], strict=True)
+        ]
+    neighbor_request, neighbor_plan = _neighbor_runs(request, plan, names, numbers, near)
+    result = integrate(neighbor_request, neighbor_plan, every, tuple(history))
+
+    # Rows of runs that were not integrated remain nan. `values` has the shape (runs of the plan,
+    # names), `offsets` the shape (runs of the plan, names, 2).
+    rows = [run.number for run in plan]
+    values = np.array([numbers[run.model, run.draw] for run in plan])
+    offsets = np.array([near[run.model, run.draw] for run in plan]) - values[:, :, None]
+
+    def with_all_rows(run_values: NDArray[Any]) -> NDArray[Any]:
+        """Return an array with a row for each run, from the rows of the integrated runs."""
+        filled = np.full((len(peaks.peak_drift), *run_values.shape[1:]), math.nan)
+        filled[rows] = run_values
+        return filled
+
+    def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> list[NDArray[Any]]:
+        """Return the derivatives of a quantity, and half the differences of its one-sided
+        derivatives (`slopes`), from its values `base` in the runs and `neighboring` in their
+        neighbors.
+        """
+        # The neighboring runs are in the order of the runs, then of the names, then of the two
+        # neighbors, as the axes of `offsets`.
+        neighbor_values = neighboring.reshape(*offsets.shape, *base.shape[1:])
+        return [with_all_rows(array) for array in slopes(base[rows], neighbor_values, offsets)]
+
+    peak_derivatives: dict[str, Any] = {
+        field.name: differences(getattr(peaks, field.name), getattr(result.stories, field.name))
+        for field in fields(StoryErrors)
+    }
+    return Gradient(
+        **{name: derivative for name, (derivative, _) in peak_derivatives.items()},
+        parameters=tuple(names),
+        values=with_all_rows(values),
+        kink=StoryErrors(**{name: kink for name, (_, kink) in peak_derivatives.items()}),
+        history={
+            name: differences(array, result.history[name])[0] for name, array in history.items()
+        },
+    )
+
+
+def _neighbor_runs(
+    request: RunsRequest,
+    plan: Sequence[RunSpec],
+    names: Sequence[str],
+    numbers: Mapping[tuple[int, int], list[float]],
+    near: Mapping[tuple[int, int], list[tuple[float, float]]],
+) -> tuple[RunsRequest, list[RunSpec]]:
+    """Return a request with the samples of the neighbors, without error estimates, and the
+    neighboring runs, in the order of `plan`, then of the parameters, then of the two neighbors.
+
+    `numbers` contains the values of the parameters, by the indices of building and sample.
+    """
+    draws, columns = neighbor_samples(near, names, request.building_parameters)
+    # A neighbor of the factor on the ground motion changes the scale of the run, not the building.
+    neighbor_plan = list[RunSpec]()
+    for run, i, side in product(plan, range(len(names)), range(2)):
+        key = run.model, run.draw
+        factor = near[key][i][side] / numbers[key][i] if names[i] == SCALE else 1.0
+        neighbor_plan.append(
+            run._replace(
+                number=len(neighbor_plan), draw=draws[key, i, side], scale=run.scale * factor
+            )
+        )
+    return replace(request, vary=columns, check=False), neighbor_plan

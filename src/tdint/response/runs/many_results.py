@@ -16,7 +16,6 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs import loop_results
-from tdint.response.runs.gradient import SCALE
 from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Gradient,
@@ -34,6 +33,9 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from tdint.model.limits import LimitCheck
+
+SCALE = "record.scale"
+"""Name in `vary` that is not a parameter of the building: factor on the ground motion."""
 
 HISTORY_FIELDS = {
     quantity.called or quantity.name: quantity.name

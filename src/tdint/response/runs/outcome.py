@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,7 +237,6 @@ class ElementPeaks(Tabular, ElementValues):
         return f"of {pluralize(len(self.element), 'element')}"
 
 
-@dataclass(frozen=True)
 class StoryErrors(StoryValues):
     """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
     units; nan if unknown.
@@ -311,8 +310,7 @@ class Gradient(Tabular, StoryValues):
         return replace(self, **values, values=self.values[number], history=history)
 
 
-@dataclass(frozen=True)
-class StepChoice:
+class StepChoice(NamedTuple):
     """Choice of a time step for a tolerance.
 
     Attributes
@@ -485,8 +483,7 @@ class ErrorHistory:
     shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
-@dataclass(frozen=True)
-class DevicePeaks:
+class DevicePeaks(NamedTuple):
     """Peaks of the attachments and then the links of a building.
 
     Attributes

@@ -81,8 +81,7 @@ the code of the failed step.
 """
 
 
-@dataclass(frozen=True)
-class IntegrationResult:
+class IntegrationResult(NamedTuple):
     """Result of a time integration.
 
     Attributes
@@ -152,8 +151,7 @@ class Motions:
 CODE, STEPS_COMPLETED, AT_REST = range(3)
 
 
-@dataclass(frozen=True)
-class BatchResult:
+class BatchResult(NamedTuple):
     """Results of many runs. The first axis of each array is the run.
 
     Attributes
@@ -211,8 +209,7 @@ def device_energy(building: Building, space: Workspace) -> Array:
     return dissipated
 
 
-@dataclass(frozen=True)
-class RestCriterion:
+class RestCriterion(NamedTuple):
     """Criterion for continuing runs with the ground at rest; by default, runs are not continued.
 
     Attributes

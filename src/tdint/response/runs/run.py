@@ -175,9 +175,10 @@ def run(
     )
     if not names:
         return response
-    from tdint.response.runs.run_many import gradient_of
+    from tdint.response.runs.gradient import gradient_of
+    from tdint.response.runs.run_many import integrated
 
-    return replace(response, gradient=gradient_of(case, response, names))
+    return replace(response, gradient=gradient_of(case, response, names, integrated))
 
 
 def prepare(

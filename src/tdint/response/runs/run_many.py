@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
-from functools import partial
 from itertools import groupby
-from itertools import product as combined
 from pathlib import Path
 from threading import Event, Semaphore
 from typing import Any, TypedDict, Unpack, cast, overload
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
-from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.ground_motion.record import JoinedRecord
 from tdint.methods.catalogue import method_of
 from tdint.model.building_samples import draw_buildings
 from tdint.model.plausibility import study_plausibility_warnings
@@ -34,16 +33,7 @@ from tdint.response.arguments import (
 from tdint.response.run_plan import RunsRequest, plan_runs
 from tdint.response.runs import loop_results
 from tdint.response.runs.batch import Subject, run_batch, run_sampled, samples_of
-from tdint.response.runs.case import Case
-from tdint.response.runs.error_estimate import default_reference, factors, shorter_steps
-from tdint.response.runs.gradient import (
-    SCALE,
-    neighbor_samples,
-    neighbors,
-    number_at,
-    slope_errors,
-    slopes,
-)
+from tdint.response.runs.gradient import differentiate
 from tdint.response.runs.many_results import (
     HISTORY_FIELDS,
     Runs,
@@ -53,18 +43,13 @@ from tdint.response.runs.many_results import (
     store_history,
     store_values,
 )
-from tdint.response.runs.outcome import (
-    Gradient,
-    Response,
-    StoryErrors,
-    StoryPeaks,
-)
+from tdint.response.runs.outcome import StoryErrors, StoryPeaks
 from tdint.response.runs.prepared import BatchResult, Motions
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
 _RUNS_PER_BATCH = 64
-"""Number of runs that a thread integrates in one batch."""
+"""Largest number of runs that a thread integrates in one batch."""
 
 
 class _Options(TypedDict, total=False):
@@ -245,8 +230,9 @@ def run_many(
     plan = [run for run in plan if result.status[run.number] != INTERRUPTED]
     if names and plan:
         try:
-            derivatives = _gradient(
-                request, plan, runs.stories, runs.history, every, names, threads
+            integrate = functools.partial(integrated, threads=threads)
+            derivatives = differentiate(
+                request, plan, runs.stories, runs.history, every, names, integrate
             )
         except KeyboardInterrupt:
             if not partial:
@@ -370,10 +356,10 @@ def _integrate_plan(
     `partial` is True to return after an interrupt (Ctrl-C); the runs that were not integrated are
     recorded as failures. Otherwise KeyboardInterrupt is raised.
     """
-    # The threads share the runs in small parts, so that they finish at about the same time.
-    parts = [
-        plan[first : first + _RUNS_PER_BATCH] for first in range(0, len(plan), _RUNS_PER_BATCH)
-    ]
+    # The threads share the runs in small parts, so that they finish at about the same time. Each
+    # thread receives at least one part if there are enough runs.
+    size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
+    parts = [plan[first : first + size] for first in range(0, len(plan), size)]
     stop, running = Event(), Semaphore(threads)
     completed = 0
 
@@ -399,6 +385,43 @@ def _integrate_plan(
         result.failures.update(
             dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
         )
+
+
+def integrated(
+    request: RunsRequest,
+    plan: Sequence[RunSpec],
+    every: int,
+    kept: tuple[str, ...],
+    threads: int | None = None,
+) -> Runs:
+    """Return the result of the runs of a plan, for neighboring runs (`gradient.differentiate`).
+
+    Parameters
+    ----------
+    request : RunsRequest
+        Buildings, ground motions and samples.
+    plan : sequence of RunSpec
+        The runs, with the numbers 0, 1, ...
+    every : int
+        Interval of the rows of the histories in time steps.
+    kept : tuple of str
+        Histories to keep, by the names of `HISTORY_FIELDS`, in new arrays.
+    threads : int, optional
+        Number of threads; by default the number of processors.
+
+    Returns
+    -------
+    Runs
+
+    Raises
+    ------
+    AnalysisError
+        There is not enough memory for the histories.
+    """
+    histories = history_arrays(_shape(request, plan, every), kept, None)
+    result = _empty_result(request, plan, every, histories)
+    _integrate_plan(request, result, plan, threads or processors(), False, partial=False)
+    return result
 
 
 def _shape(request: RunsRequest, plan: Sequence[RunSpec], every: int) -> tuple[int, int, int]:
@@ -480,7 +503,9 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             sampled_runs = [
                 (sample_indices[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
             ]
-            sampled_subjects = [partial(request.varied, model, draw) for draw in sample_indices]
+            sampled_subjects = [
+                functools.partial(request.varied, model, draw) for draw in sample_indices
+            ]
             outcomes = run_sampled(subject, motions, sampled_runs, drawn, sampled_subjects)
         else:
             subject = (
@@ -492,7 +517,9 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
                 specs,
                 check=request.check,
                 history=bool(result.history),
-                integrate=partial(_integrate_with_histories, subject, request, result, runs)
+                integrate=functools.partial(
+                    _integrate_with_histories, subject, request, result, runs
+                )
                 if result.history
                 else None,
             )
@@ -545,191 +572,3 @@ def _integrate_with_histories(
         every=result.every,
         on_history=on_history,
     )
-
-
-# ---- Derivatives: two neighboring runs for each parameter, as additional samples
-
-
-def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradient:
-    """Return the derivatives of the peaks of an individual run, and of its history if it was kept.
-
-    Parameters
-    ----------
-    response : Response
-        Result of the run. Errors of the derivatives are estimated if it has error estimates.
-
-    Raises
-    ------
-    UsageError
-        The case allows an unstable time step, or a parameter does not exist.
-    """
-    if case.allow_unstable:
-        raise UsageError(
-            "gradient cannot be used with allow_unstable: results of an unstable time step have no "
-            "derivative"
-        )
-    label, dt = case.method.label, response.dt
-    # Many runs require a record: without a ground motion, it is a record of zeros.
-    record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
-    subject = Subject(case.model, label)
-    check = response.check is not None
-    request = RunsRequest((subject,), (label,), (record,), None, None, check, {})
-    plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
-    # The index None adds the axis of the runs, with a single run.
-    peaks = StoryPeaks(
-        **{field.name: getattr(response.stories, field.name)[None] for field in fields(StoryPeaks)}
-    )
-    history = (
-        {name: getattr(response.history, field)[None] for name, field in HISTORY_FIELDS.items()}
-        if response.history
-        else {}
-    )
-    return _gradient(request, plan, peaks, history, 1, names, processors()).select_run(0)
-
-
-def _gradient(
-    request: RunsRequest,
-    plan: Sequence[RunSpec],
-    peaks: StoryPeaks,
-    history: Mapping[str, NDArray[np.floating[Any]]],
-    every: int,
-    names: Sequence[str],
-    threads: int,
-) -> Gradient:
-    """Return the derivatives of completed runs, with error estimates if `request.check` is true.
-
-    The errors are estimated by computing the derivatives again from a second set of runs with half
-    the time step. `default_reference` selects the method of these runs.
-    """
-    gradient = _differentiated(request, plan, peaks, history, every, names, threads)
-    if not request.check:
-        return gradient
-    subjects = tuple(
-        Subject(subject.model, default_reference(subject.case(None)).method.label)
-        for subject in request.subjects
-    )
-    labels = tuple(subject.method for subject in subjects)
-    other_request = replace(request, subjects=subjects, methods=labels, check=False)
-    others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
-    base = _empty_result(other_request, others, 1, {})
-    _integrate_all(other_request, base, others, threads)
-    other = _differentiated(other_request, others, base.stories, {}, 1, names, threads)
-    errors = {}
-    model_factors = [factors(subject.integrator) for subject in request.subjects]
-    for field in fields(StoryErrors):
-        derivatives, other_derivatives = getattr(gradient, field.name), getattr(other, field.name)
-        errors[field.name] = np.full_like(derivatives, math.nan)
-        for run, with_half_step in zip(plan, other_derivatives, strict=True):
-            errors[field.name][run.number] = slope_errors(
-                derivatives[run.number], with_half_step, model_factors[run.model]
-            )
-    return replace(gradient, errors=StoryErrors(**errors))
-
-
-def _integrate_all(
-    request: RunsRequest, result: Runs, plan: Sequence[RunSpec], threads: int
-) -> None:
-    """Integrate all runs of a plan on threads, and write them to the result."""
-    # Each thread receives at least one part if there are enough runs.
-    size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
-    parts = [plan[first : first + size] for first in range(0, len(plan), size)]
-    for _ in on_threads(partial(_integrate_part, request, result), parts, threads):
-        pass
-
-
-def _differentiated(
-    request: RunsRequest,
-    plan: Sequence[RunSpec],
-    peaks: StoryPeaks,
-    history: Mapping[str, NDArray[np.floating[Any]]],
-    every: int,
-    names: Sequence[str],
-    threads: int,
-) -> Gradient:
-    """Return the derivatives of the results of completed runs (`plan`) with respect to parameters
-    (`names`), with a row for each of all runs; nan for runs that are not in `plan`.
-
-    For each run and parameter, two neighboring runs are integrated with another value of only this
-    parameter (`neighbors`). The derivative follows from the three results (`slopes`).
-    """
-    # Derivatives are computed at the values in `numbers`: the value of the sample if a parameter is
-    # varied (never nan), otherwise the value of the model, or 1 for a factor such as
-    # `record.scale`. `near` contains the two neighbors of each value. The keys
-    # of both dictionaries are the indices of building and sample.
-    numbers = dict[tuple[int, int], list[float]]()
-    near = dict[tuple[int, int], list[tuple[float, float]]]()
-    for key in dict.fromkeys((run.model, run.draw) for run in plan):
-        model = request.varied(*key).model
-        numbers[key] = [
-            float(request.vary[name][key[1]]) if name in request.vary else number_at(model, name)
-            for name in names
-        ]
-        near[key] = [
-            neighbors(model, name, number) for name, number in zip(names, numbers[key], strict=True)
-        ]
-    neighbor_request, neighbor_plan = _neighbor_runs(request, plan, names, numbers, near)
-    arrays = history_arrays(_shape(neighbor_request, neighbor_plan, every), tuple(history), None)
-    result = _empty_result(neighbor_request, neighbor_plan, every, arrays)
-    _integrate_all(neighbor_request, result, neighbor_plan, threads)
-
-    # Rows of runs that were not integrated remain nan. `values` has the shape (runs of the plan,
-    # names), `offsets` the shape (runs of the plan, names, 2).
-    rows = [run.number for run in plan]
-    values = np.array([numbers[run.model, run.draw] for run in plan])
-    offsets = np.array([near[run.model, run.draw] for run in plan]) - values[:, :, None]
-
-    def with_all_rows(run_values: NDArray[Any]) -> NDArray[Any]:
-        """Return an array with a row for each run, from the rows of the integrated runs."""
-        filled = np.full((len(peaks.peak_drift), *run_values.shape[1:]), math.nan)
-        filled[rows] = run_values
-        return filled
-
-    def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> list[NDArray[Any]]:
-        """Return the derivatives of a quantity, and half the differences of its one-sided
-        derivatives (`slopes`), from its values `base` in the runs and `neighboring` in their
-        neighbors.
-        """
-        # The neighboring runs are in the order of the runs, then of the names, then of the two
-        # neighbors, as the axes of `offsets`.
-        neighbor_values = neighboring.reshape(*offsets.shape, *base.shape[1:])
-        return [with_all_rows(array) for array in slopes(base[rows], neighbor_values, offsets)]
-
-    peak_derivatives: dict[str, Any] = {
-        field.name: differences(getattr(peaks, field.name), getattr(result.stories, field.name))
-        for field in fields(StoryErrors)
-    }
-    return Gradient(
-        **{name: derivative for name, (derivative, _) in peak_derivatives.items()},
-        parameters=tuple(names),
-        values=with_all_rows(values),
-        kink=StoryErrors(**{name: kink for name, (_, kink) in peak_derivatives.items()}),
-        history={
-            name: differences(array, result.history[name])[0] for name, array in history.items()
-        },
-    )
-
-
-def _neighbor_runs(
-    request: RunsRequest,
-    plan: Sequence[RunSpec],
-    names: Sequence[str],
-    numbers: Mapping[tuple[int, int], list[float]],
-    near: Mapping[tuple[int, int], list[tuple[float, float]]],
-) -> tuple[RunsRequest, list[RunSpec]]:
-    """Return a request with the samples of the neighbors, without error estimates, and the
-    neighboring runs, in the order of `plan`, then of the parameters, then of the two neighbors.
-
-    `numbers` contains the values of the parameters, by the indices of building and sample.
-    """
-    draws, columns = neighbor_samples(near, names, request.building_parameters)
-    # A neighbor of the factor on the ground motion changes the scale of the run, not the building.
-    neighbor_plan = list[RunSpec]()
-    for run, i, side in combined(plan, range(len(names)), range(2)):
-        key = run.model, run.draw
-        factor = near[key][i][side] / numbers[key][i] if names[i] == SCALE else 1.0
-        neighbor_plan.append(
-            run._replace(
-                number=len(neighbor_plan), draw=draws[key, i, side], scale=run.scale * factor
-            )
-        )
-    return replace(request, vary=columns, check=False), neighbor_plan

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, overload
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,8 +110,7 @@ def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "")
         )
 
 
-@dataclass(frozen=True)
-class Maxima:
+class Maxima(NamedTuple):
     """Definition of the times of the maxima.
 
     Attributes
@@ -623,8 +622,7 @@ SA_DAMPING = 0.05
 """Damping ratio of Sa(T1) as an intensity measure."""
 
 
-@dataclass(frozen=True)
-class FirstMode:
+class FirstMode(NamedTuple):
     """First mode of the initial stiffness of a building.
 
     Attributes

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from itertools import islice, repeat
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -346,7 +345,7 @@ def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, .
     pair_demand = store.pair_rule().demand_if_pairs
     if not pair_demand:
         return tuple(columns)
-    return (*columns, replace(PAIR_DEMAND, value=lambda _: pair_demand))
+    return (*columns, PAIR_DEMAND._replace(value=lambda _: pair_demand))
 
 
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -390,8 +389,8 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
     return Table.of_results(columns, [profile]).in_units(units)
 
 
-_STORY_OF_PROFILE = replace(
-    PROFILES[3], value=lambda profile: np.arange(1, profile.height.size + 1)
+_STORY_OF_PROFILE = PROFILES[3]._replace(
+    value=lambda profile: np.arange(1, profile.height.size + 1)
 )
 
 
@@ -451,7 +450,7 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
         return table
     # The rows of the maxima over the stories have no story.
     story_index = table.columns.index("story")
-    return replace(table, rows=[row for row in table.rows if row[story_index] is None])
+    return table._replace(rows=[row for row in table.rows if row[story_index] is None])
 
 
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:

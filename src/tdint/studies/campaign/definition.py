@@ -126,7 +126,7 @@ class ParameterSweep:
         except UsageError as error:
             if self.location is None:
                 raise
-            raise ModelError([replace(self.location, message=str(error))]) from None
+            raise ModelError([self.location._replace(message=str(error))]) from None
 
     def changes(self) -> list[dict[str, float]]:
         """Return one dictionary per variation, from the name of a parameter to its value.

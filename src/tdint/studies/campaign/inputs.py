@@ -615,7 +615,7 @@ def read_listed(
         id(motion.ground_motion) for motions in motions_of_row.values() for motion in motions
     }
     listed_motions = tuple(motion for motion in suite.motions if id(motion) in listed_ids)
-    return table, replace(suite, motions=listed_motions)
+    return table, suite._replace(motions=listed_motions)
 
 
 def _located(table: FactorTable) -> FactorTable:

@@ -14,7 +14,7 @@ from tdint.errors import UsageError
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output.figures.style import INK, LIGHT, titled
-from tdint.response.runs.gradient import SCALE
+from tdint.response.runs.many_results import SCALE
 from tdint.response.runs.outcome import STORY_QUANTITIES, Gradient
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import Profile

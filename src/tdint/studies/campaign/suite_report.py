@@ -318,7 +318,7 @@ def _ratio_rows(ratios: Table) -> Table:
         for row in ratios.rows
         if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[first_ratio:])
     ]
-    return replace(ratios, rows=rows).with_values(
+    return ratios._replace(rows=rows).with_values(
         "quantity", lambda quantity: str(quantity).replace("_", " ")
     )
 
@@ -332,9 +332,9 @@ def _damage(store: Store) -> tuple[Part, ...]:
     # The rule for pairs is one of the assumptions, so its column is omitted.
     losses = loss_table(store)
     losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
-    losses = replace(losses, rows=losses.rows[:_MAX_DAMAGE_ROWS])
+    losses = losses._replace(rows=losses.rows[:_MAX_DAMAGE_ROWS])
     states = _with_state_columns(type_table(store))
-    states = replace(states, rows=states.rows[:_MAX_DAMAGE_ROWS])
+    states = states._replace(rows=states.rows[:_MAX_DAMAGE_ROWS])
     loss_text = ""
     if losses.rows:
         loss_text = (

@@ -67,7 +67,7 @@ IDA = (
 )
 _DEMANDS = ("drift_ratio", "acceleration", "residual_drift_ratio")
 IDA_ERRORS = tuple(
-    replace(column, value=_run_values(f"{name}_error"))
+    column._replace(value=_run_values(f"{name}_error"))
     for column, name in zip(error_columns(IDA[-3:]), _DEMANDS, strict=True)
 )
 """Additional columns of a study with error estimates."""
@@ -167,7 +167,7 @@ def capacity_table(study: IdaStudy) -> Table:
     The two horizontal components of a pair are one ground motion unless they count separately.
     """
     # The rule for the demand of a pair is a column only if the study has pairs.
-    pair_demand = (replace(PAIR_DEMAND, value="study.pair_demand"),) if study.partners else ()
+    pair_demand = (PAIR_DEMAND._replace(value="study.pair_demand"),) if study.partners else ()
     limit_column = (LIMIT,) if study.limits else ()
     columns = (*_with_damage(CAPACITIES, study), *limit_column, *pair_demand)
     capacities = (
@@ -208,7 +208,7 @@ def _with_unit(table: Table, unit: str) -> Table:
         for name in INTENSITIES
         if name in table.meanings
     }
-    return replace(table, meanings=table.meanings | units)
+    return table._replace(meanings=table.meanings | units)
 
 
 def motion_rows(study: IdaStudy) -> Iterator[tuple[str, str, IdaCurve]]:

@@ -774,7 +774,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
     if field.pairs:
         return tuple(selected)
     # Without pairs, each component is a separate motion.
-    return tuple(replace(motion, ground_motion=motion.record, direction=1) for motion in selected)
+    return tuple(motion._replace(ground_motion=motion.record, direction=1) for motion in selected)
 
 
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
