@@ -21,7 +21,7 @@ AXES = {
     name: {}
     for name in (
         *("stories", "profile", "isolator", "p-delta", "law", "elements", "damper", "damping"),
-        *("record", "scale", "duration", "load", "initial"),
+        *("devices", "record", "scale", "duration", "load", "initial"),
     )
 }
 """Functions by the name of the value and the name of the axis."""
@@ -114,11 +114,13 @@ def is_allowed(row):
     return all(allows(row) for allows in RULES)
 
 
-def build(row, seed):
-    """Return the case with the values of a row."""
+def build(row, seed, change=None):
+    """Return the case with the values of a row, and with a change by a last function of it."""
     case = Case(row, seed)
     for axis, values in AXES.items():
         values[row[axis]](case)
+    if change:
+        change(case)
     # Round all numbers, so that they do not depend on the linear algebra of the machine.
     case.model = _rounded(case.model)
     case.ground = np.array(_rounded(case.ground.tolist()))
@@ -199,25 +201,28 @@ value("isolator", "base")(_isolator(0))
 value("isolator", "base with rayleigh")(_isolator(0))
 value("isolator", "middle")(_isolator(1))
 value("isolator", "no heights")(lambda case: None)
+value("isolator", "first without rayleigh")(lambda case: None)
 
 
 @rule
 def _isolated_floors(row):
-    """An isolator without Rayleigh damping needs a story above it."""
-    return not (row.get("stories") == "1" and row.get("isolator") in ("base", "middle"))
+    """A story without Rayleigh damping needs a story above it."""
+    without = ("base", "middle", "first without rayleigh")
+    return not (row.get("stories") == "1" and row.get("isolator") in without)
 
 
 @rule
 def _gravity_needs_heights(row):
-    return not (row.get("isolator") == "no heights" and row.get("p-delta") == "on")
+    return not (row.get("isolator") == "no heights" and row.get("p-delta", "off") != "off")
+
+
+def _gravity(case):
+    case.model["p_delta"] = True
 
 
 value("p-delta", "off")(lambda case: None)
-
-
-@value("p-delta", "on")
-def _gravity(case):
-    case.model["p_delta"] = True
+value("p-delta", "on")(_gravity)
+value("p-delta", "upper stories")(_gravity)
 
 
 # ---- Laws of the stories
@@ -242,34 +247,52 @@ def _add_stories(case, choose):
         if i == case.isolator:
             has_rayleigh = case.row["isolator"] == "base with rayleigh"
             story["isolator"] = "rayleigh" if has_rayleigh else True
+        if i == 0 and case.row["p-delta"] == "upper stories":
+            story["p_delta"] = False
+        if i == 0 and case.row["isolator"] == "first without rayleigh":
+            story["rayleigh"] = False
         case.model["stories"].append(story)
 
 
-def _all_examples():
-    return [
-        (spring, name, example)
-        for name, spring in LAWS.items()
-        for example in spring.examples.values()
-    ]
+LAW_GROUPS = {
+    "linear": ("linear linear",),
+    "smooth": ("tanh weak", "polynomial stiffening", "polynomial unequal"),
+    "curved": ("ramberg-osgood steel", "ramberg-osgood soil", "bouc-wen open"),
+    "bilinear": ("bilinear rising", "bilinear unequal", "gap stiff"),
+    "stops": ("gap one side", "multilinear isotropic", "multilinear kinematic"),
+    "peak": ("peak-oriented soft", "trilinear-pinching pinched", "multilinear hysteretic"),
+    "flag": ("multilinear takeda", "multilinear flag", "multilinear ring spring"),
+    "steel": ("steel isotropic", "bouc-wen sharp", "bouc-wen round"),
+    "degrading": ("bouc-wen degrading", "bouc-wen pinched", "multilinear takeda"),
+    "falling": ("bilinear falling", "imk deteriorating", "multilinear origin"),
+    "softening": ("polynomial softening", "multilinear-pinching unequal", "imk pinched"),
+    "failing": ("multilinear-pinching degrading", "imk deteriorating", "imk pinched"),
+}
+"""Laws of neighboring stories, law and example. A group is one value of the axis, so that the array
+does not grow with each law."""
 
 
-for _name, _spring in LAWS.items():
-    for _label, _example in _spring.examples.items():
-        _choice = (_spring, _name, _example)
-        value("law", f"{_name} {_label}" if _name != _label else _name)(
-            lambda case, choice=_choice: _add_stories(case, lambda i: choice)
-        )
+def _example(text):
+    """Return a law of `LAW_GROUPS`: its declaration, name, and example."""
+    name, _, label = text.partition(" ")
+    return LAWS[name], name, LAWS[name].examples[label]
 
 
-@value("law", "mixed")
-def _mixed(case):
-    examples = _all_examples()
-    _add_stories(case, lambda i: examples[case.rng.integers(len(examples))])
+def _grouped(group):
+    def grouped(case):
+        first = int(case.rng.integers(len(group)))
+        _add_stories(case, lambda i: _example(group[(first + i) % len(group)]))
+
+    return grouped
+
+
+for _label, _group in LAW_GROUPS.items():
+    value("law", _label)(_grouped(_group))
 
 
 @value("law", "every other linear")
 def _every_other(case):
-    examples = _all_examples()
+    examples = [_example(text) for group in LAW_GROUPS.values() for text in group]
     first = int(case.rng.integers(2))
 
     def choose(i):
@@ -293,9 +316,6 @@ def _with_element(entry):
 
 
 value("elements", "one")(lambda case: None)
-value("elements", "with spring")(
-    _with_element(lambda rng, k, F: {"type": "linear", "stiffness": 0.2 * k})
-)
 value("elements", "with friction")(
     _with_element(
         lambda rng, k, F: {
@@ -307,9 +327,33 @@ value("elements", "with friction")(
 value("elements", "with stop")(
     _with_element(lambda rng, k, F: {"type": "gap", "gap": 2.0 * F / k, "stop_stiffness": 3.0 * k})
 )
+value("elements", "with polynomial")(
+    _with_element(
+        lambda rng, k, F: {"type": "polynomial", "coefficients": [0.0, 0.0, 0.1 * k**3 / F**2]}
+    )
+)
 
 
-# ---- Dampers and damping
+def _rods(slack, **more):
+    """Return the function of an element of tension-only rods: their yield force is a third of the
+    strength of the story, their slack a multiple of its yield drift."""
+
+    def rods(rng, k, F):
+        curve = [[slack * F / k, 0.0]] if slack else []
+        curve += [[drift * F / k, force * F] for drift, force in ((slack + 1.0, 0.33),)]
+        return {
+            **{"type": "multilinear", "rule": "peak", "backbone": curve, "last_slope": 0.01 * k},
+            **{"pinching": {"drift": 1.0, "force": 0.0}, **more},
+        }
+
+    return rods
+
+
+value("elements", "with x brace")(_with_element(_rods(0.0, angle=35.0)))
+value("elements", "with rod")(_with_element(_rods(0.2, sides="positive", factor=0.9)))
+
+
+# ---- Dampers, damping, attachments and links
 
 
 def _coefficient(case, i):
@@ -336,27 +380,27 @@ def _braced(exponent, stiffness, **inclination):
 
 _DAMPERS = {
     "linear": lambda c: c,
-    "braced": _braced(1.0, 40.0, factor=0.8),
     "braced power .35": _braced(0.35, 150.0, angle=30.0),
     "power .35": _power(0.35, 0.005, 0.6),
-    "power .5": _power(0.5, 0.02, 0.6),
+    "relief": lambda c: {
+        **{"coefficient": 0.8 * c, "brace": 40.0 * c, "factor": 0.8},
+        "relief": {"force": 0.06 * c, "ratio": 0.1},
+    },
     "power 1.5": _power(1.5, 0.0, 2.0),
 }
 
 
-def _damper(entry, is_top_only=False):
+def _damper(entry):
     def damper(case):
         for i, story in enumerate(case.model["stories"]):
-            if i == case.n - 1 or not is_top_only:
-                story["dashpot"] = entry(_coefficient(case, i))
+            story["dashpot"] = entry(_coefficient(case, i))
 
     return damper
 
 
 value("damper", "none")(lambda case: None)
-for _label, _entry in _DAMPERS.items():
-    value("damper", _label)(_damper(_entry))
-value("damper", "top power .5")(_damper(_DAMPERS["power .5"], is_top_only=True))
+for _label in ("linear", "braced power .35", "power .35", "relief"):
+    value("damper", _label)(_damper(_DAMPERS[_label]))
 
 
 @value("damper", "mixed")
@@ -383,23 +427,88 @@ def _coefficients(case):
 
 
 value("damping", "none")(lambda case: None)
-value("damping", "ratio")(_damping(lambda case: 0.05))
 value("damping", "two ratios")(_damping(_two_ratios))
-value("damping", "coefficients")(_damping(_coefficients))
-value("damping", "mass")(
-    _damping(lambda case: {"rayleigh": {"mass": float(0.1 * case.omega()[0]), "stiffness": 0.0}})
-)
 value("damping", "tangent")(
     _damping(lambda case: {"rayleigh": {**_coefficients(case)["rayleigh"], "tangent": True}})
 )
 value("damping", "modal")(_damping(lambda case: {"modal": 0.04}))
 value("damping", "modal list")(_damping(lambda case: {"modal": [0.05, 0.02, 0.0][: case.n]}))
-value("damping", "first mode")(_damping(lambda case: {"modal": {"ratio": 0.05, "modes": 1}}))
+value("damping", "first mode")(
+    _damping(lambda case: {"modal": {"ratio": 0.05, "modes": 1, "p_delta": False}})
+)
 
 
 @rule
 def _second_mode(row):
     return not (row.get("stories") == "1" and row.get("damping") in ("two ratios", "modal list"))
+
+
+@rule
+def _modal_damping_of_all_stories(row):
+    modal = ("modal", "modal list", "first mode")
+    return not (row.get("isolator") == "first without rayleigh" and row.get("damping") in modal)
+
+
+def _attachment(floor, share, tuning, law=None, dashpot=None):
+    """Return the function that adds an attachment with a share of the mass of a floor, and a
+    frequency relative to the first of the building."""
+
+    def attachment(case):
+        at = floor(case.n)
+        mass = share * float(case.mass[at - 1])
+        k = mass * (tuning * float(case.omega()[0])) ** 2
+        c = 0.2 * math.sqrt(k * mass)
+        entry = {"name": "absorber", "floor": at, "mass": mass, "stiffness": k}
+        if law:
+            entry["law"] = law(0.3 * GRAVITY * mass)
+        case.model["attachments"] = [{**entry, "dashpot": dashpot(c) if dashpot else c}]
+
+    return attachment
+
+
+def _link(ends, **parts):
+    """Return the function that adds a link between two floors; `parts` are functions of stiffness,
+    N/m, strength, N, and damper coefficient, N s/m."""
+
+    def link(case):
+        k, F, c = float(case.stiffness[0]), float(case.strength[0]), _coefficient(case, 0)
+        lower, upper = ends(case.n)
+        entry = {"name": "link", "from": lower, "to": upper}
+        entry |= {key: part(k, F, c) for key, part in parts.items()}
+        case.model.setdefault("links", []).append(entry)
+
+    return link
+
+
+def _yielding(strength):
+    return {"type": "bilinear", "yield_force": strength, "hardening": 0.05}
+
+
+_linked = _link(
+    lambda n: (1, "absorber"), stiffness=lambda k, F, c: 2e-3 * k, dashpot=lambda k, F, c: 2e-3 * c
+)
+_absorber = _attachment(lambda n: n, 0.05, 1.0)
+
+
+def _linked_absorber(case):
+    _absorber(case)
+    _linked(case)
+
+
+value("devices", "none")(lambda case: None)
+value("devices", "linked absorber")(_linked_absorber)
+value("devices", "yielding attachment")(
+    _attachment(lambda n: 1, 0.1, 1.6, _yielding, lambda c: _power(0.5, 0.01, 0.3)(c))
+)
+value("devices", "damper from the ground")(
+    _link(lambda n: ("ground", n), dashpot=lambda k, F, c: _power(0.35, 0.005, 0.3)(c))
+)
+value("devices", "yielding link")(
+    _link(
+        lambda n: ("ground" if n < 3 else 1, n),
+        **{"stiffness": lambda k, F, c: 0.3 * k, "law": lambda k, F, c: _yielding(0.2 * F)},
+    )
+)
 
 
 # ---- Ground motion, forces and initial motion
@@ -458,7 +567,7 @@ value("duration", "longer")(_lasting(2.6))
 
 def _harmonic(case, phase, factor):
     """Add a force on the roof and another on the middle floor."""
-    omega = float(case.omega(case.row["p-delta"] == "on")[0])
+    omega = float(case.omega(case.row["p-delta"] != "off")[0])
     forces = [
         (case.n, 0.08 * factor, 1.3 * omega),
         (max(1, case.n // 2), 0.05 * factor, 3.1 * omega),
@@ -476,7 +585,6 @@ def _harmonic(case, phase, factor):
 
 value("load", "record")(lambda case: None)
 value("load", "record and cosine")(lambda case: _harmonic(case, "cos", 1.0))
-value("load", "record and sine")(lambda case: _harmonic(case, "sin", 1.0))
 
 
 @value("load", "record from a jump")
@@ -509,16 +617,10 @@ def _without_record(case):
     case.ground = np.zeros(0)
 
 
-@value("load", "cosine")
-def _cosine(case):
+@value("load", "sine")
+def _sine(case):
     _without_record(case)
-    _harmonic(case, "cos", 2.0)
-
-
-@value("load", "points")
-def _points(case):
-    _without_record(case)
-    _pushed(case)
+    _harmonic(case, "sin", 2.0)
 
 
 value("load", "none")(_without_record)
@@ -527,7 +629,7 @@ value("load", "none")(_without_record)
 @rule
 def _unused_record(row):
     """Without a record, the axes of the record have their first values."""
-    if row.get("load") not in ("cosine", "points", "none"):
+    if row.get("load") not in ("sine", "none"):
         return True
     return all(
         row.get(axis, next(iter(AXES[axis]))) == next(iter(AXES[axis]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from grid.solver import springs_of
+from grid.solver import sizes_of, springs_of
 from tdint import load_model, make_record, run
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.methods.catalogue import catalogue, parse
@@ -150,19 +150,24 @@ def judge(case, peaks, method, samples, model=None, factor=2.0):
     if isinstance(response, tuple):
         return Verdict(method, samples, *response)
     verdict = Verdict(method, samples, DONE)
+    devices, sizes = response.devices, sizes_of(peaks, case.n)
     for name, true in peaks.items():
         reported = getattr(response.stories, name)
         estimate = getattr(response.check.errors, name)
-        size = np.max(peaks["peak_drift" if name == "residual_drift" else name])
+        if devices is not None:
+            reported = np.append(reported, getattr(devices.stories, name))
+            estimate = np.append(estimate, getattr(devices.errors, name))
+        size = sizes[name]
         error = np.abs(np.abs(reported) - np.abs(true))
         if name == "residual_drift":
             error = np.abs(reported - true)
-        assert np.all(np.isfinite(reported)), (name, reported)
-        has_estimate = np.isfinite(estimate)
+        is_compared = np.isfinite(true)
+        assert np.all(np.isfinite(reported[is_compared])), (name, reported)
+        has_estimate = np.isfinite(estimate) & is_compared
         verdict.values += int(has_estimate.sum())
         excess = has_estimate & (error > factor * estimate + RESOLUTION * size)
         verdict.beyond += [
-            Excess(name, int(i), float(error[i] / size), float(estimate[i] / size))
+            Excess(name, int(i), float(error[i] / size[i]), float(estimate[i] / size[i]))
             for i in np.flatnonzero(excess)
         ]
     verdict.above_strength = above_strength(case, response)

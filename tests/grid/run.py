@@ -1,11 +1,12 @@
 """Judge a new covering array.
 
-    python tests/grid/run.py [--seed SEED] [--cases COUNT] [--processes COUNT]
+    python tests/grid/run.py [--seed SEED] [--cases COUNT] [--processes COUNT] [--store]
 
-draws buildings of a covering array by the seed until the number of cases is reached; a case is a
-building with one method and one time step, so that all methods occur with each law and each load.
-The exit code is 1 if more values than `ALLOWED` are beyond twice their estimates, a value is beyond
-ten times its estimate, or a force is above a strength.
+draws buildings of a covering array until the number of cases is reached; a case is a building with
+one method and one time step, so that all methods occur with each law and each load. Without a seed,
+a new one is drawn and printed. The exit code is 1 if more values than `ALLOWED` are beyond twice
+their estimates, a value is beyond ten times its estimate, or a force is above a strength. The rows
+of such buildings are printed as in cases.csv; `--store` adds the buildings to the stored ones.
 """
 
 import argparse
@@ -25,8 +26,19 @@ if "tdint" not in sys.modules:  # the program, not a test
     os.environ.setdefault("TDINT_COMPILE", "wait")
 
 from grid.axes import build
-from grid.covering import covering_rows, reference
-from grid.judge import DONE, STEPS, judge, method_labels
+from grid.covering import covering_rows, read, reference, write
+from grid.judge import (
+    DONE,
+    FAILED,
+    REFUSED,
+    STEPS,
+    Verdict,
+    attempt,
+    judge,
+    method_labels,
+    model_of,
+    motion_of,
+)
 from grid.solver import solve
 from grid.springs import StoryFailureError
 
@@ -53,6 +65,19 @@ def cases(seed, count):
             made += 1
 
 
+def method_for(case, model, method, samples):
+    """Return the first method from `method` on, in the order of the catalogue, that runs the case;
+    `method` if there is none."""
+    labels = method_labels()
+    start = labels.index(method)
+    for label in labels[start:] + labels[:start]:
+        options = label, samples * case.interval, case.duration
+        response = attempt(model, motion_of(case), *options, check=False)
+        if not isinstance(response, tuple) or response[0] not in (REFUSED, FAILED):
+            return label
+    return method
+
+
 def judged(entry):
     """Return the verdict on a case with the row and the seed of its building; None instead of the
     verdict if no accurate reference exists.
@@ -62,31 +87,44 @@ def judged(entry):
     row, seed, method, samples = entry
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for attempt in range(_SEEDS):
-            case = build(row, seed + attempt)
+        for number in range(_SEEDS):
+            case = build(row, seed + number)
+            model = model_of(case)
+            if model is None:
+                return row, case.seed, Verdict(method, samples, REFUSED, "the model is refused")
             try:
                 peaks = solve(case.model, case.ground, case.interval, case.duration, _TOLERANCE)
             except StoryFailureError:
                 continue
-            verdict = judge(case, peaks, method, samples)
+            method = method_for(case, model, method, samples)
+            verdict = judge(case, peaks, method, samples, model)
             if verdict.beyond or verdict.above_strength:
                 peaks = reference(case)
                 if peaks is None:
                     continue
-                verdict = judge(case, peaks, method, samples)
+                verdict = judge(case, peaks, method, samples, model)
             return row, case.seed, verdict
     return row, seed, None
 
 
+def features(row, verdict):
+    """Return the texts of the method and of the values of a row, for counts."""
+    return [f"method {verdict.method}", *(f"{axis} {name}" for axis, name in row.items())]
+
+
 def report(results):
-    """Print the shares and all values beyond; return True if they are allowed."""
-    outcomes, values, beyond, is_allowed = Counter(), Counter(), Counter(), True
+    """Print the shares, by step, method and feature, and all values beyond; return True if they are
+    allowed, and the rows and seeds of the buildings with such values."""
+    outcomes, values, beyond, is_allowed, faulty = Counter(), Counter(), Counter(), True, []
     for row, seed, verdict in results:
         outcomes[verdict.outcome if verdict else "no reference"] += 1
         if verdict is None or verdict.outcome != DONE:
             continue
-        values[verdict.samples] += verdict.values
-        beyond[verdict.samples] += len(verdict.beyond)
+        for group in (verdict.samples, *features(row, verdict)):
+            values[group] += verdict.values
+            beyond[group] += len(verdict.beyond)
+        if verdict.beyond or verdict.above_strength:
+            faulty.append((row, seed))
         where = f"seed {seed}, {verdict.method}, {verdict.samples:g} samples"
         for excess in verdict.beyond:
             print(
@@ -97,6 +135,9 @@ def report(results):
         for story, excess in verdict.above_strength:
             print(f"{where}: force of story {story + 1} {excess:.1e} above the strength: {row}")
             is_allowed = False
+    for group in values:
+        if beyond[group]:
+            print(f"{group}: {beyond[group]} of {values[group]} values beyond")
     print(", ".join(f"{count} {name}" for name, count in outcomes.items()))
     for groups in (STEPS[:3], STEPS[3:]):
         total, excess = sum(values[s] for s in groups), sum(beyond[s] for s in groups)
@@ -104,7 +145,16 @@ def report(results):
         is_allowed &= share <= ALLOWED[groups[0]]
         steps = "/".join(f"{samples:g}" for samples in groups)
         print(f"{steps} samples: {excess} of {total} values ({share:.3%}) beyond")
-    return is_allowed
+    return is_allowed, faulty
+
+
+def store(faulty, is_written):
+    """Print the rows of cases.csv of buildings, and add them with their references on request."""
+    new = [build(row, seed) for row, seed in faulty]
+    for case in new:
+        print(",".join([str(case.seed), case.digest, *case.row.values()]))
+    if new and is_written:
+        write([*read(), *((case.row, case.seed, case.digest, reference(case)) for case in new)])
 
 
 def main():
@@ -112,13 +162,18 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=None)
     parser.add_argument("--cases", type=int, default=1600)
     parser.add_argument("--processes", type=int, default=None)
+    parser.add_argument("--store", action="store_true")
     options = parser.parse_args()
+    seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
+    print(f"seed {seed}", flush=True)
     with ProcessPoolExecutor(options.processes) as pool:
-        results = list(pool.map(judged, cases(options.seed, options.cases), chunksize=4))
-    sys.exit(0 if report(results) else 1)
+        results = list(pool.map(judged, cases(seed, options.cases), chunksize=4))
+    is_allowed, faulty = report(results)
+    store(faulty, options.store)
+    sys.exit(0 if is_allowed else 1)
 
 
 if __name__ == "__main__":

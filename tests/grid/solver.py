@@ -1,4 +1,4 @@
-"""Separate solver for shear buildings, without code of tdint.
+"""Separate solver for shear buildings with attachments and links, without code of tdint.
 
 The equation of motion is integrated with DOP853 between the kinks of the ground motion and the
 branch changes of the laws, which are roots of the dense output. The motion of each part is smooth,
@@ -48,37 +48,62 @@ _MOST_EVENTS = 20_000
 class Chain:
     """Equation of motion of a building.
 
-    The state y contains the displacements, the velocities, and the internal variables of the
-    springs and dampers.
+    A member is a story, an attachment or a link, in this order; it has springs and a dashpot
+    between two floors. The masses of attachments count as floors after the roof. The state y
+    contains the displacements, the velocities, and the internal variables of the springs and
+    dampers.
+
+    Attributes
+    ----------
+    n : int
+        Number of masses: floors and attachments.
+    stories : int
+        Number of stories.
+    ends : list of (int, int)
+        Upper and lower floor of each member; -1 is the ground.
     """
 
     def __init__(self, model, ground, interval):
         stories = model["stories"]
-        self.n = len(stories)
+        self.stories = len(stories)
+        members, self.ends = members_of(model)
+        self.upper, self.lower = np.array(self.ends).T
         # Lists: single elements of arrays are slow.
         self.ground, self.interval = ground.tolist(), interval
-        self.mass = np.array([story["mass"] for story in stories])
+        self.mass = np.array([member["mass"] for member in members if "mass" in member])
+        self.n = len(self.mass)
+        # The story below each mass
+        self.supports = [a if i < self.stories else b for i, (a, b) in enumerate(self.ends)][
+            : self.n
+        ]
         self.start = 0  # index of the sample at the start of the present interval
-        self.springs = []  # (story, spring, index of its variable in y)
+        self.springs = []  # (member, spring, slice of its variables in y)
         self.size = 2 * self.n
-        for i, story in enumerate(stories):
-            for spring in springs_of(story):
-                self.springs.append((i, spring, self.size if spring.variables else None))
-                self.size += spring.variables
-        self.stiffness = np.zeros(self.n)
+        for i, member in enumerate(members):
+            for spring in springs_of(member):
+                end = self.size + spring.variables
+                self.springs.append((i, spring, slice(self.size, end)))
+                self.size = end
+        floors = slice(self.stories)
+        stiffness = np.zeros(len(members))
         for i, spring, _ in self.springs:
-            self.stiffness[i] += spring.k
-        self.geometric = np.zeros(self.n)
+            stiffness[i] += spring.k
+        self.geometric = np.zeros(len(members))
         if model.get("p_delta"):
-            heights = np.array([story["height"] for story in stories])
-            self.geometric = GRAVITY * np.cumsum(self.mass[::-1])[::-1] / heights
-        self.dashpots = [dashpot_of(story.get("dashpot", 0.0)) for story in stories]
-        self.braces = {}  # index of the variable in y by story
+            carried = GRAVITY * self.above(self.mass)
+            for i, story in enumerate(stories):
+                if story.get("p_delta", True):
+                    self.geometric[i] = carried[i] / story["height"]
+        self.dashpots = [dashpot_of(member.get("dashpot", 0.0)) for member in members]
+        self.braces = {}  # index of the variable in y by member
         for i, dashpot in enumerate(self.dashpots):
             if dashpot.brace:
                 self.braces[i] = self.size
                 self.size += 1
-        self.damping, self.tangent = damping_of(model, self.mass, self.stiffness, self.geometric)
+        self.damping, tangent = damping_of(
+            model, self.mass[floors], stiffness[floors], self.geometric[floors]
+        )
+        self.tangent = tangent and tangent + [0.0] * (len(members) - self.stories)
         self.is_damped = bool(self.damping.any())
         self.masses, self.geometries = self.mass.tolist(), self.geometric.tolist()
         forces = model.get("excitation", {}).get("forces", ())
@@ -89,21 +114,30 @@ class Chain:
         ]
         self.tables = [ForceTable(force) for force in forces if "points" in force]
 
+    def above(self, values):
+        """Return the sums of the values of all masses above each story."""
+        sums = np.bincount(self.supports, values, self.stories)
+        return np.cumsum(sums[::-1])[::-1]
+
+    def deformations(self, motion):
+        """Return the deformations of all members from the motion of the masses, axis 0."""
+        motion = np.concatenate([motion, np.zeros_like(motion[:1])])  # the ground is the last
+        return motion[self.upper] - motion[self.lower]
+
     def initial_state(self, model):
-        """Return the state at t = 0. Each spring moves monotonically to its initial drift."""
-        initial = model.get("initial", {})
+        """Return the state at t = 0. Each spring moves monotonically to its initial deformation;
+        attachments move with their floors."""
+        initial, n = model.get("initial", {}), self.n
         y = np.zeros(self.size)
-        y[: self.n] = initial.get("displacement", 0.0)
-        y[self.n : 2 * self.n] = initial.get("velocity", 0.0)
-        drifts = np.diff(y[: self.n], prepend=0.0)
-        for i, spring, variable in self.springs:
-            values = spring.go(float(drifts[i]))
-            if variable is not None:
-                y[variable] = values[0]
+        for key, first in (("displacement", 0), ("velocity", n)):
+            values = np.array(initial.get(key, np.zeros(self.stories)))
+            y[first : first + n] = values[self.supports]
+        drifts = self.deformations(y[:n])
+        for i, spring, variables in self.springs:
+            y[variables] = spring.go(float(drifts[i]))
         # The direction of the motion after t = 0, by the drift rates and, at rest, accelerations.
         change = self.rates(0.0, y)
-        rates = np.diff(change[: self.n], prepend=0.0)
-        accelerations = np.diff(change[self.n : 2 * self.n], prepend=0.0)
+        rates, accelerations = self.deformations(change[:n]), self.deformations(change[n : 2 * n])
         for i, spring, _ in self.springs:
             spring.turn(math.copysign(1.0, rates[i] if rates[i] else accelerations[i]))
         return y
@@ -129,8 +163,8 @@ class Chain:
             table.select(0.5 * (t + end))
 
     def loads(self, t):
-        """Return the forces on the floors at a time, N."""
-        loads = [0.0] * self.n
+        """Return the forces on the floors and the ground at a time, N."""
+        loads = [0.0] * (self.n + 1)  # the ground is the last
         for floor, amplitude, omega, is_cosine in self.forces:
             loads[floor] += amplitude * (math.cos if is_cosine else math.sin)(omega * t)
         for table in self.tables:
@@ -138,41 +172,38 @@ class Chain:
         return loads
 
     def _balance(self, t, y):
-        """Return the forces of the springs and dampers, the total shears without viscous forces of
-        the floors, the absolute accelerations, and the rates of the state."""
+        """Return the deformations and the forces of springs and dampers of the members, the
+        absolute accelerations, and the rates of the state."""
         n, values = self.n, y.tolist()
         change = values[n : 2 * n] + [0.0] * (self.size - n)
-        drifts, rates = values[:n], values[n : 2 * n]
-        for i in range(n - 1, 0, -1):
-            drifts[i] -= drifts[i - 1]
-            rates[i] -= rates[i - 1]
-        shears = [0.0] * n
-        for i, spring, variable in self.springs:
-            if variable is None:
-                shears[i] += spring.value(drifts[i])
-            else:
-                shears[i] += spring.value(drifts[i], values[variable])
-                change[variable] = spring.rate(rates[i], values[variable])
+        motion, speeds = [*values[:n], 0.0], [*values[n : 2 * n], 0.0]
+        drifts = [motion[upper] - motion[lower] for upper, lower in self.ends]
+        rates = [speeds[upper] - speeds[lower] for upper, lower in self.ends]
+        shears, tangents = [0.0] * len(drifts), [0.0] * len(drifts)
+        for i, spring, variables in self.springs:
+            own = values[variables]
+            shears[i] += spring.value(drifts[i], *own)
+            if own:
+                change[variables] = spring.rates(rates[i], *own)
+            if self.tangent:
+                tangents[i] += self.tangent[i] * spring.tangent(drifts[i], *own)
         dampers = [dashpot.force(rate) for dashpot, rate in zip(self.dashpots, rates, strict=True)]
         for i, variable in self.braces.items():
             dampers[i] = values[variable]
             change[variable] = self.dashpots[i].force_rate(rates[i], values[variable])
-        floors = self.loads(t)
+        forces = self.loads(t)
         if self.is_damped:
-            viscous = (self.damping @ y[n : 2 * n]).tolist()
-            floors = [load - force for load, force in zip(floors, viscous, strict=True)]
-        ground, above, absolute = self.ground_at(t), 0.0, [0.0] * n
-        tangents = [0.0] * n
-        if self.tangent:
-            for i, spring, variable in self.springs:
-                w = 0.0 if variable is None else values[variable]
-                tangents[i] += self.tangent[i] * spring.tangent(drifts[i], w)
-        for i in range(n - 1, -1, -1):
-            total = shears[i] + self.dashpots[i].factor * dampers[i] + tangents[i] * rates[i]
-            total -= self.geometries[i] * drifts[i]
-            absolute[i] = (floors[i] - total + above) / self.masses[i]
-            change[n + i] = absolute[i] - ground
-            above = total
+            viscous = (self.damping @ y[n : n + self.stories]).tolist()
+            for i, force in enumerate(viscous):
+                forces[i] -= force
+        for i, (upper, lower) in enumerate(self.ends):
+            force = shears[i] + self.dashpots[i].factor * dampers[i] + tangents[i] * rates[i]
+            force -= self.geometries[i] * drifts[i]
+            forces[upper] -= force
+            forces[lower] += force
+        ground = self.ground_at(t)
+        absolute = [force / mass for force, mass in zip(forces, self.masses, strict=False)]
+        change[n : 2 * n] = [acceleration - ground for acceleration in absolute]
         return drifts, shears, dampers, absolute, change
 
     def rates(self, t, y):
@@ -180,16 +211,38 @@ class Chain:
         return np.array(self._balance(t, y)[-1])
 
     def quantities(self, t, y):
-        """Return the quantities at a time, rows of `QUANTITIES`."""
+        """Return the quantities of all members at a time, rows of `QUANTITIES`; 0 for those that a
+        member does not have."""
         drifts, shears, dampers, absolute, _ = self._balance(t, y)
-        inertia = np.array(absolute) * self.mass - self.loads(t)
-        total_shear = -np.cumsum(inertia[::-1])[::-1]
         n = self.n
-        return [drifts, shears, dampers, total_shear, y[:n], y[n : 2 * n], absolute]
+        total_shear = -self.above(np.array(absolute) * self.mass - self.loads(t)[:n])
+        rows = (drifts, shears, dampers, total_shear, y[:n], y[n : 2 * n], absolute)
+        quantities = np.zeros((len(rows), len(drifts)))
+        for quantity, values in zip(quantities, rows, strict=True):
+            quantity[: len(values)] = values
+        return quantities
+
+
+def members_of(model):
+    """Return the stories, attachments and links of a building, and their upper and lower ends."""
+    members, attachments = list(model["stories"]), model.get("attachments", [])
+    names = {"ground": -1, "roof": len(members) - 1}
+    ends = [(i, i - 1) for i in range(len(members))]
+    for attachment in attachments:
+        names[attachment["name"]] = len(members)
+        ends.append((len(members), attachment["floor"] - 1))
+        members.append(attachment)
+    for link in model.get("links", []):
+        lower, upper = (
+            names[end] if isinstance(end, str) else end - 1 for end in (link["from"], link["to"])
+        )
+        ends.append((upper, lower))
+        members.append(link)
+    return members, ends
 
 
 def springs_of(story):
-    """Return the springs of a story: its elements, or its law."""
+    """Return the springs of a member: its elements, or its law."""
     if "elements" in story:
         return [spring_of(element, element) for element in story["elements"]]
     parameters = story.get("law", {"type": "linear"})
@@ -278,12 +331,15 @@ def damping_of(model, mass, stiffness, geometric):
     if not damping:
         return np.zeros((n, n)), None
     M = np.diag(mass)
+    modal = damping.get("modal") if isinstance(damping, dict) else None
+    if isinstance(modal, dict) and not modal.get("p_delta", True):
+        geometric = 0.0
     squares, shapes = eigh(chain_matrix(stiffness - geometric), M)
     omega = np.sqrt(np.maximum(squares, 0.0))
-    if isinstance(damping, dict) and "modal" in damping:
-        ratios, modal = np.zeros(n), damping["modal"]
+    if modal is not None:
+        ratios = np.zeros(n)
         if isinstance(modal, dict):
-            ratios[: modal["modes"]] = modal["ratio"]
+            ratios[: modal.get("modes", n)] = modal["ratio"]
         elif isinstance(modal, list):
             ratios[: len(modal)] = modal
         else:
@@ -294,7 +350,10 @@ def damping_of(model, mass, stiffness, geometric):
     # Isolators have no Rayleigh damping, and the floors above move relative to the isolator.
     stories = model["stories"]
     has_damping = np.array(
-        [story.get("isolator", False) in (False, "rayleigh") for story in stories]
+        [
+            story.get("isolator", False) in (False, "rayleigh") and story.get("rayleigh", True)
+            for story in stories
+        ]
     )
     is_tangent = isinstance(damping, dict) and damping["rayleigh"].get("tangent", False)
     C = (0.0 if is_tangent else b) * chain_matrix(np.where(has_damping, stiffness, 0.0))
@@ -330,17 +389,16 @@ def _first_event(chain, dense, t0, t1, states):
     """Return the time of the first branch change in a step, and its spring and type; None if there
     is none. `states` are the states at the Chebyshev points of the step."""
     n, times = chain.n, t0 + (t1 - t0) * _CHEBYSHEV
-    drifts = np.diff(states[:n], axis=0, prepend=0.0)
-    rates = np.diff(states[n : 2 * n], axis=0, prepend=0.0)
+    drifts, rates = chain.deformations(states[:n]), chain.deformations(states[n : 2 * n])
     first = None
     for i, spring, _ in chain.springs:
         if spring.is_reversible:
             continue
-        s, end = spring.side, spring.end
+        s, end, (upper, lower) = spring.side, spring.end, chain.ends[i]
 
-        def excess(t, kind, i=i, s=s, end=end):
-            row, y = (i + n if kind == "turn" else i), dense(t)
-            value = y[row] - (y[row - 1] if i else 0.0)
+        def excess(t, kind, s=s, end=end, upper=upper, lower=lower):
+            first, y = (n if kind == "turn" else 0), dense(t)
+            value = y[first + upper] - (y[first + lower] if lower >= 0 else 0.0)
             return -s * value if kind == "turn" else s * value - end
 
         turn = None  # interval of the nodes that contains the reversal, and its time
@@ -368,12 +426,12 @@ def _first_event(chain, dense, t0, t1, states):
 
 def _change_branch(chain, y, changed, kind):
     """Move all springs to a state, and change the branch of a spring."""
-    drifts = np.diff(y[: chain.n], prepend=0.0)
-    for i, spring, variable in chain.springs:
+    drifts = chain.deformations(y[: chain.n])
+    for i, spring, variables in chain.springs:
         if spring is changed and kind == "end":
             spring.arrive()
         elif not spring.is_reversible:
-            spring.move(float(drifts[i]), 0.0 if variable is None else y[variable])
+            spring.move(float(drifts[i]), *y[variables].tolist())
             if spring is changed:
                 spring.turn(-spring.side)
 
@@ -383,7 +441,7 @@ class Peaks:
 
     def __init__(self, chain, tolerance):
         self.chain, self.tolerance = chain, tolerance
-        self.values = np.zeros((len(QUANTITIES), chain.n))
+        self.values = np.zeros((len(QUANTITIES), len(chain.ends)))
         self.h, self.events = chain.interval, 0
         sizes = np.full(chain.size, 1e-3)  # m, m/s and 1
         sizes[list(chain.braces.values())] = 1e2  # N
@@ -443,7 +501,8 @@ class Peaks:
 
 
 def solve(model, ground, interval, duration, tolerance=1e-10):
-    """Return the peaks and the residual drifts of a building by name, arrays over the stories.
+    """Return the peaks and the residual drifts of a building by name, arrays over the stories,
+    attachments and links; nan for quantities that a member does not have.
 
     Parameters
     ----------
@@ -477,4 +536,17 @@ def solve(model, ground, interval, duration, tolerance=1e-10):
     except OverflowError as error:  # the drift of a softening spring grows without bound
         raise StoryFailureError from error
     result = {f"peak_{name}": row for name, row in zip(QUANTITIES, peaks.values, strict=True)}
-    return result | {"residual_drift": np.diff(y[: chain.n], prepend=0.0)}
+    result["peak_total_shear"][chain.stories :] = math.nan
+    for name in ("displacement", "velocity", "absolute_acceleration"):
+        result[f"peak_{name}"][chain.n :] = math.nan
+    return result | {"residual_drift": chain.deformations(y[: chain.n])}
+
+
+def sizes_of(peaks, stories):
+    """Return the largest value of each quantity of the stories, and each value of an attachment or
+    a link, by name. The size of a residual drift is that of the peak drift."""
+    sizes = {}
+    for name, values in peaks.items():
+        values = peaks["peak_drift"] if name == "residual_drift" else values
+        sizes[name] = np.where(np.arange(len(values)) < stories, np.max(values[:stories]), values)
+    return sizes

@@ -78,11 +78,11 @@ class Spring:
         the path; `reversed_here` is False if the previous path ended here."""
         return [(math.inf, self.k)]
 
-    def value(self, drift, variable=0.0):
+    def value(self, drift, *variables):
         """Return the force at a drift on the present segment, N."""
         return self.force + self.slope * (drift - self.drift)
 
-    def tangent(self, drift, variable=0.0):
+    def tangent(self, drift, *variables):
         """Return the stiffness at a drift on the present segment, N/m."""
         return self.slope
 
@@ -90,9 +90,9 @@ class Spring:
         """Return the largest possible absolute force at absolute drifts up to `drift`, N."""
         return self.k * drift
 
-    def move(self, drift, variable=0.0):
+    def move(self, drift, *variables):
         """Move to a drift on the present segment."""
-        force = self.value(drift, variable)
+        force = self.value(drift, *variables)
         self.work += 0.5 * (self.force + force) * (drift - self.drift)
         self.drift, self.force = drift, force
 
@@ -131,22 +131,30 @@ class Spring:
         return []
 
 
-class Fracturing:
-    """Spring that loses its force at a drift of a side for good."""
+class Wrapped:
+    """Spring with the attributes of another spring unless it defines them."""
 
     is_reversible = False
 
+    def __init__(self, spring):
+        self.spring = spring
+
+    def __getattr__(self, name):
+        return getattr(self.spring, name)
+
+
+class Fracturing(Wrapped):
+    """Spring that loses its force at a drift of a side for good."""
+
     def __init__(self, spring, limit):
+        super().__init__(spring)
         if not isinstance(limit, dict):
             limit = {"positive": limit, "negative": limit}
-        self.spring, self.is_broken = spring, False
+        self.is_broken = False
         self.limits = {
             side: limit.get(name, math.inf)
             for side, name in ((1.0, "positive"), (-1.0, "negative"))
         }
-
-    def __getattr__(self, name):
-        return getattr(self.spring, name)
 
     @property
     def end(self):
@@ -154,11 +162,14 @@ class Fracturing:
             return math.inf
         return min(self.spring.end, self.limits.get(self.side, math.inf))
 
-    def value(self, drift, variable=0.0):
-        return 0.0 if self.is_broken else self.spring.value(drift, variable)
+    def value(self, drift, *variables):
+        return 0.0 if self.is_broken else self.spring.value(drift, *variables)
 
-    def tangent(self, drift, variable=0.0):
-        return 0.0 if self.is_broken else self.spring.tangent(drift, variable)
+    def tangent(self, drift, *variables):
+        return 0.0 if self.is_broken else self.spring.tangent(drift, *variables)
+
+    def largest(self, drift):
+        return self.spring.largest(min(drift, max(self.limits.values())))
 
     def arrive(self):
         if self.end < self.spring.end:
@@ -172,20 +183,54 @@ class Fracturing:
         else:
             self.spring.turn(side)
 
-    def move(self, drift, variable=0.0):
+    def move(self, drift, *variables):
         if not self.is_broken:
-            self.spring.move(drift, variable)
+            self.spring.move(drift, *variables)
 
     def go(self, drift):
         return self.spring.go(drift) if self.variables else Spring.go(self, drift)
 
 
+class Inclined(Wrapped):
+    """Spring along an inclined element: its deformation is the drift times `factor`, and the force
+    of the story is its force times `factor`."""
+
+    def __init__(self, spring, factor):
+        super().__init__(spring)
+        self.factor, self.k = factor, factor**2 * spring.k
+
+    @property
+    def end(self):
+        return self.spring.end / self.factor
+
+    def value(self, drift, *variables):
+        return self.factor * self.spring.value(self.factor * drift, *variables)
+
+    def tangent(self, drift, *variables):
+        return self.factor**2 * self.spring.tangent(self.factor * drift, *variables)
+
+    def rates(self, drift_rate, *variables):
+        return self.spring.rates(self.factor * drift_rate, *variables)
+
+    def largest(self, drift):
+        return self.factor * self.spring.largest(self.factor * drift)
+
+    def move(self, drift, *variables):
+        self.spring.move(self.factor * drift, *variables)
+
+    def go(self, drift):
+        return self.spring.go(self.factor * drift)
+
+
 def spring_of(story, parameters):
     """Return the spring of a law or an element."""
     spring = LAWS[parameters["type"]](story, parameters)
-    if "fracture_drift" not in parameters:
-        return spring
-    return Fracturing(spring, parameters["fracture_drift"])
+    if "fracture_drift" in parameters:
+        spring = Fracturing(spring, parameters["fracture_drift"])
+    if "angle" in parameters or "factor" in parameters:
+        angle = math.radians(parameters.get("angle", 0.0))
+        spring = Inclined(spring, parameters.get("factor", math.cos(angle)))
+    return spring
 
 
 def _along(points):
@@ -200,7 +245,6 @@ class Linear(Spring):
 
 @law(
     "bilinear",
-    flat=lambda rng, k, F: {"yield_force": F, "hardening": 0.0},
     rising=lambda rng, k, F: {"yield_force": F, "hardening": rng.uniform(0.02, 0.2)},
     unequal=lambda rng, k, F: {
         **{"yield_force": F, "hardening": rng.choice([0.0, 0.05])},
@@ -235,9 +279,8 @@ class Bilinear(Spring):
 
 @law(
     "gap",
-    stop=lambda rng, k, F: {"gap": rng.uniform(0.6, 1.5) * F / k, "stop_stiffness": 4.0 * k},
     stiff=lambda rng, k, F: {"gap": 1.5 * F / k, "stop_stiffness": 20.0 * k},
-    loops={
+    **{
         "one side": lambda rng, k, F: {
             **{"gap": 1.2 * F / k, "stop_stiffness": 5.0 * k, "sides": "negative"}
         }
@@ -278,7 +321,6 @@ class Oriented(Spring):
 
 @law(
     "peak-oriented",
-    plain=lambda rng, k, F: {"yield_force": F, "hardening": 0.0, "unloading": 0.0},
     soft=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "unloading": 0.5},
 )
 class PeakOriented(Oriented):
@@ -343,10 +385,6 @@ class PeakOriented(Oriented):
     pinched=lambda rng, k, F: {
         **{"yield_force": F, "ultimate_force": 1.4 * F, "ultimate_drift": 6.0 * F / k},
         **{"pinching": rng.uniform(0.2, 0.8), "unloading": 0.3},
-    },
-    clough=lambda rng, k, F: {
-        **{"yield_force": F, "ultimate_force": 1.2 * F, "ultimate_drift": 5.0 * F / k},
-        **{"pinching": 1.0, "unloading": 0.0},
     },
 )
 class TrilinearPinching(Oriented):
@@ -414,7 +452,6 @@ def _imk(drift, strength):
 
 @law(
     "imk",
-    plain=lambda rng, k, F: _imk(F / k, F),
     deteriorating=lambda rng, k, F: {
         **_imk(F / k, F),
         **{"deterioration": 40.0 * F / k, "exponent": 1.2, "rate": 0.9},
@@ -501,10 +538,16 @@ class Imk(Spring):
         return [*_along([*points, side["far"]]), *self.backbone(side)]
 
     def backbone(self, side):
-        """Return the hardening, falling and residual lines of a side."""
+        """Return the hardening, falling and residual lines of a side. The force is at least the
+        residual force, also where deterioration has reduced the hardening line."""
         drift, force = side["capping"]
+        if force <= side["residual"]:
+            return [(side["ultimate"], 0.0)]
         residual = drift + (side["residual"] - force) / side["falling"]
-        return [(drift, side["hardening"]), (residual, side["falling"]), (side["ultimate"], 0.0)]
+        lines = [(drift, side["hardening"]), (residual, side["falling"]), (side["ultimate"], 0.0)]
+        if side["hardening"] > 0.0:
+            lines.insert(0, (drift - (force - side["residual"]) / side["hardening"], 0.0))
+        return lines
 
     def reverse(self, other, x, f):
         """Leave a loading branch of the other side at (x, f)."""
@@ -580,10 +623,6 @@ def _lost(peak, work, limit, peak_exponent=1.0, work_exponent=1.0):
 
 @law(
     "multilinear-pinching",
-    plain=lambda rng, k, F: {
-        "backbone": _backbone(F / k, F, *_FALLING),
-        "pinching": {"drift": 0.5, "force": 0.4, "unloading": 0.1},
-    },
     degrading=lambda rng, k, F: {
         "backbone": _backbone(F / k, F, *_FALLING),
         "pinching": {"drift": 0.5, "force": 0.4, "unloading": 0.1},
@@ -845,11 +884,11 @@ class Kinematic(Multilinear):
             slope -= stiffness
         return [*segments, (math.inf, self.last_slope)]
 
-    def move(self, drift, variable=0.0):
+    def move(self, drift, *variables):
         change = drift - self.drift
         bounds = zip(self.forces, self.parts, self.limits[-1.0], self.limits[1.0], strict=True)
         self.forces = [min(max(z + k * change, -low), high) for z, k, low, high in bounds]
-        super().move(drift, variable)
+        super().move(drift, *variables)
 
     def largest(self, drift):
         if drift <= min(self.far.values()):
@@ -884,9 +923,9 @@ class Isotropic(Multilinear):
             at = end
         return segments
 
-    def move(self, drift, variable=0.0):
+    def move(self, drift, *variables):
         self.plastic += abs(drift - self.drift) * (1.0 - self.slope / self.k)
-        super().move(drift, variable)
+        super().move(drift, *variables)
 
     def largest(self, drift):
         if drift <= min(self.far.values()):
@@ -971,6 +1010,12 @@ class PeakWithKeys(Multilinear):
         self.has_reversed = self.has_moved = False
         sides = parameters.get("sides", "both")
         self.has = {1.0: sides != "negative", -1.0: sides != "positive"}
+
+    def move(self, drift, *variables):
+        super().move(drift, *variables)
+        # A slack spring has no force: a rounding error would be a branch of its own.
+        if abs(self.force) < 1e-9 * self.points[1.0][-1][1]:
+            self.force = 0.0
 
     def stiffness(self, side):
         """Return the unloading stiffness. The examples do not need its persistent bound."""
@@ -1085,14 +1130,17 @@ _RULES = {
 _PEAK_KEYS = {"unloading", "reloading", "pinching", "damage", "sides"}
 
 _LOOPS = {
-    "hysteretic": _multilinear(
-        *("peak", _STEEP, 0.02),
-        **{"pinching": lambda k, F: {"drift": 0.7, "force": 0.3}, "unloading": lambda k, F: 0.4},
-        **{"damage": lambda k, F: {"drift": 0.01, "work": 0.01}},
+    "peak": _multilinear(
+        *("peak", _STEEP),
+        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.0, 1.0), (3.0, 1.8))},
     ),
-    "takeda": _multilinear(
-        *("peak", ((1.0, 1.0),), 0.05),
-        **{"unloading": lambda k, F: 0.5, "reloading": lambda k, F: 0.3},
+    "elastic": _multilinear(
+        *("elastic", ((1.0, 1.0), (2.0, 1.3), (5.0, 4.0)), 0.5),
+        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.5, 1.5), (4.0, 2.0))},
+    ),
+    "unequal slopes": _multilinear(
+        *("elastic", ((1.0, 1.0),), 0.5),
+        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.0, 1.0)), "last_slope": 0.1 * k},
     ),
     "slip": _multilinear(
         "peak", ((1.0, 1.0),), 0.02, pinching=lambda k, F: {"drift": 1.0, "force": 0.2}
@@ -1104,13 +1152,25 @@ _LOOPS = {
         *("peak", ((1.0, 1.0),), 0.02),
         **{"pinching": lambda k, F: {"drift": 1.0, "force": 0.0}, "sides": lambda k, F: "positive"},
     ),
-    "unequal slopes": _multilinear(
-        *("elastic", ((1.0, 1.0),), 0.5),
-        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.0, 1.0)), "last_slope": 0.1 * k},
+}
+"""Further loops; rods alone leave a story without stiffness."""
+
+_EXAMPLES = {
+    "kinematic": _multilinear("kinematic", _STEEP, 0.01),
+    "isotropic": _multilinear("isotropic", _STEEP),
+    "origin": _multilinear("origin", _STEEP, -0.01),
+    "hysteretic": _multilinear(
+        *("peak", _STEEP, 0.02),
+        **{"pinching": lambda k, F: {"drift": 0.7, "force": 0.3}, "unloading": lambda k, F: 0.4},
+        **{"damage": lambda k, F: {"drift": 0.01, "work": 0.01}},
+    ),
+    "takeda": _multilinear(
+        *("peak", ((1.0, 1.0),), 0.05),
+        **{"unloading": lambda k, F: 0.5, "reloading": lambda k, F: 0.3},
     ),
     "flag": _multilinear(
         *("flag", ((1.0, 1.0), (4.0, 1.3)), 0.05),
-        **{"return": lambda k, F: _backbone(F / k, F, (0.4, 0.4), (3.0, 0.5))},
+        **{"return": lambda k, F: _backbone(F / k, F, (0.4, 0.39), (3.0, 0.5))},
     ),
     "ring spring": _multilinear(
         *("flag", ((1.0, 1.0), (4.0, 1.3)), 0.05),
@@ -1127,21 +1187,7 @@ _LOOPS = {
 }
 
 
-@law(
-    "multilinear",
-    loops=_LOOPS,
-    kinematic=_multilinear("kinematic", _STEEP, 0.01),
-    isotropic=_multilinear("isotropic", _STEEP),
-    origin=_multilinear("origin", _STEEP, -0.01),
-    peak=_multilinear(
-        *("peak", _STEEP),
-        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.0, 1.0), (3.0, 1.8))},
-    ),
-    elastic=_multilinear(
-        *("elastic", ((1.0, 1.0), (2.0, 1.3), (5.0, 4.0)), 0.5),
-        negative=lambda k, F: {"backbone": _backbone(F / k, F, (1.5, 1.5), (4.0, 2.0))},
-    ),
-)
+@law("multilinear", loops=_LOOPS, **_EXAMPLES)
 def multilinear(story, parameters):
     """Return the spring with the rule of a multilinear law."""
     if parameters["rule"] == "peak" and _PEAK_KEYS & set(parameters):
@@ -1169,7 +1215,7 @@ class RambergOsgood(Spring):
         self.strength, self.alpha = parameters["yield_force"], parameters["alpha"]
         self.exponent, self.reversals = parameters["exponent"], []
 
-    def value(self, drift, variable=0.0):
+    def value(self, drift, *variables):
         yields = self.strength / self.k
         if not self.reversals:
             return self.strength * self.relative(drift / yields)
@@ -1188,7 +1234,7 @@ class RambergOsgood(Spring):
                 break
         return math.copysign(y, t)
 
-    def tangent(self, drift, variable=0.0):
+    def tangent(self, drift, *variables):
         force, scale = (self.reversals[-1][1], 2.0) if self.reversals else (0.0, 1.0)
         y = (self.value(drift) - force) / (scale * self.strength)
         return self.k / (1.0 + self.exponent * self.alpha * abs(y) ** (self.exponent - 1.0))
@@ -1220,10 +1266,10 @@ class Tanh(Spring):
     def read(self, parameters):
         self.strength = parameters["strength"]
 
-    def value(self, drift, variable=0.0):
+    def value(self, drift, *variables):
         return self.strength * math.tanh(self.k * drift / self.strength)
 
-    def tangent(self, drift, variable=0.0):
+    def tangent(self, drift, *variables):
         return self.k / math.cosh(self.k * drift / self.strength) ** 2
 
     def largest(self, drift):
@@ -1247,13 +1293,13 @@ class Polynomial(Spring):
         self.coefficients = parameters["coefficients"]
         self.k = self.coefficients[0]
 
-    def value(self, drift, variable=0.0):
+    def value(self, drift, *variables):
         force = 0.0
         for coefficient in reversed(self.coefficients):
             force = (force + coefficient) * drift
         return force
 
-    def tangent(self, drift, variable=0.0):
+    def tangent(self, drift, *variables):
         return sum((j + 1) * c * drift**j for j, c in enumerate(self.coefficients))
 
     def largest(self, drift):
@@ -1266,9 +1312,8 @@ class Polynomial(Spring):
     "bouc-wen",
     round=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "exponent": 1.0, "beta": 0.5},
     sharp=lambda rng, k, F: {"yield_force": F, "hardening": 0.0, "exponent": 5.0, "beta": 0.8},
-    medium=lambda rng, k, F: {"yield_force": F, "hardening": 0.02, "exponent": 2.0, "beta": 0.6},
     open=lambda rng, k, F: {"yield_force": F, "hardening": 0.05, "exponent": 1.5, "beta": 0.35},
-    loops={
+    **{
         "degrading": lambda rng, k, F: {
             **{"yield_force": F, "hardening": 0.05, "exponent": 1.5, "beta": 0.7},
             "degradation": {
@@ -1287,70 +1332,81 @@ class Polynomial(Spring):
     },
 )
 class BoucWen(Spring):
-    """Bouc-Wen spring: an elastic part and the strength times the internal variable w."""
+    """Bouc-Wen spring: an elastic part and the strength times the internal variable w. With
+    degradation or pinching, the energy of the second part is another variable, in multiples of
+    F^2/k."""
 
     is_reversible = False
     variables = 1
 
     def read(self, parameters):
         self.strength, self.ratio = parameters["yield_force"], parameters["hardening"]
-        self.exponent, self.beta, self.w = parameters["exponent"], parameters["beta"], 0.0
-        self.degradation = parameters.get("degradation", {})
+        self.exponent, self.beta = parameters["exponent"], parameters["beta"]
+        unit, degradation = self.strength**2 / self.k, parameters.get("degradation", {})
+        self.loss, self.weakening, self.softening = (
+            degradation.get(name, 0.0) * unit for name in ("amplitude", "strength", "stiffness")
+        )
         self.pinching, self.phi = parameters.get("pinching"), parameters.get("asymmetry", 0.0)
-        self.energy = 0.0
+        if self.pinching:
+            per_energy = {name: self.pinching[name] * unit for name in ("rate", "growth")}
+            self.pinching = self.pinching | per_energy
+        if degradation or self.pinching:
+            self.variables = 2
+        self.state = [0.0] * self.variables
 
-    def value(self, drift, variable=0.0):
-        return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength * variable
+    def value(self, drift, w=0.0, energy=0.0):
+        return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength * w
 
-    def rate(self, drift_rate, w):
+    def rates(self, drift_rate, w, energy=0.0):
+        """Return the rates of the variables."""
         sign = self.beta if w * self.side > 0.0 else -self.beta
         if w * self.side > 0.0:
             sign += 2.0 * self.side * self.phi
-        grown = {
-            name: 1.0 + self.degradation.get(name, 0.0) * self.energy
-            for name in ("strength", "stiffness")
-        }
-        amplitude = 1.0 - self.degradation.get("amplitude", 0.0) * self.energy
-        power = grown["strength"] * abs(w) ** self.exponent
-        factor = (amplitude - power * (sign + 1.0 - self.beta)) / grown["stiffness"]
+        amplitude, weaker = 1.0 - self.loss * energy, 1.0 + self.weakening * energy
+        if amplitude <= 0.0:
+            raise StoryFailureError
+        power = weaker * abs(w) ** self.exponent
+        factor = (amplitude - power * (sign + 1.0 - self.beta)) / (1.0 + self.softening * energy)
         if p := self.pinching:
-            slip = p["slip"] * (1.0 - math.exp(-p["rate"] * self.energy))
-            width = (p["size"] + p["growth"] * self.energy) * (p["severity"] + slip)
-            start = p["start"] * grown["strength"] ** (-1.0 / self.exponent)
+            slip = p["slip"] * (1.0 - math.exp(-p["rate"] * energy))
+            width = (p["size"] + p["growth"] * energy) * (p["severity"] + slip)
+            start = p["start"] * weaker ** (-1.0 / self.exponent)
             factor *= 1.0 - slip * math.exp(-(((w * self.side - start) / width) ** 2))
-        return factor * self.k * drift_rate / self.strength
+        relative_rate = self.k * drift_rate / self.strength
+        rates = [factor * relative_rate, (1.0 - self.ratio) * w * relative_rate]
+        return rates[: self.variables]
 
-    def tangent(self, drift, variable=0.0):
-        change = self.rate(1.0, variable)
+    def tangent(self, drift, *variables):
+        change = self.rates(1.0, *variables)[0]
         return self.ratio * self.k + (1.0 - self.ratio) * self.strength * change
 
     def largest(self, drift):
-        return self.ratio * self.k * drift + (1.0 - self.ratio) * self.strength
+        strength = (1.0 - 2.0 * abs(self.phi)) ** (-1.0 / self.exponent) * self.strength
+        return self.ratio * self.k * drift + (1.0 - self.ratio) * strength
 
     def go(self, drift):
-        """Integrate w over a monotonic path by the method of Runge and Kutta."""
-        w, parts = self.w, 2000
+        """Integrate the variables over a monotonic path by the method of Runge and Kutta."""
+        parts = 2000
         h = (drift - self.drift) / parts
         self.turn(math.copysign(1.0, h))
+
+        def slope(before, part):
+            state = [x + part * r for x, r in zip(self.state, before, strict=True)]
+            return self.rates(h, *state)
+
         for _ in range(parts):
-            # The rate depends on the energy in the middle of the part.
-            part_of_energy = (1.0 - self.ratio) * self.strength * h
-            energy = self.energy
-            self.energy += 0.5 * part_of_energy * w
-            a = self.rate(h, w)
-            b = self.rate(h, w + 0.5 * a)
-            c = self.rate(h, w + 0.5 * b)
-            before = w
-            w += (a + 2.0 * b + 2.0 * c + self.rate(h, w + c)) / 6.0
-            self.energy = energy + 0.5 * part_of_energy * (before + w)
-        self.move(drift, w)
-        self.w = w
-        return [w]
+            a = slope([0.0] * self.variables, 0.0)
+            b = slope(a, 0.5)
+            c = slope(b, 0.5)
+            slopes = zip(self.state, a, b, c, slope(c, 1.0), strict=True)
+            self.state = [x + (p + 2.0 * q + 2.0 * r + s) / 6.0 for x, p, q, r, s in slopes]
+        self.move(drift, *self.state)
+        return self.state
 
 
 @law(
     "steel",
-    loops={
+    **{
         "isotropic": lambda rng, k, F: {
             **{"yield_force": F, "hardening": 0.03},
             "transition": {"R0": 15.0, "cR1": 0.9, "cR2": 0.15},
@@ -1392,10 +1448,26 @@ class Steel(Spring):
         self.power = t["R0"] * (1.0 - t["cR1"] * xi / (t["cR2"] + xi))
         return [(math.inf, math.nan)]
 
-    def value(self, drift, variable=0.0):
+    def value(self, drift, *variables):
         if self.start is None:
             return self.k * drift
         (d, f), (corner, top) = self.start, self.corner
         e = (drift - d) / (corner - d)
         curve = (1.0 - self.b) * e / (1.0 + abs(e) ** self.power) ** (1.0 / self.power)
         return f + (top - f) * (self.b * e + curve)
+
+    def tangent(self, drift, *variables):
+        if self.start is None:
+            return self.k
+        (d, f), (corner, top) = self.start, self.corner
+        e = (drift - d) / (corner - d)
+        curve = (1.0 - self.b) / (1.0 + abs(e) ** self.power) ** (1.0 + 1.0 / self.power)
+        return (top - f) / (corner - d) * (self.b + curve)
+
+    def largest(self, drift):
+        """The force is below the asymptotes of the largest strengths."""
+        rises = [
+            rise * (max(drift, self.yields) / (half * self.yields)) ** 0.8
+            for rise, half in self.iso.values()
+        ]
+        return (1.0 - self.b) * self.strength * (1.0 + max(rises)) + self.b * self.k * drift

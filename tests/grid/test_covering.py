@@ -2,8 +2,10 @@
 
 import pytest
 
-from grid.axes import build
+from grid.axes import LAW_GROUPS, build
 from grid.covering import CASES, read, uncovered
+from grid.solver import members_of
+from grid.springs import LAWS
 from tdint.model.config.model_file import model_schema
 
 ROWS = [row for row, *_ in read()]
@@ -14,12 +16,18 @@ def test_all_pairs_of_values_occur():
     assert not missing, f"run `python tests/grid/covering.py`: {sorted(missing)[:5]}"
 
 
+def test_each_example_of_a_law_is_in_a_group():
+    examples = {f"{name} {label}" for name, law in LAWS.items() for label in law.examples}
+    assert examples == {text for group in LAW_GROUPS.values() for text in group}
+
+
 @pytest.mark.long
 def test_cases_are_those_of_the_references():
     for row, seed, digest, peaks in read():
         case = build(row, seed)
         assert case.digest == digest, f"run `python tests/grid/covering.py`: {row}"
-        assert all(len(values) == case.n for values in peaks.values())
+        members, _ = members_of(case.model)
+        assert all(len(values) == len(members) for values in peaks.values())
     assert CASES.stat().st_size < 60_000
 
 
@@ -48,29 +56,13 @@ SAME_MOTION = {
     *("name", "units", "building", "stories.weight", "stories.repeat"),
     # the record and the analysis are arguments of the runs
     *("excitation.record", "analysis"),
-    # inclined elements, whose numbers are converted to the direction of the drift
-    *("stories.elements.factor", "stories.elements.angle"),
     # a table of forces from a file, instead of points
     *("excitation.forces.file", "excitation.forces.floors", "excitation.forces.column"),
-    # attachments, links and switches by story: tests/model/test_topology.py and
-    # tests/response/runs/test_topology.py compare them with the matrix exponential
-    *("attachments", "links", "stories.rayleigh", "stories.p_delta", "damping.modal.p_delta"),
-    # laws and keys whose loops and responses tests/methods/test_law_references.py compares with
-    # values computed twice
-    "stories.dashpot.relief",
-    *(
-        f"stories.{place}.{key}"
-        for place in ("law", "elements")
-        for key in (
-            *("asymmetry", "damage", "degradation", "fracture_drift", "isotropic", "reloading"),
-            *("return", "return_slope", "sides", "stiffness", "transition", "negative.return"),
-            *("negative.return_slope", "negative.last_slope"),
-            *(
-                f"pinching.{name}"
-                for name in ("growth", "rate", "severity", "size", "slip", "start")
-            ),
-        )
-    ),
+    # laws and dashpots of attachments and links are those of stories; inertance is refused
+    *(f"{device}.{key}" for device in ("attachments", "links") for key in ("law", "dashpot")),
+    *("attachments.weight", "attachments.inertance", "links.inertance"),
+    # fracture: tests/grid/test_fractures.py
+    *("stories.law.fracture_drift", "stories.elements.fracture_drift"),
     # linear models: tests/response/runs/test_matrices.py
     *("base", "matrices", "stiffness_matrix", "stories.flexural", "stories.period"),
     # evaluation and output
@@ -82,10 +74,15 @@ SAME_MOTION = {
 @pytest.mark.long
 def test_each_key_of_a_model_occurs():
     """A new damper, law parameter or load is declared in `grid.axes` or `grid.springs`."""
-    used = set().union(*(keys_of(build(row, 0).model) for row in ROWS))
+    used = set().union(*(keys_of(build(row, seed).model) for row, seed, *_ in read()))
+    # Elements have the keys of laws.
+    used, allowed = (
+        {key.replace(".elements", ".law") for key in keys}
+        for keys in (used, schema_keys(model_schema()))
+    )
     missing = {
         key.lstrip(".")
-        for key in schema_keys(model_schema()) - used
+        for key in allowed - used
         if not any(f"{key}.".startswith(f".{other}.") for other in SAME_MOTION)
     }
     assert not missing

@@ -47,7 +47,7 @@ def assert_equal(result, expected):
             assert np.array_equal(reported[name], value, equal_nan=True), (part, name)
 
 
-def assert_close(result, expected, tolerance=_TOLERANCE):
+def assert_close(result, expected):
     """Assert that peaks and energies are equal to rounding."""
     peaks, energies = values_of(expected.stories), values_of(expected.energy)
     largest_energy = max(map(np.max, energies.values()))
@@ -56,7 +56,7 @@ def assert_close(result, expected, tolerance=_TOLERANCE):
         for name, value in wanted.items():
             size = np.max(np.abs(np.nan_to_num(value)), initial=0.0)
             difference = np.max(np.abs(np.nan_to_num(reported[name] - value)), initial=0.0)
-            allowed = tolerance * (size if part == "stories" else largest_energy)
+            allowed = _TOLERANCE * (size if part == "stories" else largest_energy)
             assert difference <= max(allowed, _NEGLIGIBLE), (part, name)
 
 
@@ -102,14 +102,6 @@ def test_events_of_a_sequence(number):
         assert np.all(getattr(both.stories, name) >= getattr(first.stories, name))
 
 
-_AMPLIFIED = {78: 1e-2}
-"""Largest relative differences of compiled and interpreted loops in cases that amplify rounding.
-
-78: stiff stops on isolators with steps of five samples; a difference of 1e-15 increases tenfold in
-about seven steps.
-"""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(CASES)))
 def test_interpreted_loops(number, request):
@@ -118,5 +110,4 @@ def test_interpreted_loops(number, request):
         return
     model, record, options, expected = completed
     request.getfixturevalue("interpreted")
-    tolerance = _AMPLIFIED.get(number, _TOLERANCE)
-    assert_close(tdint.run(model, record, **options), expected, tolerance)
+    assert_close(tdint.run(model, record, **options), expected)
