@@ -392,7 +392,11 @@ def test_unused_objects_are_removed(cache):
     versions.mkdir()
     other.mkdir()
     files = [store.save(packed("a:used"), name, "all", SOME) for name in ("a:used", "a:unused")]
-    for old in (versions, other, *files):
+    # Processes that were killed while they wrote an object, and one that writes at present
+    parts = [files[0].with_name(f".{name}.part") for name in ("old", "new")]
+    for part in parts:
+        part.touch()
+    for old in (versions, other, *files, parts[0]):
         os.utime(old, (0, 0))
     assert store.find_object("a:used", "all", (SOME,))
     current = store.save(packed("a:used"), "a:new", "all", SOME)
@@ -400,6 +404,7 @@ def test_unused_objects_are_removed(cache):
     assert other.exists()
     assert not versions.exists()
     assert [file.exists() for file in files] == [True, False]
+    assert [part.exists() for part in parts] == [False, True]
 
 
 def add(table, numbers, factor, row):

@@ -36,6 +36,8 @@ LOCK_PREFIX = ".lock-"
 """Beginning of the names of the lock files in a directory of object files."""
 
 _DAYS_KEPT = 30  # days after which an unused object file is removed from the cache
+_DAYS_OF_PART = 1.0  # days; an object file is written within a second
+_PART = ".part"
 _DAY = 86400.0  # s
 _PACKAGE = Path(__file__).parents[2]
 _PREBUILT = _PACKAGE / "kernels" / "prebuilt"
@@ -167,7 +169,8 @@ def save(
     cache of the user.
 
     After a file has been written to the cache, files and directories of the cache that have not
-    been used for _DAYS_KEPT days are removed. A shared directory (`directory`) is never cleaned.
+    been used for _DAYS_KEPT days are removed, and partial files of killed processes after
+    _DAYS_OF_PART days. A shared directory (`directory`) is never cleaned.
 
     Raises
     ------
@@ -184,6 +187,7 @@ def save(
             # Unused kernels of the current versions of compiler and Python, then unused directories
             # of other versions
             remove_unused("*.object", _DAYS_KEPT, keep=path)
+            remove_unused(f".*{_PART}", _DAYS_OF_PART, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
     return None
@@ -272,7 +276,7 @@ def _write(data: bytes, path: Path) -> Path:
     import tempfile
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=_PART)
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
