@@ -108,7 +108,9 @@ class DrawnBuildings:
         return np.asarray(np.any(coefficients != 0.0, axis=(1, 2)))
 
 
-def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
+def draw_buildings(
+    model: Model, base: Building, values: Mapping[str, Array], draws: Sequence[int]
+) -> DrawnBuildings:
     """Assemble the buildings of all samples.
 
     The results are equal to the bit to the results of `assemble` for each changed model.
@@ -118,6 +120,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     values : mapping of str to ndarray, shape (draws,)
         Values of parameters by name (`Model.replace`); nan if a sample does not change the
         parameter.
+    draws : sequence of int
+        Indices of the samples, from 0, which messages name (from 1).
 
     Raises
     ------
@@ -162,7 +166,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         mass_above = np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
         weight_above = STANDARD_GRAVITY * mass_above
         linear_terms[:, rows.GEOMETRIC, :n] = -(weight_above / np.stack(story_heights, axis=1))
-    yield_drift = _yield_drifts(model, base, changed_values, law_parameters)
+    yield_drift = _yield_drifts(model, base, changed_values, law_parameters, draws)
     # If no sample changes a mass or a stiffness (with P-delta, a height), all samples have the
     # vibration of the base.
     is_vibration_changed = any(
@@ -271,10 +275,11 @@ def _yield_drifts(
     base: Building,
     changed_values: Mapping[tuple[int, int], Array],
     law_parameters: Array,
+    draws: Sequence[int],
 ) -> Array:
     """Verify the laws of all samples and return their yield drifts, shape (draws, stories). The
     changed values are the values of `_changed_numbers`; the first axis of `law_parameters` is the
-    sample. UsageError is raised if the parameters of a story are invalid.
+    sample, with its index in `draws`. UsageError is raised if the parameters are invalid.
     """
     yield_drift = np.repeat(base.yield_drift[None], len(law_parameters), axis=0)
     # All other stories keep the yield drift of the base.
@@ -289,7 +294,7 @@ def _yield_drifts(
             end = rows.FIRST_PARAMETER + len(spring.law.parameters)
             table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
             numbers = law_parameters[:, table_rows, column].tolist()
-            for draw, (stiffness, *parameters) in enumerate(numbers):
+            for draw, (stiffness, *parameters) in zip(draws, numbers, strict=True):
                 if fault := law.fault(stiffness, parameters):
                     raise UsageError(
                         f"{model.name}: invalid variation of {spring_label(i, spring)}: {fault} "

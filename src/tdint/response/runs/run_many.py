@@ -499,7 +499,9 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
                 name: column[list(sample_indices)]
                 for name, column in request.building_parameters.items()
             }
-            drawn = draw_buildings(subject.model, subject.prepared.building, values)
+            drawn = draw_buildings(
+                subject.model, subject.prepared.building, values, list(sample_indices)
+            )
             sampled_runs = [
                 (sample_indices[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
             ]
