@@ -406,6 +406,16 @@ def test_plugin_law_that_falls_is_found_without_its_declaration(request, tmp_pat
         assert load_model(path).damping.tangent
 
 
+def test_fractures_are_refused():
+    """The force a1 f' is not defined where f drops: the peak acceleration of moment4 would grow
+    with the number of steps."""
+    law = {"type": "bilinear", "yield_force": 1.0, "hardening": 0.1, "fracture_drift": 0.05}
+    damping = {"rayleigh": {"mass": 0.0, "stiffness": 0.01, "tangent": True}}
+    story = {"mass": 1.0, "stiffness": 100.0, "law": law}
+    with pytest.raises(ModelError, match="bilinear law of story 1 can be negative"):
+        load_model({"stories": [story], "damping": damping})
+
+
 def test_variation_to_a_falling_line_is_refused():
     building = tangent_damped([bilinear(1.0, 100.0, (1.0, 0.1, 1.0))], 0.0, 0.01)
     name = "stories[1].law.hardening"

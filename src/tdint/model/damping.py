@@ -29,14 +29,15 @@ def has_tangent_damping(damping: Damping) -> bool:
 def falling_spring(story: Story) -> Element | None:
     """Return the first spring of a story whose tangent stiffness can be negative, if any.
 
-    The tangent stiffness of such a story cannot be used for damping. A plug-in law may not declare
+    The tangent stiffness of such a story cannot be used for damping. Where a law loses its force at
+    once, as at a fracture, the damping force is not even defined. A plug-in law may not declare
     that it falls; its force is then followed on a path of drifts.
     """
     for spring in story.springs:
         law = LAWS.get(spring.law.name)
         if law is None or math.isnan(spring.stiffness):  # reported as an error of the model file
             continue
-        if can_fall(law, spring.stiffness, spring.law.parameters):
+        if any(spring.law.fracture) or can_fall(law, spring.stiffness, spring.law.parameters):
             return spring
         if CODES[law.name] >= OURS:
             # Imported here, because only laws of plug-ins are measured.
