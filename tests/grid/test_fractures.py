@@ -22,7 +22,7 @@ BUILDING = {
 
 FRACTURES = {
     ("first element", "impulse4"): {"element": 0, "elements": "with polynomial"},
-    ("steel", "moment4"): {"element": 0, "law": "steel", "p-delta": "on"},
+    ("steel", "impulse4"): {"element": 0, "law": "steel", "p-delta": "on"},
     ("degrading", "impulse4"): {"element": 0, "law": "degrading", "damper": "power .35"},
     ("second element", "gauss4"): {"element": 1, "damping": "modal", "load": "record and points"},
     ("one side", "impulse4"): {"element": 1, "side": "positive", "initial": "elastic drift"},

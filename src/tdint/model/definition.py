@@ -436,7 +436,14 @@ class Model:
         return (*self.attachments, *self.links)
 
     def end_name(self, end: int) -> str:
-        """Return the name of an end of a link: ground, the number of a floor, or an attachment."""
+        """Return the name of an end of a link: ground, the number of a floor, or an attachment.
+
+        Parameters
+        ----------
+        end : int
+            0 for the ground, the number of a floor, or for attachment j (from 1) the number of
+            stories plus j.
+        """
         if end > len(self.stories):
             return self.attachments[end - len(self.stories) - 1].name
         return str(end) if end else "ground"
