@@ -421,6 +421,7 @@ limits:
     # A continued study reads the strokes from its store.
     again = ida(tmp_path / "m.yaml", motions, pga(), folder=tmp_path / "study")
     assert again.resumed == len(again.curves)
-    assert limit_capacities(again, again.motion_curves[0]) == capacities
+    # The threshold of a limit is NaN, which differs from itself.
+    assert repr(limit_capacities(again, again.motion_curves[0])) == repr(capacities)
     (header, *rows) = capacity_table(again).csv().decode().splitlines()
     assert "limit" in header.split(",") and len(rows) == len(again.thresholds) + 3
