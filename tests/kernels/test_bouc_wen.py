@@ -109,7 +109,7 @@ def compiled_forces_by_path_integration(law_parameters, turn, drifts):
         ("bouc-wen",),
         modal=False,
         forces=False,
-        dashpots=False,
+        power_dampers=False,
         elements=False,
         braces=False,
         tangent_damping=False,

@@ -215,15 +215,15 @@ def test_only_required_kernels_are_compiled():
 
 
 def test_loops_contain_only_the_features_of_the_building(monkeypatch):
-    """The loops of a building without forces, dashpots, elements and tangent damping are compiled
-    without them, and `compile --all` includes these loops."""
+    """The loops of a building without forces, power-law dashpots, elements and tangent damping are
+    compiled without them, and `compile --all` includes these loops."""
     monkeypatch.setattr(compilable, "WHOLE", False)
     configs = Path(__file__).parents[2] / "configs"
     features = {
         "ten-story-bilinear": set(),
         "wind-tower": {"forces"},
-        "self-centering-frame": {"dashpots", "elements", "braces", "tangent_damping"},
-        "absorber-frame": {"dashpots", "tree", "links"},
+        "self-centering-frame": {"power_dampers", "elements", "braces", "tangent_damping"},
+        "absorber-frame": {"tree", "links"},
     }
     for name, expected in features.items():
         required = integrate.required_variant(
@@ -466,7 +466,7 @@ def test_text_of_variant_is_parsed_to_same_variant():
             ("linear", "bilinear"),
             modal=False,
             forces=True,
-            dashpots=False,
+            power_dampers=False,
             elements=False,
             braces=False,
             tangent_damping=False,
@@ -479,7 +479,7 @@ def test_text_of_variant_is_parsed_to_same_variant():
         ("linear",),
         modal=False,
         forces=False,
-        dashpots=False,
+        power_dampers=False,
         elements=False,
         braces=False,
         tangent_damping=False,

@@ -39,12 +39,12 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
-# Features of the compiled variant: modal damping, forces on floors, dashpots, braces of dampers,
-# Rayleigh damping with the tangent stiffness, attachments and links. If a constant is False, the
-# compiler omits the code that it enables.
+# Features of the compiled variant: modal damping, forces on floors, power-law dashpots, braces of
+# dampers, Rayleigh damping with the tangent stiffness, attachments and links. If a constant is
+# False, the compiler omits the code that it enables.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
-DASHPOTS = VARIANT.dashpots
+POWER_DAMPERS = VARIANT.power_dampers
 BRACES = VARIANT.braces
 TANGENT_DAMPING = VARIANT.tangent_damping
 TREE = VARIANT.tree
@@ -410,6 +410,12 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
 
 
 @inline
+def has_dashpot(linear_terms, i):
+    """Return True if story `i` has a dashpot without a brace, linear or of a power law."""
+    return (linear_terms[rows.DASHPOT, i] != 0.0) | (linear_terms[rows.POWER_DAMPER, i] != 0.0)
+
+
+@inline
 def power_damper(linear_terms, i, rate):
     """Return force and derivative of the power-law dashpot of story `i`; 0 without a dashpot.
 
@@ -427,7 +433,7 @@ def power_damper(linear_terms, i, rate):
     float, float
         Force, N, and its derivative with respect to the drift rate, N s/m.
     """
-    if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+    if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         return _power_damper(linear_terms, i, rate)
     return 0.0, 0.0
 
@@ -567,7 +573,7 @@ def damping_change(h, scene, law_state, story, part, deviations, i):
     change_0 = coefficient * deviations[0]
     change_1 = coefficient * deviations[1]
     bulge = 0.5 * h * coefficient * (story.a0 - story.a1)
-    if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+    if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         v0, a0, v1, a1 = story.v0, story.a0, story.v1, story.a1
         rate = hermite_rate(h, v0, a0, v1, a1, part[0])
         change_0 += power_damper(linear_terms, i, rate + deviations[0])[0]

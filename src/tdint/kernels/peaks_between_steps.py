@@ -69,13 +69,14 @@ from typing import NamedTuple
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import (
-    DASHPOTS,
     FORCES,
     LINKS,
+    POWER_DAMPERS,
     TREE,
     base_of,
     below_next,
     force_value,
+    has_dashpot,
     hermite_rate,
     is_tree,
     power_damper,
@@ -323,7 +324,6 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     linear_terms = scene.linear_terms
     table, first, peaks, first_peak = located
     by_h = 1.0 / span.h
-    has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     searched_in_parts = span.kinked and not span.cornered
     located_count = 0
     n = linear_terms.shape[1] - 1
@@ -378,8 +378,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
         rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
         if (
-            DASHPOTS
-            and has_dashpots
+            has_dashpot(linear_terms, i)
             and not searched_in_parts
             and story.a0 * story.a1 < 0.0
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
@@ -389,7 +388,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
         # the mass of all floors above the story for the shear.
         if not span.cornered:
             near_rest = _NOT_NEAR_REST
-            if DASHPOTS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
+            if POWER_DAMPERS and is_near_rest(linear_terms, i, story.v0, story.v1):
                 near_rest = _dashpot_near_rest(span.h, linear_terms, i, story)
             row = first_peak + rows.PEAK_ACCELERATION
             if not span.kinked:
@@ -650,7 +649,7 @@ def _raise_absolute_peak(span, quantity, dashpots, scene, peaks, peak_row, i):
     `quantity` contains the arguments `ends`, `mass` and `forces` of `_raise_acceleration_peak`,
     which defines the result.
     """
-    if DASHPOTS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
+    if POWER_DAMPERS and (dashpots[0].factor != 0.0 or dashpots[1].factor != 0.0):
         _raise_peak_near_rest(span, quantity, dashpots, scene, peaks, peak_row, i)
         return 0.0
     ends, mass, forces = quantity

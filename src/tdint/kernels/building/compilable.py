@@ -61,8 +61,8 @@ class Variant:
         Names of the drift laws of the stories, in the order of `tdint.kernels.laws.LAWS`. Empty for
         all laws of tdint that cannot fracture. The name of a law of a plug-in includes its number:
         `name@9`. A law that can fracture has a separate name, `name~` or `name@9~`.
-    dashpots : bool
-        Dashpots, linear or of a power law.
+    power_dampers : bool
+        Dashpots of a power law.
     elements : bool
         Stories with several elements (springs in parallel).
     braces : bool
@@ -78,7 +78,7 @@ class Variant:
     laws: tuple[str, ...] = ()
     modal: bool = True
     forces: bool = True
-    dashpots: bool = True
+    power_dampers: bool = True
     elements: bool = True
     braces: bool = True
     tangent_damping: bool = True

@@ -41,9 +41,9 @@ from tdint.kernels.equations.tridiagonal import (
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import (
     BRACES,
-    DASHPOTS,
     LINKS,
     MODAL,
+    POWER_DAMPERS,
     TANGENT_DAMPING,
     TREE,
     above,
@@ -356,7 +356,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         _integrate_restoring_force(coefficients, scene, h, memory, i, rise, bend, is_deciding)
         if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, i] != 0.0:
             _add_tangent_damping(scene, i, h, rise, bend, memory)
-        if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
         if BRACES and linear_terms[rows.BRACE, i] != 0.0:
             _add_brace(linear_terms, i, h, rise, bend, state, scratch)
@@ -879,7 +879,7 @@ def update_state(coefficients, scene, h, memory):
     viscous_work = inverse_h * (damper_times_rise_squared + damper_times_bend_squared / 12.0)
     if MODAL and modal.shape[0] > 0:
         viscous_work += _modal_work(modal, h, scratch, n)
-    if DASHPOTS and flags[rows.POWER_DAMPERS] != 0.0:
+    if POWER_DAMPERS and flags[rows.POWER_DAMPERS] != 0.0:
         viscous_work += _dashpot_work(linear_terms, scratch, n)
     if BRACES and flags[rows.HAS_BRACES] != 0.0:
         _commit_braces(linear_terms, h, state, scratch)

@@ -72,7 +72,7 @@ CURVED_LAWS = _codes(lambda law: law.curved)
 HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 
-HAS_CURVED_FORCE = VARIANT.dashpots or VARIANT.tangent_damping or HAS_CURVED_LAW
+HAS_CURVED_FORCE = VARIANT.power_dampers or VARIANT.tangent_damping or HAS_CURVED_LAW
 """True if a story can have a force that is not piecewise linear: a curved law, a power-law
 dashpot or tangent damping."""
 

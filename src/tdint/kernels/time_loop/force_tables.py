@@ -17,8 +17,8 @@ from __future__ import annotations
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import (
-    DASHPOTS,
     MODAL,
+    POWER_DAMPERS,
     TANGENT_DAMPING,
     TREE,
     add_modal_force,
@@ -375,7 +375,7 @@ def _bound_deviations(scene, h, state, observer_state):
         if TANGENT_DAMPING:
             coefficient += linear_terms[rows.TANGENT_DAMPING, i] * law_parameters[rows.STIFFNESS, i]
         story = coefficient * rate
-        if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+        if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             # A change of the rate by d changes the force by at most twice the force at d if the
             # exponent is at most 1, otherwise by d times the larger derivative.
             start = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]

@@ -22,7 +22,6 @@ from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, 
 from tdint.kernels.laws.selection import HAS_ELEMENTS
 from tdint.kernels.linear_terms import (
     BRACES,
-    DASHPOTS,
     FORCES,
     LINKS,
     MODAL,
@@ -34,6 +33,7 @@ from tdint.kernels.linear_terms import (
     below,
     force_rate,
     force_value,
+    has_dashpot,
     is_tree,
     observed_power_damper,
     power_damper,
@@ -328,7 +328,7 @@ def observe(scene, span, slope, memory, seen):
         momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
     )
     _update_energies(scene, span, slope, sums, memory, seen)
-    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
+    if flags[rows.HAS_DASHPOTS] != 0.0:
         may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
     if HAS_ELEMENTS and law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
@@ -480,26 +480,19 @@ def _observe_dashpots(span, linear_terms, state, seen):
     h = span.h
     power = power_rate = per_acceleration = 0.0
     by_h = 1.0 / h if h > 0.0 else 0.0
-    v_below = a_below = u_0_below = v_0_below = a_0_below = u_below = 0.0
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
-        v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
-        u, u_0 = state[rows.DISPLACEMENT, i], observer_state[rows.U_PREVIOUS, i]
-        v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
-        u_below = below(linear_terms, state, rows.DISPLACEMENT, i, u_below)
-        v_below = below(linear_terms, state, rows.VELOCITY, i, v_below)
-        a_below = below(linear_terms, observer_state, rows.OBSERVED_ACCELERATION, i, a_below)
-        u_0_below = below(linear_terms, observer_state, rows.U_PREVIOUS, i, u_0_below)
-        v_0_below = below(linear_terms, observer_state, rows.V_PREVIOUS, i, v_0_below)
-        a_0_below = below(linear_terms, observer_state, rows.A_PREVIOUS, i, a_0_below)
-        rate = v - link * v_below
-        drift_acceleration = a - link * a_below
+        if not has_dashpot(linear_terms, i):
+            continue
+        link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
+        rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base]
+        acceleration = observer_state[rows.OBSERVED_ACCELERATION, i]
+        drift_acceleration = acceleration - link * observer_state[rows.OBSERVED_ACCELERATION, base]
         ends = Ends(
-            u_0 - link * u_0_below,
-            v_0 - link * v_0_below,
-            a_0 - link * a_0_below,
-            u - link * u_below,
+            observer_state[rows.U_PREVIOUS, i] - link * observer_state[rows.U_PREVIOUS, base],
+            observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, base],
+            observer_state[rows.A_PREVIOUS, i] - link * observer_state[rows.A_PREVIOUS, base],
+            state[rows.DISPLACEMENT, i] - link * state[rows.DISPLACEMENT, base],
             rate,
             drift_acceleration,
             0.0,
@@ -507,7 +500,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
         )
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
         bound = observer_state[rows.VELOCITY_BOUND, i]
-        bound += link * observer_state[rows.VELOCITY_BOUND, base_of(linear_terms, i)]
+        bound += link * observer_state[rows.VELOCITY_BOUND, base]
         reach = velocity_reach(h, by_h, ends) + bound
         may_exceed |= (bound > 0.0) & (reach > peaks[rows.PEAK_DRIFT_RATE, i])
         # The accelerations have peaks before the rest of a dashpot with an exponent below 1.
@@ -531,8 +524,6 @@ def _observe_dashpots(span, linear_terms, state, seen):
             observer_state[rows.DASHPOT_RATE, i] = story_power_rate
         observer_state[rows.DASHPOT_FACTOR, i] = half_derivative
         per_acceleration += (1.0 - link) * half_derivative
-        u_below, v_below, a_below = u, v, a
-        u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
     if h > 0.0:
         work = _work(h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate)
         totals[rows.ENERGY_DASHPOTS] += work

@@ -117,7 +117,7 @@ def all_kernels() -> list[tuple[Kernel, Variant]]:
         bilinear_response,
     )
     plain = Variant(
-        forces=False, dashpots=False, elements=False, braces=False, tangent_damping=False
+        forces=False, power_dampers=False, elements=False, braces=False, tangent_damping=False
     )
     return [*steps, *((kernel, EVERYTHING) for kernel in others), (integrate, plain)]
 

@@ -195,6 +195,16 @@ class Case:
         """
         return replace(self, record=record)
 
+    def integrated_by(self, method: Integrator) -> Case:
+        """Return the same building and ground motion with another method, without the remarks.
+
+        Ground motion and warnings on the input are the same, and are not computed again.
+        """
+        case = replace(self, method=method, remarks=())
+        for name in ("ground", "plausibility_warnings", "_baseline_notes"):
+            vars(case)[name] = getattr(self, name)
+        return case
+
     def throughout(self, record: Record) -> Case:
         """Return the same building and method under another ground motion, without the duration in
         the model's `analysis` section.

@@ -194,7 +194,7 @@ def reference(case: Case) -> Case:
         and not building.curved_hysteresis
     ):
         estimating = replace(method, coefficients=method.estimating_coefficients)
-        return replace(case, method=replace(case.method, method=estimating), remarks=())
+        return case.integrated_by(replace(case.method, method=estimating))
     return default_reference(case)
 
 
@@ -207,8 +207,7 @@ def default_reference(case: Case) -> Case:
     is_own_reference = case.model.matrices is not None or (
         case.method.label == EXACT and not case.model.excitation.forces
     )
-    method = parse(EXACT) if is_own_reference else REFERENCE
-    return replace(case, method=method, remarks=())
+    return case.integrated_by(parse(EXACT) if is_own_reference else REFERENCE)
 
 
 def reference_steps(case: Case, steps: Steps) -> Steps:
