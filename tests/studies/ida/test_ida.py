@@ -18,6 +18,7 @@ from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
 from tdint.response.runs.demands import RUN
 from tdint.studies.campaign.chunks import Batch, RunRow
+from tdint.studies.ida import ida_report
 from tdint.studies.ida.ida import IdaSettings, _elastic_scale, ida
 from tdint.studies.ida.ida_curve import (
     IdaCurve,
@@ -423,5 +424,8 @@ limits:
     assert again.resumed == len(again.curves)
     # The threshold of a limit is NaN, which differs from itself.
     assert repr(limit_capacities(again, again.motion_curves[0])) == repr(capacities)
+    reported, _ = ida_report._capacities(study)
+    at = reported.columns.index("attachment_stroke")
+    assert reported.rows[0][at : at + 3] == (stroke.capacity, twice.capacity, force.capacity)
     (header, *rows) = capacity_table(again).csv().decode().splitlines()
     assert "limit" in header.split(",") and len(rows) == len(again.thresholds) + 3

@@ -33,7 +33,7 @@ from tdint.studies.fragility.fragility_report import (
 )
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
-from tdint.studies.ida.ida_tables import motion_rows
+from tdint.studies.ida.ida_tables import limit_capacities, motion_rows
 from tdint.studies.motions.pairs import SEPARATE, describe_demand, motions_text
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import OutputUnits
@@ -177,22 +177,28 @@ def _fractile_table(study: IdaStudy) -> Table:
 def _capacities(study: IdaStudy) -> tuple[Table, str]:
     """Return the table of the capacities of each ground motion, and a remark for the report.
 
-    The table has columns for the largest drift ratios of the study. The remark states if capacities
-    are censored or if rows are omitted; it is empty otherwise.
+    The table has columns for the largest drift ratios of the study, and for the limits of
+    attachments and links. The remark states if capacities are censored or if rows are omitted; it
+    is empty otherwise.
     """
     has_states, unit = len(study.states) > 1, study.measure.unit
     # The last threshold is the collapse drift.
     thresholds = study.thresholds[-MOST_THRESHOLDS:]
     names = [f"at_{100.0 * threshold:g}_%" for threshold in thresholds[:-1]] + ["collapse"]
-    columns = ("record", "component", *names, "collapse_factor", "status")
+    limits = [item.limit for item in limit_capacities(study, study.states[0].motion_curves[0])]
+    columns = ("record", "component", *names, *limits, "collapse_factor", "status")
     rows: list[tuple[Cell, ...]] = []
     for source, component, curve in motion_rows(study):
         capacities = [curve.capacity(threshold) for threshold in thresholds]
         status = "censored" if capacities[-1].censored else "collapsed"
         values = [capacity.capacity for capacity in capacities]
-        cells: tuple[Cell, ...] = (source, component, *values, _factor(curve, values[-1]), status)
+        limited = [item.capacity for item in limit_capacities(study, curve)]
+        cells: tuple[Cell, ...] = (
+            *(source, component, *values, *(limited or [math.nan] * len(limits))),
+            *(_factor(curve, values[-1]), status),
+        )
         rows.append((initial_damage(curve.damage), *cells) if has_states else cells)
-    meanings = {name: {"meaning": "", "unit": unit} for name in names}
+    meanings = {name: {"meaning": "", "unit": unit} for name in (*names, *limits)}
     meanings["collapse_factor"] = {"meaning": "", "unit": "1"}
     if has_states:
         columns = ("state", *columns)
