@@ -695,9 +695,7 @@ def _assemble_linear(model: Model) -> Building:
     n = len(model.stories)
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :n] = np.diagonal(system.mass)
-    law_parameters = np.zeros((rows.FIRST_PARAMETER, n + 1))
-    law_parameters[rows.CODE, :n] = LINEAR
-    law_parameters[rows.STIFFNESS, :n] = system.drift_stiffness
+    law_parameters = _linear_laws(system.drift_stiffness)
     heights = np.array([story.height or math.nan for story in model.stories])
     return Building(
         *(linear_terms, law_parameters, np.zeros((0, n + 1)), heights, np.full(n, math.nan)),
@@ -747,6 +745,14 @@ def _law_table(stories: Sequence[Story]) -> tuple[Array, Array]:
             )
         yield_drift[i] = first_yield_drift(story)
     return table, yield_drift
+
+
+def _linear_laws(stiffness: Array) -> Array:
+    """Return the table of the laws of linear stories with these stiffnesses, N/m."""
+    table = np.zeros((rows.FIRST_PARAMETER, stiffness.size + 1))
+    table[rows.CODE, :-1] = LINEAR
+    table[rows.STIFFNESS, :-1] = stiffness
+    return table
 
 
 def law_column(law: Law, stiffness: float) -> list[float]:
@@ -885,9 +891,7 @@ def oscillators(omega: Array, damping: Array) -> Building:
     linear_terms[rows.MASS, :k] = 1.0
     linear_terms[rows.INVERSE_MASS, :k] = 1.0
     linear_terms[rows.STORY_DAMPER, :k] = 2.0 * damping * omega
-    law_parameters = np.zeros((rows.FIRST_PARAMETER, k + 1))
-    law_parameters[rows.CODE, :k] = LINEAR
-    law_parameters[rows.STIFFNESS, :k] = omega**2
+    law_parameters = _linear_laws(omega**2)
     # The links remain 0, because each oscillator is supported by the ground. Oscillators have no
     # height and do not yield.
     unknown = np.full(k, math.nan)
