@@ -1,9 +1,9 @@
 """Choose the interpreters for `.ci/run`, and the tests of each.
 
-Standard input is the output of `uv python list --output-format json`. The arguments are two lists
-of test files, separated by spaces: the tests of features that depend on the interpreter and the
-libraries, and the tests that compile loops. Each line of the output describes an environment: NAME
-PYTHON RESOLUTION FILE...
+Standard input is the output of `uv python list --output-format json`. The arguments are three
+lists of test files, separated by spaces: the tests of features that depend on the interpreter and
+the libraries, the tests that compile loops, and the tests with the lowest libraries. Each line of
+the output describes an environment: NAME PYTHON RESOLUTION FILE...
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ def newest_of_each_minor(listed: list[dict[str, Any]]) -> dict[Version, tuple[Ve
 
 
 def environments(
-    interpreters: dict[Version, tuple[Version, str]], differs: list[str], compiles: list[str]
+    interpreters: dict[Version, tuple[Version, str]],
+    differs: list[str],
+    compiles: list[str],
+    lowest: list[str],
 ) -> list[list[str]]:
     """Return the line of each environment as a list; environments with few tests are last.
 
@@ -44,7 +47,7 @@ def environments(
     for minor, (_, path) in sorted(interpreters.items(), reverse=True):
         name = ".".join(map(str, minor))
         if minor == (3, 11):
-            ranked.append((0, [f"{name}-lowest", path, "lowest-direct", *differs]))
+            ranked.append((0, [f"{name}-lowest", path, "lowest-direct", *lowest]))
         if minor != sys.version_info[:2]:
             is_newest = minor == max(interpreters)
             files = differs if is_newest else compiles
@@ -53,6 +56,6 @@ def environments(
 
 
 if __name__ == "__main__":
-    tests, compiling = (words.split() for words in sys.argv[1:])
-    for line in environments(newest_of_each_minor(json.load(sys.stdin)), tests, compiling):
+    lists = (words.split() for words in sys.argv[1:])
+    for line in environments(newest_of_each_minor(json.load(sys.stdin)), *lists):
         print(*line)
