@@ -22,7 +22,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -58,6 +57,9 @@ class Workers(Generic[Result]):
     """
 
     def __init__(self, function: Callable[[Task], Result], count: int) -> None:
+        # Imported late, because a single record is read in this process.
+        from multiprocessing import get_context
+
         self._context: Any = get_context(START_OF_PROCESSES)
         self._function = function
         self._count = count
@@ -77,6 +79,8 @@ class Workers(Generic[Result]):
             Any exception that the function raises for a task. A process that ends without an
             outcome does not raise; its task has the outcome `Lost`.
         """
+        from multiprocessing import connection
+
         waiting = deque(enumerate(tasks))
         while waiting or any(worker.task_index is not None for worker in self._workers):
             # If tasks remain, at least one worker is busy after this call. The call raises an
@@ -197,6 +201,8 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
 
 def _end_with_parent() -> None:
     """Wait until the process that started this worker ends, and end this worker."""
+    from multiprocessing import parent_process
+
     if first := parent_process():
         first.join()
         os._exit(1)

@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from contextvars import copy_context
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import IO, Any, BinaryIO, TypeVar
 
 _SIGNAL_AT_PARENTS_DEATH = 1
 """Constant PR_SET_PDEATHSIG of the Linux function prctl."""
@@ -123,11 +123,17 @@ def set_nonblocking(descriptor: int) -> None:
         os.set_blocking(descriptor, False)
 
 
-def unnamed_file() -> BinaryIO:
-    """Open a temporary file in memory; on systems without such files, open the null device."""
+def unnamed_file() -> IO[bytes]:
+    """Open a temporary file without a name: in memory on Linux, elsewhere in the directory of
+    temporary files, or the null device if there is none."""
     if hasattr(os, "memfd_create"):
         return os.fdopen(os.memfd_create("tdint"), "w+b")
-    return Path(os.devnull).open("w+b")
+    from tempfile import TemporaryFile  # imported late: it takes a hundredth of a run
+
+    try:
+        return TemporaryFile()
+    except OSError:
+        return Path(os.devnull).open("w+b")
 
 
 # ---- Ownership of files that are loaded

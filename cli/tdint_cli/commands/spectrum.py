@@ -29,7 +29,7 @@ from tdint_cli.terminal import Failures, emit, note, warn
 # ---- A table over the period for each record: computation, outputs and messages
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RecordTable:
     """The table, the messages and the figure of a single record.
 

@@ -120,7 +120,7 @@ class TableType(Protocol):
         return ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TablesRequest(RecordsRequest):
     """Common part of the command lines that write a table over the period for each record.
 

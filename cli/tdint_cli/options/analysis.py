@@ -205,7 +205,7 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class OscillatorRequest:
     """Common options of the commands that test methods on an oscillator; see `oscillator_options`.
 
@@ -295,7 +295,7 @@ model = grammar.together(plugin, click.argument("model", metavar="MODEL.yaml", t
 """The model argument, and the option for plug-ins with methods and laws that the model uses."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BuildingRequest(RecordRequest):
     """Common options of the commands that accept a model and the options of a record.
 

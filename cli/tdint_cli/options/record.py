@@ -34,7 +34,7 @@ option = partial(grammar.option, heading=grammar.RECORD)
 _rare = partial(option, rare=True)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RecordRequest:
     """Options for reading the records of a command line and processed.
 
@@ -86,7 +86,7 @@ class RecordRequest:
         return read_chosen(file, self.choice)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RecordsRequest(RecordRequest):
     """Common options of the commands that accept records as arguments."""
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
-from typing import IO, Any
+from typing import Any
 
 from tdint.system import unnamed_file
 
@@ -137,7 +137,7 @@ def _printed_by_c() -> Iterator[list[str]]:
     except OSError:  # The process has no standard error.
         yield lines
         return
-    with _spool() as spool:
+    with unnamed_file() as spool:
         if sys.stderr is not None:
             sys.stderr.flush()
         # From here on, standard error of the process is written to the spool file.
@@ -151,17 +151,6 @@ def _printed_by_c() -> Iterator[list[str]]:
         lines.extend(
             filter(None, map(one_line, spool.read().decode("utf-8", "replace").splitlines()))
         )
-
-
-def _spool() -> IO[bytes]:
-    """Open a file without a name for captured text, in memory if there is no directory for
-    temporary files."""
-    from tempfile import TemporaryFile  # imported late: only a few formats need it
-
-    try:
-        return TemporaryFile()
-    except OSError:
-        return unnamed_file()
 
 
 def one_line(text: str) -> str:

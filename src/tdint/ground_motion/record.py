@@ -84,7 +84,7 @@ def velocity_warnings(record: Record) -> tuple[str, ...]:
     )
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Record(Tabular):
     """One component of a ground motion.
 
@@ -435,7 +435,7 @@ def join_records(records: Sequence[Record], starts: Sequence[int]) -> Record:
     )
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JoinedRecord(Record):
     """Ground motions of a main shock and its aftershocks, which an analysis applies in order.
 

@@ -283,7 +283,7 @@ Matrix = tuple[tuple[float, ...], ...]
 """Rows of a matrix."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Matrices:
     """Matrices of a linear model, which replace the springs of its stories.
 

@@ -26,7 +26,7 @@ _MAX_STORIES_OF_ALL_MODES = 100
 _MAX_ITERATIONS, _RELATIVE_CHANGE = 200, 1e-15
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Modes(Tabular):
     """Modes by increasing frequency.
 
@@ -276,7 +276,7 @@ def _named_modes(omega: Array, right_vectors: Array, mass: Array, roof: int) -> 
     return Modes(omega, shapes * signs, mass, roof=roof)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FreeVibration:
     """Undamped vibration of a chain, computed at the first request and cached.
 

@@ -19,7 +19,7 @@ SIDES = ("both", "positive", "negative")
 """Sides on which a law with the parameter `sides` acts."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LawParameter:
     """Parameter of a drift law, as specified in a model file.
 
@@ -93,7 +93,7 @@ class LawParameter:
         return f"{least} to {most} points"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LawFunctions:
     """Compiled functions of a drift law.
 
@@ -153,7 +153,7 @@ class LawFunctions:
     kink: Any = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DriftLaw:
     """Drift law: hysteresis model of a story.
 

@@ -112,7 +112,7 @@ back from its peak.
 _REMEDY = "use a smaller step or another method"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """Building, ground motion and method of a run, without its time steps.
 

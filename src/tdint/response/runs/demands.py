@@ -116,7 +116,7 @@ class Demand(Quantity):
 MaximumT = TypeVar("MaximumT")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Demands(Generic[MaximumT]):
     """Demands of a run (`Largest`) or of many runs (`LargestOfRuns`), SI units."""
 

@@ -30,7 +30,7 @@ def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
     return lambda building, peaks, end: peaks[..., row, :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StoryValues:
     """One value of each quantity for each story, or for the floor above it.
 
@@ -145,7 +145,7 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
     }
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StoryPeaks(Tabular, StoryValues):
     """Peaks of a run.
 
@@ -190,7 +190,7 @@ class StoryPeaks(Tabular, StoryValues):
         return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ElementValues:
     """Quantities of the elements of stories with several elements, or their errors; arrays with a
     single value per element.
@@ -207,7 +207,7 @@ ELEMENT_QUANTITIES = quantities(ElementValues)
 """Quantities of an element that have an error estimate."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ElementPeaks(Tabular, ElementValues):
     """Results of the elements of stories with several elements, one value per element.
 
@@ -243,7 +243,7 @@ class StoryErrors(StoryValues):
     """
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Gradient(Tabular, StoryValues):
     """Derivatives of the peaks of a run.
 
@@ -331,7 +331,7 @@ class StepChoice(NamedTuple):
     solves_at_record: int | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorEstimate:
     """Error estimate of a run from one additional run (`tdint.response.runs.error_estimate`).
 
@@ -456,7 +456,7 @@ class Energy(EnergyTerms[float]):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EnergyHistory(EnergyTerms[Array]):
     """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
 
@@ -466,7 +466,7 @@ class EnergyHistory(EnergyTerms[Array]):
     error: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorHistory:
     """Estimated error at all time steps, true minus computed value, shape (steps + 1, n).
 
@@ -521,7 +521,7 @@ class DevicePeaks(NamedTuple):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlexureValues:
     """Quantities of flexural stories, shape (n,), and of their base, or the errors of these."""
 
@@ -562,14 +562,14 @@ FLEXURE_QUANTITIES = quantities(FlexureValues)
 """Quantities of flexural stories and of their base."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlexurePeaks(FlexureValues):
     """Peaks of flexural stories; `errors` are their estimated errors, if they were requested."""
 
     errors: FlexureValues | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DeviceHistory:
     """Response histories of attachments and then links, shape (steps + 1, devices), SI units.
 
@@ -587,7 +587,7 @@ class DeviceHistory:
     damper_force: Array
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class History(Tabular):
     """Response history at all time steps.
 
@@ -733,7 +733,7 @@ class Collapse:
         return "failed-story" if self.failed else "collapsed"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EventResponse:
     """Response to a single event of a sequence, until the ground motion of the next event or to the
     end.
@@ -760,7 +760,7 @@ class EventResponse:
     errors: StoryErrors | None = None
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Response(Tabular):
     """Result of a run.
 

@@ -235,7 +235,7 @@ periods.
 OR_ZERO = ", or for 0: the peak ground acceleration"
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Spectrum(Tabular):
     """Elastic response spectrum of one record for a single damping ratio; arrays of shape (k,).
 
@@ -413,7 +413,7 @@ def spectrum(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OscillatorMotion:
     """Motion of an oscillator under a record, at its samples; arrays of shape (samples,).
 
