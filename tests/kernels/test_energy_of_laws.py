@@ -1,5 +1,13 @@
-"""No law but `steel` creates energy in random parameter sets: the dissipated energy never decreases
-along a random path of drifts, and the stored energy is never negative. Work of concave laws."""
+"""Energy of laws in random parameter sets. Work of concave laws.
+
+Two definitions are tested. Strict: the dissipated energy, which is the work minus the stored
+energy, never decreases along a random path of drifts, and the stored energy is never negative.
+All laws but `steel` satisfy this; the dissipated energy of `steel` falls by up to 4.3 % of its
+largest value, because the published law starts a new, stiffer curve at a short reversal. Passive
+from the virgin state (Willems 1972): the work done on the law is never negative. All laws
+satisfy this along these paths. Random paths do not prove it, and they do not answer whether a
+closed cycle after other loading can be repeated with negative work.
+"""
 
 import numpy as np
 import pytest
@@ -118,6 +126,7 @@ def _check(name, seed):
         size = max(np.max(dissipated), np.max(stored))
         assert np.min(stored) >= -1e-8 * size, law
         assert np.min(dissipated) >= -max(1e-8, 1e-4 * tolerance) * size, law
+        assert np.min(stored + dissipated) >= -1e-8 * size, law
         fall = np.maximum.accumulate(dissipated) - dissipated
         assert np.max(fall) <= tolerance * size, law
 
