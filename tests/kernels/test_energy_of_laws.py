@@ -5,8 +5,9 @@ energy, never decreases along a random path of drifts, and the stored energy is 
 All laws but `steel` satisfy this; the dissipated energy of `steel` falls by up to 4.3 % of its
 largest value, because the published law starts a new, stiffer curve at a short reversal. Passive
 from the virgin state (Willems 1972): the work done on the law is never negative. All laws
-satisfy this along these paths. Random paths do not prove it, and they do not answer whether a
-closed cycle after other loading can be repeated with negative work.
+satisfy this along these paths, which do not prove it. Repeated drift cycles after other loading
+can do negative work on `steel` (in units of the yield force times the yield drift: -.0017 in the
+13th and -.0004 in the 162nd cycle, with a total above .19). Whether this ends is not decided.
 """
 
 import numpy as np
