@@ -1,5 +1,14 @@
-"""No law but `steel` creates energy in random parameter sets: the dissipated energy never decreases
-along a random path of drifts, and the stored energy is never negative. Work of concave laws."""
+"""Energy of laws in random parameter sets. Work of concave laws.
+
+Two definitions are tested. Strict: the dissipated energy, which is the work minus the stored
+energy, never decreases along a random path of drifts, and the stored energy is never negative.
+All laws but `steel` satisfy this; the dissipated energy of `steel` falls by up to 4.3 % of its
+largest value, because the published law starts a new, stiffer curve at a short reversal. Passive
+from the virgin state (Willems 1972): the work done on the law is never negative. All laws
+satisfy this along these paths, which do not prove it. Repeated drift cycles after other loading
+can do negative work on `steel` (in units of the yield force times the yield drift: -.0017 in the
+13th and -.0004 in the 162nd cycle, with a total above .19). Whether this ends is not decided.
+"""
 
 import numpy as np
 import pytest
@@ -118,6 +127,7 @@ def _check(name, seed):
         size = max(np.max(dissipated), np.max(stored))
         assert np.min(stored) >= -1e-8 * size, law
         assert np.min(dissipated) >= -max(1e-8, 1e-4 * tolerance) * size, law
+        assert np.min(stored + dissipated) >= -1e-8 * size, law
         fall = np.maximum.accumulate(dissipated) - dissipated
         assert np.max(fall) <= tolerance * size, law
 

@@ -6,6 +6,7 @@ The glossary names these loops as proofs that a law of another program is exactl
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -61,3 +62,43 @@ def test_peak_drifts(name, method):
     unit = 10.0 ** (np.floor(np.log10(peak)) + 1 - response["digits"])
     assert error <= max(unit, 2.0 * result.check.errors.peak_drift[0])
     assert error <= 1e-4 * peak
+
+
+GLOSSARY = (Path(tdint.__file__).parents[1] / "GLOSSARY.md").read_text()
+
+
+def exact_rows(glossary):
+    """Return the words of the model and the loops of each row that says "exactly"."""
+    table = glossary.split("### Laws of OpenSees", 1)[1].split("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    for law, *in_a_model, available in rows:
+        if available.startswith("exactly"):
+            loops = [word for word in re.findall(r"[\w.-]+", available) if word in LOOPS]
+            yield law, re.findall(r"`([\w-]+)", "".join(in_a_model)), loops
+
+
+def test_each_exact_law_of_the_glossary_is_a_loop():
+    """Each row names loops of `test_loops`, and one of them at least has its law and its keys."""
+    rows = list(exact_rows(GLOSSARY))
+    assert len(rows) >= 12
+    for law, words, loops in rows:
+        stories = " ".join(LOOPS[loop]["story"] for loop in loops)
+        missing = [word for word in words if word not in stories and word != "linear"]
+        assert loops, f"{law}: exactly, without a loop"
+        assert not missing, f"{law}: no loop with {missing}"
+
+
+def test_bilinear_by_return_mapping():
+    """Steel01: an elastic part beside a spring whose force is limited, with one inner loop more."""
+    stiffness, strength, hardening = 4e7, 2e5, 0.05
+    path = np.array([*PATH, 0.01, -0.002, 0.006, 0.001, 0.05])
+    law = f"law: {{type: bilinear, yield_force: {strength / 1e3}, hardening: {hardening}}}"
+    result = follow_path(assemble(load(f"stiffness: {stiffness / 1e3}, {law}")), 1, path)
+    plastic, forces = 0.0, []
+    for drift in path:
+        trial = stiffness * (drift - plastic)
+        plastic += np.sign(trial) * max(abs(trial) - strength, 0.0) / stiffness
+        forces.append(
+            hardening * stiffness * drift + (1.0 - hardening) * stiffness * (drift - plastic)
+        )
+    assert result.shear == pytest.approx(forces, abs=1e-9 * strength)

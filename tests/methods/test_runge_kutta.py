@@ -8,7 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import tdint
 from building_cases import Law, noise
+from el_centro import el_centro
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
@@ -191,3 +193,22 @@ def test_path_of_hysteretic_story_through_stages(method, inner):
         turned += bool(np.any(np.abs(straight - z) > 0.1))
     assert taken > 20
     assert (turned > 0) == bool(inner)
+
+
+@pytest.mark.parametrize(
+    ("method", "least", "most"), [("gauss4", 0.7, 2.5), ("impulse4", 3.5, 4.5)]
+)
+def test_order_of_the_peak_drift_of_a_bilinear_story(method, least, most):
+    """Kinks inside the steps reduce the order of Gauss's method; `impulse4` locates them."""
+    story = {"mass": 1e5, "stiffness": 4e6, "law": {"type": "bilinear", "yield_force": 1.5e5}}
+    story["law"]["hardening"] = 0.05
+    more = {"damping": {"rayleigh": {"mass": 1.0, "stiffness": 0.0}}}
+    model = tdint.load_model({"stories": [story], **more})
+    record = el_centro(duration=6.0, scale=1.0)
+
+    def peak(spec, dt):
+        return tdint.run(model, record, method=spec, dt=dt, duration=6.0).stories.peak_drift[0]
+
+    exact = peak("impulse4", 0.02 / 64)
+    first, last = (abs(peak(method, dt) - exact) for dt in (0.02, 0.0025))
+    assert least < np.log2(first / last) / 3.0 < most
