@@ -193,10 +193,9 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
         status = "censored" if capacities[-1].censored else "collapsed"
         values = [capacity.capacity for capacity in capacities]
         limited = [item.capacity for item in limit_capacities(study, curve)]
-        cells: tuple[Cell, ...] = (
-            *(source, component, *values, *(limited or [math.nan] * len(limits))),
-            *(_factor(curve, values[-1]), status),
-        )
+        values += limited or [math.nan] * len(limits)
+        factor = _factor(curve, capacities[-1].capacity)
+        cells: tuple[Cell, ...] = (source, component, *values, factor, status)
         rows.append((initial_damage(curve.damage), *cells) if has_states else cells)
     meanings = {name: {"meaning": "", "unit": unit} for name in (*names, *limits)}
     meanings["collapse_factor"] = {"meaning": "", "unit": "1"}
