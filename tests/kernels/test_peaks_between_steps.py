@@ -31,6 +31,7 @@ def scene(seed):
     linear_terms[rows.LINK, 1:STORIES] = 1.0
     linear_terms[rows.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
     linear_terms[rows.INVERSE_MASS, :STORIES] = 1.0 / linear_terms[rows.MASS, :STORIES]
+    linear_terms[rows.DASHPOT, :STORIES] = 1.0  # the drift rates of stories with a dashpot count
     law_parameters = np.zeros((3, STORIES + 1))
     law_parameters[rows.STIFFNESS, :STORIES] = K
     old, state, law_state = (
@@ -245,6 +246,7 @@ def peaks_of_one_floor(h, start, end, recorded):
     """
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
     linear_terms[rows.MASS, 0] = linear_terms[rows.INVERSE_MASS, 0] = 1.0
+    linear_terms[rows.DASHPOT, 0] = 1.0
     law_state = np.zeros((rows.LAW_STATE_ROWS, 2))
     law_state[rows.DRIFT, 0], law_state[rows.FORCE, 0] = end[0], -end[2]
     old, state = np.zeros((5, 2)), np.zeros((3, 2))

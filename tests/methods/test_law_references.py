@@ -64,7 +64,7 @@ def test_peak_drifts(name, method):
     assert error <= 1e-4 * peak
 
 
-GLOSSARY = (Path(tdint.__file__).parents[1] / "GLOSSARY.md").read_text()
+GLOSSARY = (Path(__file__).parents[2] / "src" / "GLOSSARY.md").read_text()
 
 
 def exact_rows(glossary):
