@@ -222,7 +222,7 @@ PEAK_ACCELERATION = 4  # absolute acceleration: relative acceleration plus groun
 # Sum of restoring force, P-delta force and all viscous forces of a story, which accelerates all
 # floors above, N
 PEAK_TOTAL_SHEAR = 5
-PEAK_DRIFT_RATE = 6  # drift rate of stories, in a building with dashpots, m/s
+PEAK_DRIFT_RATE = 6  # drift rate of stories with a dashpot, m/s; 0 for other stories
 PEAK_BRACE_FORCE = 7  # force of dampers with a brace, N
 PEAK_ROWS = 8
 

@@ -442,7 +442,7 @@ def power_damper(linear_terms, i, rate):
 def observed_power_damper(linear_terms, i, rate):
     """Return the result of `power_damper`, for the observer.
 
-    Also the variant without dashpots contains this call. Without this call, the time of the
+    Also the variant without power laws contains this call. Without this call, the time of the
     compiled loop over the floors is up to 1.3 times as large with three stories, depending on the
     addresses of the kernels.
     """

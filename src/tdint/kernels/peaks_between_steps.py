@@ -324,6 +324,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     linear_terms = scene.linear_terms
     table, first, peaks, first_peak = located
     by_h = 1.0 / span.h
+    has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     searched_in_parts = span.kinked and not span.cornered
     located_count = 0
     n = linear_terms.shape[1] - 1
@@ -378,7 +379,8 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
             _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
         rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
         if (
-            has_dashpot(linear_terms, i)
+            has_dashpots
+            and has_dashpot(linear_terms, i)
             and not searched_in_parts
             and story.a0 * story.a1 < 0.0
             and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
@@ -388,7 +390,7 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
         # the mass of all floors above the story for the shear.
         if not span.cornered:
             near_rest = _NOT_NEAR_REST
-            if POWER_DAMPERS and is_near_rest(linear_terms, i, story.v0, story.v1):
+            if POWER_DAMPERS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1):
                 near_rest = _dashpot_near_rest(span.h, linear_terms, i, story)
             row = first_peak + rows.PEAK_ACCELERATION
             if not span.kinked:

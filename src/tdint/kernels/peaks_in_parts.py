@@ -60,9 +60,10 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
     If the kernel of the method has computed peaks (`span.cornered`), the extrema of velocities and
     total shears inside the part are not searched.
     """
-    linear_terms, _, _, forces, _ = scene
+    linear_terms, _, _, forces, flags = scene
     observer_state, peaks = seen.observer_state, seen.peaks
     n = linear_terms.shape[1] - 1
+    has_dashpots = flags[rows.HAS_DASHPOTS] != 0.0
     inertia, mass_sum = ZERO_ENDS, 0.0
     floor_forces = ZERO_FORCES
     next_row = forces.shape[0]
@@ -93,7 +94,7 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
         )
         row = rows.PEAK_VELOCITY
         _raise_velocity_in_part(span, floor, part, floor_rates, peaks, row, i)
-        if has_dashpot(linear_terms, i):
+        if has_dashpots and has_dashpot(linear_terms, i):
             row = rows.PEAK_DRIFT_RATE
             _raise_velocity_in_part(span, story, part, story_rates, peaks, row, i)
         changes = damping_change(span.h, scene, law_state, story, part, story_rates, i)
@@ -129,7 +130,9 @@ def raise_peaks_in_part(span, scene, passage, law_state, part, seen):
         floor_forces, next_row = add_floor_forces(
             span, forces, link_above, i, floor_forces, next_row
         )
-        is_at_rest = POWER_DAMPERS and is_near_rest(linear_terms, i, story.v0, story.v1)
+        is_at_rest = (
+            POWER_DAMPERS and has_dashpots and is_near_rest(linear_terms, i, story.v0, story.v1)
+        )
         if not (span.cornered or is_at_rest):
             deviations = (
                 -floors[0] - changes[0],
