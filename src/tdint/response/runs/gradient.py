@@ -29,7 +29,7 @@ from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import (
     FLOOR,
     EstimateFactors,
-    default_reference,
+    default_reference_method,
     factors,
     shorter_steps,
 )
@@ -264,7 +264,7 @@ def differentiate(
     """Return the derivatives of completed runs, with error estimates if `request.check` is true.
 
     The errors are estimated by computing the derivatives again from a second set of runs with half
-    the time step. `default_reference` selects the method of these runs.
+    the time step. `default_reference_method` selects the method of these runs.
 
     Parameters
     ----------
@@ -282,7 +282,7 @@ def differentiate(
     if not request.check:
         return gradient
     subjects = tuple(
-        Subject(subject.model, default_reference(subject.case(None)).method.label)
+        Subject(subject.model, default_reference_method(subject.case(None)).label)
         for subject in request.subjects
     )
     labels = tuple(subject.method for subject in subjects)

@@ -12,7 +12,7 @@ from tdint.ground_motion.record import Input, Record
 from tdint.model.definition import Model, TableForce
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LoadCase(Record):
     """Forces on floors, which an analysis applies with the ground at rest.
 

@@ -20,7 +20,7 @@ from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import (
     EstimateFactors,
     attempt,
-    reference,
+    reference_method,
     start_peaks,
     story_errors,
     with_error_estimate,
@@ -191,7 +191,7 @@ class _Search:
         if not 0.0 < tolerance < 1.0:
             raise UsageError(f"the tolerance must be between 0 and 1 (100 %), got {tolerance:g}")
         requested = case.steps(dt, duration)
-        case.prepared.compile([case.method, reference(case).method])
+        case.prepared.compile([case.method, reference_method(case)])
         if dt is not None or case.model.analysis.dt is not None or case.record is None:
             return cls(case, tolerance, requested, 0)
         # Without a requested time step, start with some sampling intervals of the record.
@@ -233,7 +233,7 @@ class _Search:
         FailedRun
             No level up to the last meets the tolerance, or the run of the last level failed.
         """
-        is_reference = reference(self.case).method == self.case.method
+        is_reference = reference_method(self.case) == self.case.method
         # A run of the reference method (`impulse4`) is compared with the previous run, which has a
         # longer time step; the first level is then at least 1. A run of another method is compared
         # with an additional run of the reference method; `previous` is then not used.
