@@ -1,8 +1,7 @@
 """Fractures of elements against the separate solver.
 
 Each law that can fracture would be another compiled loop, so that these few buildings run
-interpreted and are not in the array. Forces at the fracture of curved laws are known to be missed
-by `moment4` and `gauss4` (MEASUREMENTS.md).
+interpreted and are not in the array.
 """
 
 import pytest

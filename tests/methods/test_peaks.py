@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from building_cases import FIVE_PERCENT, Force, Law, model, noise, story, ten_bilinear
 from random_buildings import piecewise_building, shaken_building
+from registered import plain as interpreted  # noqa: F401
 from selection import every
 from small_buildings import BUILDINGS as SMALL_BUILDINGS
 from small_buildings import LAWS as YIELDING
@@ -256,6 +257,46 @@ def test_maximum_force_before_a_loss_of_strength(pushed, method):
         if method in ("impulse4", "moment4"):
             assert error < 1e-8
         assert error <= 2.0 * response.check.errors.peak_shear[0] / force
+
+
+FRACTURING = {
+    "linear": {},
+    "bilinear": {"yield_force": STRENGTH, "hardening": 0.3},
+    "bouc-wen": {"yield_force": STRENGTH, "hardening": 0.1, "exponent": 2.0, "beta": 0.5},
+    "steel": {
+        "yield_force": STRENGTH, "hardening": 0.05,
+        "transition": {"R0": 15.0, "cR1": 0.9, "cR2": 0.15},
+    },
+    "ramberg-osgood": {"yield_force": STRENGTH, "exponent": 5.0, "alpha": 1.0},
+    "tanh": {"strength": STRENGTH},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", every(12, METHODS, ("impulse4", "moment4", "gauss4")))
+@pytest.mark.parametrize("law", FRACTURING)
+@pytest.mark.usefixtures("interpreted")
+def test_peaks_of_a_story_whose_element_fractures(law, method):
+    """The peak force of the element is its force at the fracture. The work of both springs up to
+    the peak drift is the initial kinetic energy. `impulse4` and `moment4` locate the fracture."""
+    limit, spring, mass, velocity = 0.0137, 4e6, 1e5, 1.5
+    element = {"type": law, "stiffness": 4e7, "fracture_drift": limit, **FRACTURING[law]}
+    elements = [element, {"type": "linear", "stiffness": spring}]
+    building = load_model(
+        {"stories": [{"mass": mass, "elements": elements}], "initial": {"velocity": [velocity]}}
+    )
+    first_element = 3  # after the story and the column of zeros
+    path = follow_path(assemble(building), first_element, np.linspace(0.0, limit, 2000))
+    work = path.strain_energy[-1] + path.hysteretic_energy[-1]
+    drift = math.sqrt((mass * velocity**2 - 2.0 * work) / spring)
+    for dt in (0.005, 0.01):
+        try:
+            response = run(building, method=method, dt=dt, duration=0.3)
+        except AnalysisError:  # the method is for linear buildings
+            return
+        assert response.elements.peak_force[0] == pytest.approx(path.shear[-1], rel=1e-6)
+        error = abs(response.stories.peak_drift[0] / drift - 1.0)
+        assert error <= 2.0 * response.check.errors.peak_drift[0] / drift + 1e-6
+        assert error < 2e-3 * (dt / 0.01) ** 2 or method not in ("impulse4", "moment4")
 
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])

@@ -403,7 +403,8 @@ HAS_TANGENT_DAMPING = 9  # 1 if a story has Rayleigh damping with the tangent st
 # the middle as a fraction of the step
 MEAN_WEIGHT = 10
 MEAN_DISTANCE = 11
-FLAGS_SIZE = 12
+CAN_FRACTURE = 12  # 1 if a law can fracture and block STEP_START is kept
+FLAGS_SIZE = 13
 
 # Values of flags[BRANCHES]
 NO_BRANCHES = 0

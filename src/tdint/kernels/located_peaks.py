@@ -11,7 +11,7 @@ import math
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import F8, I8, TABLE, indirect_caller, inline, kernel, outlined
-from tdint.kernels.laws.selection import HAS_ELEMENTS
+from tdint.kernels.laws.selection import HAS_ELEMENTS, HAS_FRACTURE
 from tdint.kernels.linear_terms import (
     BRACES,
     TANGENT_DAMPING,
@@ -22,11 +22,22 @@ from tdint.kernels.linear_terms import (
     internal_forces,
     is_tree,
 )
-from tdint.kernels.peaks_between_steps import floor_ends, raise_peak, story_ends, zero_of_rate
+from tdint.kernels.peaks_between_steps import (
+    floor_ends,
+    instant_before,
+    raise_peak,
+    story_ends,
+    zero_of_rate,
+)
 from tdint.kernels.step_interpolant import quintic_motion
 from tdint.kernels.stepping import SCENE, Located, Passage, Scene, Span
 from tdint.kernels.stories.brace import brace_force_at
-from tdint.kernels.stories.law_state import raise_element_peaks, restoring_force_outlined
+from tdint.kernels.stories.law_state import (
+    columns_of_story,
+    drift_of_fracture,
+    raise_element_peaks,
+    restoring_force_outlined,
+)
 
 
 @outlined
@@ -50,6 +61,27 @@ def raise_located_peaks(scene, span, passage, law_state, previous, located):
             if s > 0.0 and s != last:
                 _raise_peaks_at(scene, span, passage, law_state, previous, s, located)
                 last = s
+    if HAS_FRACTURE and scene.flags[rows.CAN_FRACTURE] != 0.0:
+        for i in range(n):
+            _raise_peaks_before_fracture(scene, span, passage, law_state, i, located)
+
+
+@outlined
+def _raise_peaks_before_fracture(scene, span, passage, law_state, i, located):
+    """Raise the peaks by the response at the drifts where laws of story `i` have fractured in the
+    step: its forces, and the accelerations they cause, are often largest just before.
+    """
+    law_parameters, link = scene.law_parameters, scene.linear_terms[rows.LINK, i]
+    floor = floor_ends(span.fast, passage, i)
+    floor_below = floor_ends(span.fast, passage, base_of(scene.linear_terms, i))
+    story = story_ends(floor, floor_below, link, law_state[rows.DRIFT, i])
+    first, end = columns_of_story(law_parameters, i)
+    for column in range(first, end):
+        limit = drift_of_fracture(law_parameters, law_state, column)
+        if limit != 0.0:
+            _raise_force_at_reversal(scene, law_state, i, rows.STEP_START, limit, located)
+            s = instant_before(span.h, story, limit)
+            _raise_peaks_at(scene, span, passage, law_state, rows.STEP_START, s, located)
 
 
 @outlined

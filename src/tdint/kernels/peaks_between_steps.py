@@ -89,10 +89,12 @@ from tdint.kernels.step_interpolant import (
     max_interior_bezier_point,
     quintic_coefficients,
     quintic_extremum,
+    quintic_motion,
     resolves_motion,
     tilt_weight,
 )
 from tdint.kernels.stepping import Ends
+from tdint.kernels.stories.law_state import has_fractured
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
 # endpoint accelerations do not explain the change of velocity, and the quintic is not used.
@@ -327,6 +329,8 @@ def find_interstep_peaks(span, scene, passage, law_state, located):
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     searched_in_parts = span.kinked and not span.cornered
     located_count = 0
+    if scene.flags[rows.CAN_FRACTURE] != 0.0:
+        located_count += has_fractured(scene.law_parameters, law_state)
     n = linear_terms.shape[1] - 1
     # Sums over the floors from the roof down to floor i: mass times motion, mass, forces on floors
     inertia, mass_sum = ZERO_ENDS, 0.0
@@ -733,6 +737,21 @@ def zero_of_rate(h, story):
         else:
             upper = middle
     return 0.5 * (lower + upper)
+
+
+@outlined
+def instant_before(h, story, drift):
+    """Return the last instant before a story reaches a drift in a step, by bisection, as a fraction
+    of the step."""
+    side = math.copysign(1.0, drift)
+    lower, upper = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (lower + upper)
+        if side * (quintic_motion(h, story, middle)[0] - drift) < 0.0:
+            lower = middle
+        else:
+            upper = middle
+    return lower
 
 
 @inline

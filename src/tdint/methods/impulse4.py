@@ -44,6 +44,7 @@ from tdint.kernels.laws.selection import (
     HAS_CURVED_FORCE,
     HAS_CURVED_LAW,
     HAS_ELEMENTS,
+    HAS_FRACTURE,
     HAS_NONLINEAR_FORCE,
 )
 from tdint.kernels.linear_terms import (
@@ -90,6 +91,9 @@ from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 # Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
 # drift at its end differs from the limit of the branch by no more than this tolerance.
 _LOCATION_TOLERANCE = 0.1
+# Tolerance of a curved branch in a building whose laws can fracture, divided by the drift. It is
+# less than the distance beyond the fracture up to which a path keeps its force (`laws.fracture`).
+_FRACTURE_LOCATION = 5e-7
 # Fraction of the force of an elastic story at this drift. The tolerance of a located branch change
 # causes smaller changes of the force than a law that breaks.
 _JUMP = 5e-3
@@ -556,6 +560,8 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
             abs(scratch[momentum.V1, i] - link * v1_below),
         )
         tolerance = _LOCATION_TOLERANCE * max(path_length, abs(drift_change))
+        if HAS_FRACTURE and not law_state[rows.SLOPE, i] < math.inf:
+            tolerance = _FRACTURE_LOCATION * abs(drift)
         u1_below = scratch[momentum.U1, i]
         v0_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]

@@ -128,6 +128,7 @@ def workspace(
     # step. A curved hysteretic law reloads on another curve and needs the state at the start.
     follows_branches = building.piecewise_linear and family.step_peaks
     flags[rows.KEEPS_START] = building.kinked and not follows_branches
+    flags[rows.CAN_FRACTURE] = flags[rows.KEEPS_START] and building.can_fracture
     width = history_width(building)
     if row_count:
         # The complete history and its results are in memory simultaneously.

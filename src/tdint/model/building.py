@@ -285,6 +285,11 @@ class Building:
         return any(NUMBERED_LAWS[code].kinked for code in self.law_codes)
 
     @cached_property
+    def can_fracture(self) -> bool:
+        """True if a law loses its force at a drift (`tdint.kernels.laws.fracture`)."""
+        return any(code % 1.0 == FRACTURING for code in self.law_codes)
+
+    @cached_property
     def concave(self) -> bool:
         """True if every story has a law that is concave from its position of rest on."""
         return all(NUMBERED_LAWS[code].concave for code in self.law_codes)

@@ -27,7 +27,9 @@ _FRACTURED = 1e6
 value that a law stores there."""
 
 _AT_LIMIT = 1e-6
-"""Fraction of the drift of the fracture. A branch that ends within this distance has reached it."""
+"""Fraction of the drift of the fracture. A branch that ends within this distance has reached it. A
+path that ends within this distance beyond it has not yet fractured: a step that ends at a located
+fracture needs the force before it, although the location has a small error."""
 
 
 @cache
@@ -166,8 +168,9 @@ def _functions(
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Follow the law, unless it is or becomes fractured; return the tangent stiffness."""
-        is_intact = (drift <= high_limit(law_parameters, i)) & (
-            drift >= low_limit(law_parameters, i)
+        center = drift / (1.0 + _AT_LIMIT)
+        is_intact = (center <= high_limit(law_parameters, i)) & (
+            center >= low_limit(law_parameters, i)
         )
         if is_intact & (not is_fractured(law_state, i, previous)):
             law_state[trial + rows.INTERNAL, i] = 0.0  # some laws do not set this row

@@ -79,6 +79,9 @@ dashpot or tangent damping."""
 HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
 """True if a story can have a force that is not linear in its motion."""
 
+HAS_FRACTURE = not COMPILES or any(code % 1.0 == FRACTURING for code in COMPILED)
+"""True if a law of the variant can fracture."""
+
 HAS_ELEMENTS = VARIANT.elements
 """True if a story can have several elements (`tdint.kernels.layout.ELEMENTS`)."""
 

@@ -25,6 +25,7 @@ from tdint.kernels.laws.branch_following import (
     copy_extra_rows,
     extra_rows,
 )
+from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
     HAS_ELEMENTS,
@@ -474,6 +475,41 @@ def step_start(flags, follows_reversal=False):
     if follows_reversal or flags[rows.KEEPS_START] != 0.0:
         return rows.STEP_START
     return rows.COMMITTED
+
+
+@inline
+def columns_of_story(law_parameters, i):
+    """Return the first column of the laws of story `i` and the column after the last one."""
+    if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
+        first = int(law_parameters[rows.FIRST_ELEMENT, i])
+        return first, int(law_parameters[rows.END_ELEMENT, i])
+    return i, i + 1
+
+
+@outlined
+def drift_of_fracture(law_parameters, law_state, column):
+    """Return the drift at which the law in a column has fractured in the last step, m; 0 if it has
+    not. Block STEP_START must contain the state at the start of the step.
+
+    A law that can also fail otherwise has not reached the drift of its fracture if it does so.
+    """
+    failed = law_state[rows.FAILED_INTERNAL, column]
+    start, drift = law_state[rows.STEP_START + rows.INTERNAL, column], law_state[rows.DRIFT, column]
+    if law_parameters[rows.CODE, column] % 1.0 != FRACTURING or start == failed:
+        return 0.0
+    row = rows.FRACTURE_HIGH if drift > 0.0 else rows.FRACTURE_LOW
+    limit = law_parameters[row, column]
+    is_at_limit = law_state[rows.INTERNAL, column] == failed and abs(drift) >= abs(limit)
+    return limit if is_at_limit else 0.0
+
+
+@outlined
+def has_fractured(law_parameters, law_state):
+    """Return True if a law has fractured in the last step; flags[CAN_FRACTURE] must be 1."""
+    for column in range(law_parameters.shape[1]):
+        if drift_of_fracture(law_parameters, law_state, column) != 0.0:
+            return True
+    return False
 
 
 @inline

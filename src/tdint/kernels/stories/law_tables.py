@@ -23,7 +23,6 @@ def law_state_table(law_parameters: Array) -> Array:
     law_state = np.zeros(
         (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
     )
-    if np.any(codes < 0):
-        for code in used_codes:
-            law_state[rows.FAILED_INTERNAL][codes == code] = LAWS[code].failed
+    for code in used_codes:
+        law_state[rows.FAILED_INTERNAL][codes == code] = LAWS[code].failed
     return law_state

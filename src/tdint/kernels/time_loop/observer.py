@@ -57,6 +57,7 @@ from tdint.kernels.peaks_between_steps import (
 from tdint.kernels.step_interpolant import acceleration_bulge
 from tdint.kernels.stepping import Ends, Located, Passage
 from tdint.kernels.stories.law_state import (
+    has_fractured,
     hysteretic_energy,
     start,
     step_start,
@@ -332,6 +333,8 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
     if HAS_ELEMENTS and law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
+    if flags[rows.CAN_FRACTURE] != 0.0:
+        may_exceed |= has_fractured(law_parameters, law_state)
     if (BRACES or TANGENT_DAMPING) and flags[rows.HAS_BRACES] != 0.0:
         _observe_braces(linear_terms, state, seen)
     if may_exceed:
