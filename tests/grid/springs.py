@@ -1012,6 +1012,8 @@ class PeakWithKeys(Multilinear):
         self.has = {1.0: sides != "negative", -1.0: sides != "positive"}
 
     def move(self, drift, *variables):
+        # A reversal before the first motion is none.
+        self.has_moved |= drift != self.drift
         super().move(drift, *variables)
         # A slack spring has no force: a rounding error would be a branch of its own.
         if abs(self.force) < 1e-9 * self.points[1.0][-1][1]:
@@ -1022,6 +1024,10 @@ class PeakWithKeys(Multilinear):
         far, steepest = max(self.far[side], self.first[side]), max(self.slopes(side))
         soft = steepest * (self.first[side] / far) ** self.unloading
         return min(max(soft, self.curve(side, far) / far), steepest)
+
+    def largest(self, drift):
+        # Damage moves the target of the reloading beyond the drifts that were reached.
+        return math.inf if self.by_drift or self.by_work else super().largest(drift)
 
     def area(self):
         corners = ([(0.0, 0.0), *points] for points in self.points.values())
@@ -1049,7 +1055,6 @@ class PeakWithKeys(Multilinear):
                 else:
                     self.zero[o] = -(x - f / soft)
             self.far[s] = max(self.far[s], self.first[s])
-        self.has_moved = True
         if not self.has[s]:
             end = -self.zero[o]
             return [*([(end, self.stiffness(o))] if x < end else []), (math.inf, 0.0)]
