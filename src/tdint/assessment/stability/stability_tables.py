@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Column, Table
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Column, Table, numbered
 
 if TYPE_CHECKING:
     from tdint.assessment.stability.stability import Overshoot, StabilityCurve
@@ -64,12 +62,7 @@ OVERSHOOT: tuple[Column, ...] = (
     DAMPING,
     _DT_OVER_T,
     Column.named("start", "initial condition of the oscillator", TEXT),
-    Column(
-        "step",
-        "1",
-        lambda motion: np.arange(motion.displacement.size),
-        "number of the time step; 0 is the start",
-    ),
+    Column("step", "1", numbered("displacement", 0), "number of the time step; 0 is the start"),
     Column.named("displacement", "displacement divided by the maximum of the exact displacement"),
     Column.named("velocity", "velocity divided by the maximum of the exact velocity"),
     Column(

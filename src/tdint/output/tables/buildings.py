@@ -23,6 +23,7 @@ from tdint.output.tables.table import (
     Column,
     Table,
     elements_of,
+    numbered,
 )
 from tdint.units import SI, OutputUnits
 
@@ -41,7 +42,7 @@ CYCLIC = (
     Column(
         "step",
         "1",
-        lambda test: np.arange(test.path.drift.size),
+        numbered("path.drift", 0),
         "point of the displacement path; 0 is the undeformed state",
     ),
     Column(
@@ -79,12 +80,7 @@ _SHEAR_BEAM = Column(
 )
 _STORIES_COLUMNS = (
     Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
-    Column(
-        "story",
-        "1",
-        lambda item: np.arange(1, item.building.mass.size + 1),
-        "story, numbered from the ground",
-    ),
+    Column("story", "1", numbered("building.mass"), "story, numbered from the ground"),
     Column("mass_kg", "kg", "building.mass", "mass of the floor"),
     Column("height_m", "m", "building.height", "story height"),
 )
@@ -153,7 +149,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
         Column(
             "step",
             "1",
-            lambda result: np.arange(result.base_shear.size),
+            numbered("base_shear", 0),
             "load step; 0 is the undeformed state",
         ),
         Column(
@@ -201,12 +197,7 @@ def events_table(result: Pushover) -> Table:
 
 TARGET_DISPLACEMENT = (
     Column.named("method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)", TEXT),
-    Column(
-        "story",
-        "1",
-        lambda result: np.arange(1, result.drift.size + 1),
-        "story, numbered from the ground",
-    ),
+    Column("story", "1", numbered("drift"), "story, numbered from the ground"),
     Column("drift_m", "m", "drift", "drift at the target displacement"),
     Column.named("drift_ratio", "drift divided by story height"),
     Column.named("ductility", "drift divided by the drift at first yield"),
@@ -263,12 +254,7 @@ _COMBINED = (
     ("cqc", "complete quadratic combination"),
 )
 MODAL_RESPONSE = (
-    Column(
-        "story",
-        "1",
-        lambda result: np.arange(1, result.drift_cqc.size + 1),
-        "story, numbered from the ground",
-    ),
+    Column("story", "1", numbered("drift_cqc"), "story, numbered from the ground"),
     *(
         Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {text}")
         for rule, text in _COMBINED
@@ -307,12 +293,7 @@ MODAL_RESPONSE = (
     ),
 )
 MODAL_SHARE = (
-    Column(
-        "mode",
-        "1",
-        lambda result: np.arange(1, result.period.size + 1),
-        "mode number, from the longest period",
-    ),
+    Column("mode", "1", numbered("period"), "mode number, from the longest period"),
     Column("period_s", "s", "period", "natural period"),
     Column(
         "sa_m_s2",
@@ -374,12 +355,7 @@ OVERVIEW_WITH_DAMPERS = (
 """Columns of the overview of models of which at least one has dampers."""
 
 MODE = (
-    Column(
-        "mode",
-        "1",
-        lambda modes: np.arange(1, modes.omega.size + 1),
-        "mode number, from the longest period",
-    ),
+    Column("mode", "1", numbered("omega"), "mode number, from the longest period"),
     Column("period_s", "s", lambda modes: np.array([*map(period, modes.omega)]), "natural period"),
     Column("frequency_hz", "Hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
 )
@@ -454,12 +430,7 @@ def cyclic_table(test: CyclicTest) -> Table:
 
 
 MODEL = (
-    Column(
-        "story",
-        "1",
-        lambda model: np.arange(1, len(model.stories) + 1),
-        "story, numbered from the ground",
-    ),
+    Column("story", "1", numbered("stories"), "story, numbered from the ground"),
     Column("mass_kg", "kg", lambda model: _story_values(model, "mass"), "mass of the floor above"),
     Column("height_m", "m", lambda model: _story_values(model, "height"), "story height"),
     Column(

@@ -392,8 +392,8 @@ def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     """
     # The names of the components depend on all records: a component that a file contains twice gets
     # its full identifier.
-    names = component_names([result.record for result in results])
-    heads = [(result.record.source, name) for result, name in zip(results, names, strict=True)]
+    records = [result.record for result in results]
+    heads = _named(records, component_names(records))
     return Table.of_results((*RECORD_COLUMNS, *columns), results, heads)
 
 
@@ -452,10 +452,14 @@ FLOOR_SUITE_COLUMNS = (
 def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
     """Return the table of the sampling, scale factor and peak of ground motions, one row per
     record. `components` are the names of the components in the order of the records."""
-    heads = [
+    return Table.of_results(MOTION, records, _named(records, components))
+
+
+def _named(records: Iterable[Record], components: Iterable[str]) -> list[tuple[str, str]]:
+    """Return the first cells of the rows of records: file and name of the component."""
+    return [
         (record.source, component) for record, component in zip(records, components, strict=True)
     ]
-    return Table.of_results(MOTION, records, heads)
 
 
 def _percent(name: str) -> Callable[[Record], float]:
@@ -494,15 +498,10 @@ def _seed(origin: MotionOrigin) -> str:
 def match_origin_table(records: Sequence[Record], components: Sequence[str]) -> Table:
     """Return the table of seeds, factors, changes and misfits of the matched motions among some
     records; `components` are the names of their components."""
-    heads = [
-        (record.source, component) for record, component in zip(records, components, strict=True)
-    ]
     is_matched = [bool(record.origin and record.origin.target) for record in records]
-    return Table.of_results(
-        _MATCH_ORIGIN,
-        list(itertools.compress(records, is_matched)),
-        list(itertools.compress(heads, is_matched)),
-    )
+    matched = list(itertools.compress(records, is_matched))
+    names = itertools.compress(components, is_matched)
+    return Table.of_results(_MATCH_ORIGIN, matched, _named(matched, names))
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:

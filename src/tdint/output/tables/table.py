@@ -99,10 +99,10 @@ def elements_of(name: str, index: Any) -> Callable[[Any], Any]:
     return lambda result: attrgetter(name)(result)[index]
 
 
-def numbered(name: str) -> Callable[[Any], Any]:
-    """Return a function of a result, which returns the numbers 1, 2, ..., n, where n is the length
-    of the attribute `name` of the result."""
-    return lambda result: np.arange(1, len(attrgetter(name)(result)) + 1)
+def numbered(name: str, first: int = 1) -> Callable[[Any], Any]:
+    """Return a function of a result, which returns consecutive numbers from `first`, as many as the
+    attribute `name` of the result has elements."""
+    return lambda result: np.arange(first, len(attrgetter(name)(result)) + first)
 
 
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
