@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from tdint import assessment
+from tdint.output import tables
 from tdint_cli import options
 from tdint_cli.options.option_types import ListOf, Name
 from tdint_cli.options.output import Outputs
@@ -54,7 +55,7 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
 
     trials = list(failures(methods or None, problems or ()))
     outputs.deliver(
-        assessment.failures.failure_tables.failure_table(trials),
+        tables.table.Table.of_results(assessment.failures.failure_tables.FAILURE, trials),
         lambda: assessment.failures.failure_figures.failure_picture(trials),
     )
     # Count the verdicts of each method. The first column is `pass`, the other columns follow in the

@@ -10,6 +10,7 @@ import click
 from tdint import assessment
 from tdint.errors import AnalysisError, TdintError
 from tdint.number_parsing import Grid
+from tdint.output import tables
 from tdint_cli import options
 from tdint_cli.options.option_types import Count, grid
 from tdint_cli.options.output import Outputs
@@ -106,7 +107,7 @@ def command(
             failures.append(error)
     if measured:
         outputs.deliver(
-            assessment.order.order_tables.order_table(measured),
+            tables.table.Table.of_results(assessment.order.order_tables.ORDER, measured),
             lambda: assessment.order.order_figures.order_picture(measured),
         )
         say_table(_summary(measured))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint import assessment
+from tdint.output import tables
 from tdint_cli import options
 from tdint_cli.options.option_types import Count, Number
 from tdint_cli.terminal import say, say_table
@@ -83,7 +84,7 @@ def command(request: Request) -> None:
     motions = [motion for pair in pairs.values() for motion in pair]
     shown = request.drawn(motions, _DRAWN)
     request.outputs.deliver(
-        assessment.stability.stability_tables.overshoot_table(motions),
+        tables.table.Table.of_results(assessment.stability.stability_tables.OVERSHOOT, motions),
         lambda: assessment.stability.stability_figures.overshoot_picture(shown),
     )
     named_pairs = {}

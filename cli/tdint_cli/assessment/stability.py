@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tdint import assessment
 from tdint.number_parsing import Grid
+from tdint.output import tables
 from tdint.response.defaults import BETAS
 from tdint_cli import options
 from tdint_cli.options.option_types import ListOf, grid
@@ -70,7 +71,7 @@ def command(request: Request) -> None:
     ]
     shown = curves if scan_methods else request.drawn(curves, _DRAWN)
     request.outputs.deliver(
-        assessment.stability.stability_tables.stability_table(curves),
+        tables.table.Table.of_results(assessment.stability.stability_tables.STABILITY, curves),
         lambda: assessment.stability.stability_figures.stability_picture(
             shown, band=request.beta_scan
         ),

@@ -30,7 +30,8 @@ def command(outputs: Outputs) -> None:
         compute_case,
         textbook_cases,
     )
-    from tdint.assessment.validation.validation_tables import validation_table
+    from tdint.assessment.validation.validation_tables import VALIDATION
+    from tdint.output.tables.table import Table
 
     cases = (*closed_form_cases(), *textbook_cases())
     results = []
@@ -39,7 +40,7 @@ def command(outputs: Outputs) -> None:
             progress("validating", done / len(cases))
             results.append(compute_case(case))
     # Write the table before raising the error: it shows which cases fail and their differences.
-    outputs.deliver(validation_table(results))
+    outputs.deliver(Table.of_results(VALIDATION, results))
     failed = [result for result in results if not result.within]
     say(f"{len(results) - len(failed)} of {len(results)} cases are within their tolerances.")
     if failed:

@@ -126,7 +126,7 @@ def command(request: Request) -> None:
     outputs = request.outputs.else_in(building.output_units)
     units = outputs.shown_units
     outputs.deliver(
-        tables.buildings.cyclic_table(test),
+        tables.table.Table.of_results(tables.buildings.CYCLIC, [test]),
         lambda: figures.static_curves.cyclic_picture(test, units),
     )
     _report(test, request.element, last_cycles, units)

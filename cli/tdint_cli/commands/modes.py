@@ -304,9 +304,9 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
         page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
         return modal_page(result, page_text, units_of_page)
 
-    modes = tables.buildings.modal_share_table(result).in_units(units)
+    modes = tables.table.Table.of_results(tables.buildings.MODAL_SHARE, [result]).in_units(units)
     outputs.deliver(
-        tables.buildings.modal_response_table(result),
+        tables.table.Table.of_results(tables.buildings.MODAL_RESPONSE, [result]),
         lambda: figures.mode_shapes.modal_response_picture(result, units),
         lambda: modes.as_summary("modes"),
         page,

@@ -98,10 +98,12 @@ def command(
             note("the output is the pushover curve, because there is no target displacement")
             raise beyond
         return
-    building_table = tables.buildings.target_building_table(targets).in_units(units)
+    building_table = tables.table.Table.of_results(
+        tables.buildings.TARGET_OF_BUILDING, targets
+    ).in_units(units)
     events = _events(result, units)
     outputs.deliver(
-        tables.buildings.target_table(targets),
+        tables.table.Table.of_results(tables.buildings.TARGET_DISPLACEMENT, targets),
         lambda: figures.static_curves.target_picture(targets, units),
         lambda: {**events, **building_table.as_summary("targets")},
         lambda: _page(result, targets, page_units),
@@ -116,7 +118,9 @@ def _events(result: Pushover, units: OutputUnits) -> dict[str, Any]:
     """Return the changes of stiffness of elements for the JSON file; empty without elements."""
     if not result.events:
         return {}
-    table = tables.buildings.events_table(result).in_units(units)
+    table = tables.table.Table.of_results(tables.buildings.ELEMENT_EVENTS, result.events).in_units(
+        units
+    )
     return {"element_events": table.as_summary("events")}
 
 

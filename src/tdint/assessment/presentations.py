@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint import assessment
-from tdint.output.presentations import Presentation, fixed_columns
+from tdint.output.presentations import Presentation, row
 
 PRESENTATIONS: dict[str, Presentation] = {
     "Chart": Presentation(
@@ -24,17 +24,17 @@ PRESENTATIONS: dict[str, Presentation] = {
         alone=True,
     ),
     "ObservedOrder": Presentation(
-        lambda result: assessment.order.order_tables.order_table([result]),
+        columns=lambda _: assessment.order.order_tables.ORDER,
         picture=lambda results, _: assessment.order.order_figures.order_picture(results),
     ),
     "Overshoot": Presentation(
-        fixed_columns(lambda: assessment.stability.stability_tables.OVERSHOOT),
+        columns=lambda _: assessment.stability.stability_tables.OVERSHOOT,
         picture=lambda results, _: assessment.stability.stability_figures.overshoot_picture(
             results
         ),
     ),
     "StabilityCurve": Presentation(
-        fixed_columns(lambda: assessment.stability.stability_tables.STABILITY),
+        columns=lambda _: assessment.stability.stability_tables.STABILITY,
         picture=lambda results, _: assessment.stability.stability_figures.stability_picture(
             results
         ),
@@ -43,10 +43,10 @@ PRESENTATIONS: dict[str, Presentation] = {
         ),
     ),
     "Trial": Presentation(
-        rows=lambda results, _: assessment.failures.failure_tables.failure_table(results),
+        rows=row(lambda: assessment.failures.failure_tables.FAILURE),
         picture=lambda results, _: assessment.failures.failure_figures.failure_picture(results),
     ),
     "ValidationResult": Presentation(
-        rows=lambda results, _: assessment.validation.validation_tables.validation_table(results)
+        rows=row(lambda: assessment.validation.validation_tables.VALIDATION)
     ),
 }

@@ -60,9 +60,11 @@ def pushover_page(
     if targets:
         draw = partial(figures.static_curves.target_picture, targets, units)
         parts = [
-            _with_method_names(buildings.target_table(targets)),
+            _with_method_names(Table.of_results(buildings.TARGET_DISPLACEMENT, targets)),
             "The equivalent oscillators, and the building at the target displacement:",
-            _with_method_names(buildings.target_building_table(targets)).in_units(units),
+            _with_method_names(Table.of_results(buildings.TARGET_OF_BUILDING, targets)).in_units(
+                units
+            ),
         ]
     chapters = [
         Chapter(
@@ -106,7 +108,7 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
     draw = partial(figures.mode_shapes.modal_response_picture, result, units)
     # The table has only the CQC values, which are also valid for close modes. The text states the
     # base shear by SRSS.
-    table = buildings.modal_response_table(result)
+    table = Table.of_results(buildings.MODAL_RESPONSE, [result])
     table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
     target = spectrum_text(result.target.source)
     chapters = [
@@ -118,7 +120,7 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
         Chapter(
             "Modes",
             (
-                buildings.modal_share_table(result).in_units(units),
+                Table.of_results(buildings.MODAL_SHARE, [result]).in_units(units),
                 Picture(
                     partial(_modes_on_target, result, units),
                     "Target spectrum with the modes, and effective modal masses",

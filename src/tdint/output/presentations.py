@@ -29,7 +29,9 @@ class Presentation:
     Attributes
     ----------
     table : callable | None
-        Result -> its table, or its columns with their values; None if `rows` makes the table.
+        Result -> its table, or its columns with their values.
+    columns : callable | None
+        Result -> columns of its table, instead of `table`. Without both, `rows` makes the table.
     rows : callable | None
         (results, units) -> table with one row for each result. Only numbers whose unit is in the
         column `unit` of their row are in these units; the caller converts the other columns.
@@ -45,6 +47,7 @@ class Presentation:
     """
 
     table: Callable[[Any], Table | list[tuple[Column, Any]]] | None = None
+    columns: Callable[[Any], Sequence[Column]] | None = None
     rows: Callable[[Sequence[Any], OutputUnits], Table] | None = None
     picture: Callable[[Any, OutputUnits], Figure] | None = None
     on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
@@ -52,30 +55,15 @@ class Presentation:
     only_si: str = ""
 
 
-def fixed_columns(
-    find: Callable[[], Sequence[Column]],
-) -> Callable[[Any], list[tuple[Column, Any]]]:
-    """Return the function `table` of a class with fixed columns, which `find` returns when they are
-    used."""
-    return lambda result: tables.values.column_values(find(), result)
-
-
-def _columns_of_floors(result: Any) -> list[tuple[Column, Any]]:
-    """Return the columns of transfer functions, whose number depends on the building, with their
-    values."""
-    floors = result.response.shape[1]
-    columns = tables.transfer.transfer_columns(floors, result.source)
-    return tables.values.column_values(columns, result)
+def _record_columns(result: Any) -> Sequence[Column]:
+    """Return the columns that the class of a result declares, after the file and the component of
+    its record."""
+    return (*tables.table.RECORD_COLUMNS, *tables.table.columns_of(type(result)))
 
 
 def row(find: Callable[[], Sequence[Column]]) -> Callable[[Sequence[Any], OutputUnits], Table]:
     """Return the function `rows` of a class with fixed columns, which `find` returns."""
     return lambda results, _: tables.table.Table.of_results(find(), results)
-
-
-def _record_columns(result: Any) -> list[tuple[Column, Any]]:
-    """Return the columns of a spectrum of a record, with their values."""
-    return tables.values.record_columns(result)
 
 
 def _infos(records: Sequence[Any]) -> list[Any]:
@@ -100,57 +88,55 @@ def _draw_record(axes: Any, records: Sequence[Any], units: OutputUnits) -> None:
 
 PRESENTATIONS: dict[str, Presentation] = {
     "CyclicTest": Presentation(
-        fixed_columns(lambda: tables.buildings.CYCLIC),
+        columns=lambda _: tables.buildings.CYCLIC,
         picture=lambda result, units: figures.static_curves.cyclic_picture(result, units),
         on_axes=lambda ax, result, units: figures.static_curves.draw_loop(ax, result, units),
         alone=True,
     ),
     "DriftSpectrum": Presentation(
-        _record_columns,
+        columns=_record_columns,
         picture=lambda results, units: figures.spectrum_curves.drift_spectrum_picture(
             results, units
         ),
     ),
-    "ElementPeaks": Presentation(fixed_columns(lambda: tables.responses.ELEMENT_COLUMNS)),
+    "ElementPeaks": Presentation(columns=lambda _: tables.responses.ELEMENT_COLUMNS),
     "FloorSpectrum": Presentation(
-        lambda result: tables.values.floor_spectrum_columns(result),
+        lambda result: tables.spectra.floor_spectrum_table([result]),
         picture=lambda results, units: figures.floor_spectra.floor_picture(results, units),
     ),
     "FourierSpectrum": Presentation(
-        _record_columns,
+        columns=_record_columns,
         picture=lambda results, units: figures.static_curves.fourier_picture(results, units),
         on_axes=lambda ax, results, units: figures.static_curves.draw_fourier(ax, results, units),
     ),
     "History": Presentation(lambda result: tables.values.history_columns(result)),
     "InelasticSpectrum": Presentation(
-        _record_columns,
+        columns=_record_columns,
         picture=lambda results, units: figures.spectrum_curves.inelastic_picture(results, units),
     ),
-    "Integrator": Presentation(rows=lambda results, _: tables.methods.method_table(results)),
+    "Integrator": Presentation(rows=row(lambda: tables.methods.METHOD)),
     "InventoryBuilding": Presentation(rows=row(lambda: tables.buildings.INVENTORY)),
     "ModalResponse": Presentation(
-        fixed_columns(lambda: tables.buildings.MODAL_RESPONSE),
+        columns=lambda _: tables.buildings.MODAL_RESPONSE,
         picture=lambda result, units: figures.mode_shapes.modal_response_picture(result, units),
         on_axes=lambda ax, result, units: figures.mode_shapes.draw_modal_drifts(ax, result, units),
         alone=True,
     ),
     "Modes": Presentation(
-        lambda result: tables.values.mode_columns(result),
+        lambda result: tables.buildings.mode_table(result, result.damping),
         picture=lambda result, _: figures.mode_shapes.mode_picture(result, name="Modes"),
         on_axes=lambda ax, result, _: figures.mode_shapes.draw_modes(ax, result),
         alone=True,
     ),
     "Overview": Presentation(rows=row(lambda: tables.buildings.OVERVIEW)),
     "Pushover": Presentation(
-        lambda result: tables.values.column_values(
-            tables.buildings.pushover(result.drift.shape[1]), result
-        ),
+        lambda result: tables.buildings.pushover_table(result),
         picture=lambda result, units: figures.static_curves.pushover_picture(result, units),
         on_axes=lambda ax, result, units: figures.static_curves.draw_curve(ax, result, units),
         alone=True,
     ),
     "Record": Presentation(
-        fixed_columns(lambda: tables.spectra.SAMPLES), picture=_info_picture, on_axes=_draw_record
+        columns=lambda _: tables.spectra.SAMPLES, picture=_info_picture, on_axes=_draw_record
     ),
     "RecordInfo": Presentation(
         rows=lambda results, _: tables.spectra.info_table(results),
@@ -164,11 +150,11 @@ PRESENTATIONS: dict[str, Presentation] = {
         alone=True,
     ),
     "RotatedSpectrum": Presentation(
-        lambda result: tables.values.rotated_columns(result),
+        lambda result: tables.spectra.rotated_table([result]),
         picture=lambda results, units: figures.spectrum_curves.rotated_picture(results, units),
     ),
     "Spectrum": Presentation(
-        _record_columns,
+        columns=_record_columns,
         picture=lambda results, units: figures.spectrum_curves.spectrum_picture(
             results, units=units
         ),
@@ -176,13 +162,13 @@ PRESENTATIONS: dict[str, Presentation] = {
             ax, results, units
         ),
     ),
-    "StoryPeaks": Presentation(fixed_columns(lambda: tables.responses.STORY_COLUMNS)),
+    "StoryPeaks": Presentation(columns=lambda _: tables.responses.STORY_COLUMNS),
     "TargetDisplacement": Presentation(
-        fixed_columns(lambda: tables.buildings.TARGET_DISPLACEMENT),
+        columns=lambda _: tables.buildings.TARGET_DISPLACEMENT,
         picture=lambda results, units: figures.static_curves.target_picture(results, units),
     ),
     "TransferFunction": Presentation(
-        _columns_of_floors,
+        lambda result: tables.transfer.transfer_table(result),
         picture=lambda result, units: figures.mode_shapes.transfer_picture(result, units),
         alone=True,
     ),

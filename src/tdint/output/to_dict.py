@@ -213,6 +213,8 @@ def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
     # The table of a base class applies to subclasses without a separate table.
     for result_class in type(result).__mro__:
         known = presentations().get(result_class.__name__)
+        if known is not None and known.columns is not None:
+            return [(column, column.of(result)) for column in known.columns(result)]
         if known is not None and known.table is not None:
             table = known.table(result)
             return table.by_column() if isinstance(table, Table) else table

@@ -59,9 +59,7 @@ PRESENTATIONS: dict[str, Presentation] = {
         alone=True,
     ),
     "Gradient": Presentation(
-        lambda result: tables.values.column_values(
-            tables.responses.gradient_columns(result), result
-        ),
+        columns=lambda result: tables.responses.gradient_columns(result),
         picture=lambda result, units: studies.campaign.many_run_figures.gradient_picture(
             result, units
         ),

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from tdint.output.tables.table import METHOD_SPEC, TEXT, Column, Table
-
-if TYPE_CHECKING:
-    from tdint.assessment.failures.failures import Trial
 from tdint.output.tables.methods import _without_commas
+from tdint.output.tables.table import METHOD_SPEC, TEXT, Column
 
 FAILURE = (
     Column.named("problem", "problem", TEXT),
@@ -27,9 +21,3 @@ FAILURE = (
     Column("end_s", "s", "time", "last time reached"),
     Column("error_of", "text", _without_commas("error_of"), "quantity of the error"),
 )
-
-
-def failure_table(trials: Iterable[Trial]) -> Table:
-    """Return the table of the results of methods for problems with known solutions, as reported by
-    `tdint failures`, with one row per problem, method and time step."""
-    return Table.of_results(FAILURE, trials)

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from tdint.output.tables.table import METHOD_SPEC, TEXT, Column, Table
-
-if TYPE_CHECKING:
-    from tdint.assessment.order.order import ObservedOrder
+from tdint.output.tables.table import METHOD_SPEC, TEXT, Column
 
 
 def _order(quantity: str) -> Column:
@@ -36,9 +30,3 @@ ORDER = (
         "maximum error with the smallest time step, divided by the maximum displacement",
     ),
 )
-
-
-def order_table(measured: Iterable[ObservedOrder]) -> Table:
-    """Return the table of observed orders of accuracy, with one row per method and frequency ratio
-    (frequency of the load divided by the frequency of the oscillator)."""
-    return Table.of_results(ORDER, measured)

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Column, Table, numbered
-
-if TYPE_CHECKING:
-    from tdint.assessment.stability.stability import Overshoot, StabilityCurve
 from tdint.output.tables.methods import _finite_or_nan, _limit_or_none
+from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Column, numbered
 
 DECLARATION = (
     Column("method", "text", "integrator.label", "method with its parameters"),
@@ -81,15 +75,3 @@ OVERSHOOT: tuple[Column, ...] = (
     ),
     Column.named("law", "restoring force of the oscillator", TEXT),
 )
-
-
-def stability_table(curves: Iterable[StabilityCurve]) -> Table:
-    """Return the table of spectral radius and numerical errors, with one row per method, damping
-    ratio and ratio of time step to period."""
-    return Table.of_results(STABILITY, curves)
-
-
-def overshoot_table(motions: Iterable[Overshoot]) -> Table:
-    """Return the table of the first time steps with a large time step (overshoot), with one row per
-    method, initial condition and time step; step 0 is the initial condition."""
-    return Table.of_results(OVERSHOOT, motions)

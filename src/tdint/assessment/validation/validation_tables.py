@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-from tdint.output.tables.table import TEXT, Column, Table
-
-if TYPE_CHECKING:
-    from tdint.assessment.validation.validation import ValidationResult
 from tdint.output.tables.methods import _without_commas
+from tdint.output.tables.table import TEXT, Column
 
 VALIDATION = (
     Column("case", "text", "case.name", "name of the case"),
@@ -43,8 +37,3 @@ VALIDATION = (
     ),
     Column.named("within", "true if all differences are within the tolerance", TEXT),
 )
-
-
-def validation_table(results: Iterable[ValidationResult]) -> Table:
-    """Return the table of computed and published values, with one row per validation case."""
-    return Table.of_results(VALIDATION, results)

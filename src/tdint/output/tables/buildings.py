@@ -6,7 +6,6 @@ Tables of runs are in `responses`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -32,10 +31,7 @@ if TYPE_CHECKING:
     from tdint.model.modes import ComplexModes, Modes
     from tdint.model.story import Story
     from tdint.model.story_laws import Law
-    from tdint.response.spectra.modal import ModalResponse
-    from tdint.response.static.cyclic import CyclicTest
     from tdint.response.static.pushover import Pushover
-    from tdint.response.static.target_displacement import TargetDisplacement
 
 CYCLIC = (
     Column.named("story", "story, numbered from the ground"),
@@ -190,11 +186,6 @@ ELEMENT_EVENTS = (
 """Changes of stiffness of the elements of stories with several elements in a pushover."""
 
 
-def events_table(result: Pushover) -> Table:
-    """Return the changes of stiffness of the elements in a pushover, in order."""
-    return Table.of_results(ELEMENT_EVENTS, result.events)
-
-
 TARGET_DISPLACEMENT = (
     Column.named("method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)", TEXT),
     Column("story", "1", numbered("drift"), "story, numbered from the ground"),
@@ -236,17 +227,6 @@ TARGET_OF_BUILDING = (
     ),
     Column("c2", "1", elements_of("factors", 1), "C2; 1 with n2"),
 )
-
-
-def target_table(results: Sequence[TargetDisplacement]) -> Table:
-    """Return the table of the drifts at the target displacement, with one row per method of the
-    target displacement and story."""
-    return Table.of_results(TARGET_DISPLACEMENT, results)
-
-
-def target_building_table(results: Sequence[TargetDisplacement]) -> Table:
-    """Return the table with one row per method: equivalent oscillators and target displacements."""
-    return Table.of_results(TARGET_OF_BUILDING, results)
 
 
 _COMBINED = (
@@ -310,17 +290,6 @@ MODAL_SHARE = (
         "square of base_shear_N divided by the sum of the squares over all modes",
     ),
 )
-
-
-def modal_share_table(result: ModalResponse) -> Table:
-    """Return the table of the contributions of the modes to a response spectrum analysis, with one
-    row per mode."""
-    return Table.of_results(MODAL_SHARE, [result])
-
-
-def modal_response_table(result: ModalResponse) -> Table:
-    """Return the table of the peaks of a response spectrum analysis, with one row per story."""
-    return Table.of_results(MODAL_RESPONSE, [result])
 
 
 OVERVIEW = (
@@ -422,11 +391,6 @@ def of_event(name: str) -> Column:
     """Return the column that identifies the event in tables of several events. All its cells are
     `name`, the file of the recordings of the event."""
     return Column("recorded", "text", lambda _: name, "file of the recordings")
-
-
-def cyclic_table(test: CyclicTest) -> Table:
-    """Return the table of a cyclic test, with one row per point of the displacement path."""
-    return Table.of_results(CYCLIC, [test])
 
 
 MODEL = (
@@ -604,7 +568,7 @@ def _dashpot_text(story: Story, units: OutputUnits) -> str:
 
 def mode_table(
     modes: Modes,
-    damping: Array,
+    damping: Array | None,
     norm: str | None = None,
     *,
     complex_modes: ComplexModes | None = None,
@@ -613,6 +577,8 @@ def mode_table(
 
     Parameters
     ----------
+    damping : ndarray, shape (modes,), or None
+        Damping ratios; None for empty cells.
     complex_modes : ComplexModes, optional
         Damped modes, which add columns.
     norm : str, optional

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.output.tables import buildings, responses, runs, spectra
-from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, columns_of
+from tdint.output.tables import responses, runs
+from tdint.output.tables.table import Column
 from tdint.response.runs.demands import DEMANDED, demand_columns, demand_errors
 from tdint.response.runs.outcome import History
 
@@ -20,17 +19,6 @@ Values = list[tuple[Column, Any]]
 
 RUNS_COLUMNS: dict[str, Column] = {str(column.value): column for column in runs.RUNS}
 """Columns of runs.csv by their attributes."""
-
-
-def column_values(columns: Sequence[Column], result: Any) -> Values:
-    """Return a list of tuples: a column, and the value of the column for the result."""
-    return [(column, column.of(result)) for column in columns]
-
-
-def record_columns(result: Any) -> Values:
-    """Return the columns that the class of a result declares, with their values, after the file and
-    the component of its record."""
-    return column_values((*RECORD_COLUMNS, *columns_of(type(result))), result)
 
 
 def runs_columns(result: Runs) -> Values:
@@ -83,14 +71,6 @@ def _values_of_run(values: Any, run: int, story_count: int) -> Any:
     )
 
 
-def mode_columns(result: Any) -> Values:
-    """Return the columns, with their values, of the modes of a building."""
-    ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
-    return column_values(
-        (*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result
-    )
-
-
 def history_columns(result: History) -> Values:
     """Return the columns of a response history with their values, as in the CSV file."""
     parts = responses.history_parts(result)
@@ -102,13 +82,3 @@ def history_columns(result: History) -> Values:
             [array[:, i] for i in range(len(names)) for array in arrays] if all(names) else arrays
         )
     return list(zip(responses.history_columns(*parts), values, strict=True))
-
-
-def floor_spectrum_columns(result: Any) -> Values:
-    """Return the columns of the spectrum of a floor, with their values."""
-    return column_values([FLOOR], result) + column_values(spectra.SPECTRUM, result.spectrum)
-
-
-def rotated_columns(result: Any) -> Values:
-    """Return the columns of the spectrum of rotated components, with their values."""
-    return column_values((*spectra.MOTION_COLUMNS, *spectra.rotated(result.percentiles)), result)
