@@ -33,17 +33,14 @@ CHART_STORIES = Column.named("stories", "number of stories of the building")
 
 CHART = (
     METHOD_SPEC,
-    Column("dt_s", "s", "dt", "time step"),
+    Column.named("dt", "time step", "s"),
     Column.named("steps", "number of time steps"),
     Column.named(
         "iterations",
         "number of solutions of the equations; for scipy, number of evaluations of the derivatives",
     ),
-    Column(
-        "time_s",
-        "s",
-        "time",
-        "median time of the compiled loop, on the clock that the summary states",
+    Column.named(
+        "time", "median time of the compiled loop, on the clock that the summary states", "s"
     ),
     Column("time_min_s", "s", "fastest", "minimum time of the compiled loop"),
     _chart_error(

@@ -41,7 +41,7 @@ EXAMPLE = (
     Column.named("example", "example of the paper"),
     METHOD_SPEC,
     Column("variant", "text", lambda run: run.variant or None, "variant of the analysis"),
-    Column("dt_s", "s", "dt", "time step"),
+    Column.named("dt", "time step", "s"),
     *_example_errors(
         "paper", "the reference of the paper: newmark-linear with time steps of 0.001 or 0.002 s"
     ),

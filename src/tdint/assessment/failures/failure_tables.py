@@ -8,7 +8,7 @@ from tdint.output.tables.table import METHOD_SPEC, TEXT, Column
 FAILURE = (
     Column.named("problem", "problem", TEXT),
     METHOD_SPEC,
-    Column("dt_s", "s", "dt", "time step"),
+    Column.named("dt", "time step", "s"),
     Column.named(
         "energy_ratio_min", "minimum energy divided by the maximum energy of the exact motion"
     ),

@@ -7,7 +7,7 @@ from tdint.output.tables.table import DAMPING, METHOD_SPEC, TEXT, Column, number
 
 DECLARATION = (
     Column("method", "text", "integrator.label", "method with its parameters"),
-    Column("order", "1", "integrator.order", "declared order of accuracy"),
+    Column.named("integrator.order", "declared order of accuracy"),
     Column(
         "observed_order",
         "1",
@@ -22,9 +22,7 @@ DECLARATION = (
         "declared largest stable omega dt without damping",
     ),
     Column("measured_limit", "1", _limit_or_none("limit"), "measured largest stable omega dt"),
-    Column(
-        "rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"
-    ),
+    Column.named("integrator.rho_inf", "declared spectral radius for omega dt to infinity"),
     Column("measured_rho_inf", "1", "rho_inf", "measured spectral radius for omega dt to infinity"),
     Column("faults", "1", lambda result: len(result.faults), "number of incorrect declarations"),
 )

@@ -16,11 +16,8 @@ VALIDATION = (
         "number of compared published numbers",
     ),
     Column("unit", "text", _without_commas("case.unit"), "unit of the numbers"),
-    Column(
-        "relative",
-        "text",
-        "case.relative",
-        "true if differences are relative to the published numbers",
+    Column.named(
+        "case.relative", "true if differences are relative to the published numbers", TEXT
     ),
     Column(
         "largest_difference",
@@ -28,7 +25,7 @@ VALIDATION = (
         "largest",
         "maximum difference between computed and published numbers",
     ),
-    Column("tolerance", "1", "case.tolerance", "maximum allowed difference"),
+    Column.named("case.tolerance", "maximum allowed difference"),
     Column(
         "difference_is",
         "text",

@@ -47,27 +47,20 @@ CYCLIC = (
         "cycle_numbers",
         "cycle, from 1; 0 for the start; empty for a user-defined displacement path",
     ),
-    Column("drift_m", "m", "path.drift", "imposed drift"),
+    Column.named("path.drift", "imposed drift", "m"),
     Column(
         "drift_ratio",
         "1",
         lambda test: test.path.drift / test.height,
         "drift divided by story height",
     ),
-    Column("shear_N", "N", "path.shear", "restoring force of the hysteretic law"),
-    Column(
-        "shear_with_p_delta_N",
-        "N",
-        "shear_with_p_delta",
-        "restoring force with the geometric stiffness",
-    ),
+    Column.named("path.shear", "restoring force of the hysteretic law", "N"),
+    Column.named("shear_with_p_delta", "restoring force with the geometric stiffness", "N"),
     Column(
         "tangent_stiffness_N_m", "N/m", "path.tangent", "tangent stiffness of the hysteretic law"
     ),
-    Column("strain_energy_J", "J", "path.strain_energy", "strain energy of the hysteretic law"),
-    Column(
-        "hysteretic_energy_J", "J", "path.hysteretic_energy", "energy dissipated since the start"
-    ),
+    Column.named("path.strain_energy", "strain energy of the hysteretic law", "J"),
+    Column.named("path.hysteretic_energy", "energy dissipated since the start", "J"),
 )
 
 
@@ -75,35 +68,25 @@ _SHEAR_BEAM = Column(
     "period_shear_beam_s", "s", "building.period", "fundamental period of the shear building"
 )
 _STORIES_COLUMNS = (
-    Column("damping_ratio", "1", "building.damping_ratio", "viscous damping ratio"),
+    Column.named("building.damping_ratio", "viscous damping ratio"),
     Column("story", "1", numbered("building.mass"), "story, numbered from the ground"),
-    Column("mass_kg", "kg", "building.mass", "mass of the floor"),
-    Column("height_m", "m", "building.height", "story height"),
+    Column.named("building.mass", "mass of the floor", "kg"),
+    Column.named("building.height", "story height", "m"),
 )
 INVENTORY = (
-    Column("id", "text", "row.id", "id of the building"),
-    Column(
-        "design_level", "text", "building.design_level", "design level: pre, low, moderate, high"
-    ),
+    Column.named("row.id", "id of the building", TEXT),
+    Column.named("building.design_level", "design level: pre, low, moderate, high", TEXT),
     Column("hazus_type", "text", "building.type", "structure type with its height class"),
     Column("period_rule_s", "s", "building.rule_period", "fundamental period by the rules"),
     _SHEAR_BEAM,
     *_STORIES_COLUMNS,
-    Column("stiffness_N_m", "N/m", "building.stiffness", "initial stiffness"),
-    Column("yield_force_N", "N", "building.yield_force", "force at first yield"),
-    Column("ultimate_force_N", "N", "building.ultimate_force", "maximum force"),
-    Column("yield_drift_m", "m", "building.yield_drift", "drift at first yield"),
-    Column(
-        "ultimate_drift_m",
-        "m",
-        "building.ultimate_drift",
-        "drift at the maximum force",
-    ),
-    Column(
-        "pinching",
-        "1",
-        "building.pinching",
-        "fraction of the force at which the first branch of reloading ends",
+    Column.named("building.stiffness", "initial stiffness", "N/m"),
+    Column.named("building.yield_force", "force at first yield", "N"),
+    Column.named("building.ultimate_force", "maximum force", "N"),
+    Column.named("building.yield_drift", "drift at first yield", "m"),
+    Column.named("building.ultimate_drift", "drift at the maximum force", "m"),
+    Column.named(
+        "building.pinching", "fraction of the force at which the first branch of reloading ends"
     ),
     Column("unloading_exponent", "1", "building.unloading", "exponent of the unloading stiffness"),
 )
@@ -117,12 +100,7 @@ CLASS_COLUMNS = (
         "period of the initial branch of the capacity curve",
     ),
     _SHEAR_BEAM,
-    Column(
-        "participation",
-        "1",
-        "building.participation",
-        "roof displacement divided by spectral displacement",
-    ),
+    Column.named("building.participation", "roof displacement divided by spectral displacement"),
     *_STORIES_COLUMNS,
     *(
         Column(
@@ -148,14 +126,9 @@ def pushover(stories: int) -> tuple[Column, ...]:
             numbered("base_shear", 0),
             "load step; 0 is the undeformed state",
         ),
-        Column(
-            "roof_displacement_m",
-            "m",
-            "roof_displacement",
-            "roof displacement relative to the ground",
-        ),
+        Column.named("roof_displacement", "roof displacement relative to the ground", "m"),
         Column.named("roof_drift_ratio", "roof displacement divided by the height of the building"),
-        Column("base_shear_N", "N", "base_shear", "base shear: sum of the forces on the floors"),
+        Column.named("base_shear", "base shear: sum of the forces on the floors", "N"),
         *(
             Column(
                 f"story_{i + 1}_drift_m",
@@ -177,11 +150,11 @@ ELEMENT_EVENTS = (
     Column.named("story", "story, numbered from the ground"),
     Column.named("element", "name of the element in the model file", TEXT),
     Column.named("law", "hysteretic law of the element", TEXT),
-    Column("drift_m", "m", "drift", "drift of the story"),
-    Column("roof_displacement_m", "m", "roof_displacement", "roof displacement"),
-    Column("base_shear_N", "N", "base_shear", "base shear"),
-    Column("stiffness_before_N_m", "N/m", "stiffness_before", "tangent of the element before"),
-    Column("stiffness_after_N_m", "N/m", "stiffness_after", "tangent of the element after"),
+    Column.named("drift", "drift of the story", "m"),
+    Column.named("roof_displacement", "roof displacement", "m"),
+    Column.named("base_shear", "base shear", "N"),
+    Column.named("stiffness_before", "tangent of the element before", "N/m"),
+    Column.named("stiffness_after", "tangent of the element after", "N/m"),
 )
 """Changes of stiffness of the elements of stories with several elements in a pushover."""
 
@@ -189,15 +162,15 @@ ELEMENT_EVENTS = (
 TARGET_DISPLACEMENT = (
     Column.named("method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)", TEXT),
     Column("story", "1", numbered("drift"), "story, numbered from the ground"),
-    Column("drift_m", "m", "drift", "drift at the target displacement"),
+    Column.named("drift", "drift at the target displacement", "m"),
     Column.named("drift_ratio", "drift divided by story height"),
     Column.named("ductility", "drift divided by the drift at first yield"),
 )
 TARGET_OF_BUILDING = (
     TARGET_DISPLACEMENT[0],
-    Column("roof_displacement_m", "m", "roof_displacement", "target displacement of the roof"),
-    Column("base_shear_N", "N", "base_shear", "base shear at the target displacement"),
-    Column("period_s", "s", "period", "period of the equivalent oscillator: T*, Te"),
+    Column.named("roof_displacement", "target displacement of the roof", "m"),
+    Column.named("base_shear", "base shear at the target displacement", "N"),
+    Column.named("period", "period of the equivalent oscillator: T*, Te", "s"),
     Column(
         "sa_m_s2",
         "m/s^2",
@@ -208,16 +181,11 @@ TARGET_OF_BUILDING = (
         "participation",
         "roof displacement divided by the displacement of the oscillator: Gamma, C0",
     ),
-    Column(
-        "mass_kg",
-        "kg",
-        "mass",
-        "mass of the equivalent oscillator; with coefficients, mass of the building",
+    Column.named(
+        "mass", "mass of the equivalent oscillator; with coefficients, mass of the building", "kg"
     ),
-    Column("yield_force_N", "N", "yield_force", "base shear at which the idealized curve yields"),
-    Column(
-        "yield_displacement_m", "m", "yield_displacement", "roof displacement at which it yields"
-    ),
+    Column.named("yield_force", "base shear at which the idealized curve yields", "N"),
+    Column.named("yield_displacement", "roof displacement at which it yields", "m"),
     Column.named("strength_ratio", "elastic force divided by yield force"),
     Column(
         "c1",
@@ -274,7 +242,7 @@ MODAL_RESPONSE = (
 )
 MODAL_SHARE = (
     Column("mode", "1", numbered("period"), "mode number, from the longest period"),
-    Column("period_s", "s", "period", "natural period"),
+    Column.named("period", "natural period", "s"),
     Column(
         "sa_m_s2",
         "m/s^2",
@@ -282,7 +250,7 @@ MODAL_SHARE = (
         "pseudo-acceleration of the target spectrum; 0 for an omitted mode",
     ),
     Column.named("mass_ratio", "effective modal mass divided by the total mass"),
-    Column("base_shear_N", "N", "base_shear", "base shear of this mode"),
+    Column.named("base_shear", "base shear of this mode", "N"),
     Column(
         "base_shear_share",
         "1",
@@ -294,10 +262,10 @@ MODAL_SHARE = (
 
 OVERVIEW = (
     Column("model", "text", "model.source", "model file"),
-    Column("name", "text", "model.name", "name of the building"),
+    Column.named("model.name", "name of the building", TEXT),
     Column.named("stories", "number of stories"),
-    Column("height_m", "m", "height", "height of the building; empty if a story has no height"),
-    Column("mass_kg", "kg", "mass", "total mass of the floors"),
+    Column.named("height", "height of the building; empty if a story has no height", "m"),
+    Column.named("mass", "total mass of the floors", "kg"),
     Column("t1_s", "s", "period", "fundamental period of the initial stiffness, P-delta included"),
     Column(
         "t1_damping",
@@ -358,11 +326,8 @@ COMPLEX_MODE = (
         "period of the mode with all linear dampers and their braces: 2 pi over the absolute value "
         "of the complex eigenvalue; empty without vibration",
     ),
-    Column(
-        "damped_period_s",
-        "s",
-        "damped_period",
-        "period of the vibration of this mode, 2 pi over the imaginary part",
+    Column.named(
+        "damped_period", "period of the vibration of this mode, 2 pi over the imaginary part", "s"
     ),
     Column("complex_damping", "1", "damping", "damping ratio of this mode"),
 )
@@ -405,8 +370,8 @@ MODEL = (
 DEVICE = (
     Column.named("name", "name of the attachment or link", TEXT),
     Column.named("place", "floor of an attachment, start and end of a link", TEXT),
-    Column("mass_kg", "kg", "mass", "attached mass"),
-    Column("stiffness_N_m", "N/m", "stiffness", "initial stiffness of the spring"),
+    Column.named("mass", "attached mass", "kg"),
+    Column.named("stiffness", "initial stiffness of the spring", "N/m"),
 )
 """Attachments and links of a model; the text columns of hysteretic laws and dashpots follow."""
 

@@ -46,11 +46,8 @@ LINK_COLUMNS = tuple(
 )
 LINK_ERROR = error_columns(LINK_COLUMNS)
 ENERGY = (
-    Column(
-        "dissipated_energy_J",
-        "J",
-        "dissipated_energy",
-        "energy dissipated by spring and dashpot since the start",
+    Column.named(
+        "dissipated_energy", "energy dissipated by spring and dashpot since the start", "J"
     ),
 )
 ENERGY_ERROR = tuple(

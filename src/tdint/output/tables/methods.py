@@ -48,7 +48,7 @@ def _parameter_texts(integrator: Integrator) -> str:
 
 
 METHOD = (
-    Column("name", "text", "method.name", "name"),
+    Column.named("method.name", "name", TEXT),
     Column("family", "text", "family.name", "methods that share one compiled step"),
     Column("parameters", "text", _parameter_texts, "default values and ranges"),
     Column.named("order", "order of accuracy of displacement and velocity for a smooth load"),

@@ -43,7 +43,7 @@ STORY_COLUMNS: tuple[Column, ...] = (
     Column(
         "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
     ),
-    Column("height_m", "m", "height", "story height"),
+    Column.named("height", "story height", "m"),
     *(Column.of_quantity(quantity) for quantity in STORY_QUANTITIES if "table" in quantity.shown),
 )
 STORY_ERROR = error_columns(STORY_COLUMNS[2:])
@@ -55,7 +55,7 @@ ELEMENT_COLUMNS: tuple[Column, ...] = (
     Column.named("law", "hysteretic law of the element", TEXT),
     Column.of_quantity(_ELEMENT["peak_force"]),
     Column.of_quantity(_ELEMENT["dissipated_energy"]),
-    Column("yield_drift_m", "m", "yield_drift", "drift at first yield; empty without yielding"),
+    Column.named("yield_drift", "drift at first yield; empty without yielding", "m"),
     Column.of_quantity(_ELEMENT["ductility"]),
 )
 """Columns of elements.csv: the elements of stories with several elements."""

@@ -30,8 +30,8 @@ RUNS = (
 
 SHOCKS = (
     Column.named("shock", "event of the sequence, from 1"),
-    Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
-    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
+    Column.named("start", "time of the first sample of the event in the sequence", "s"),
+    Column.named("pga", "peak ground acceleration of the scaled event", "m/s^2"),
     *(Column.of_quantity(quantity) for quantity in DEMANDED),
 )
 """Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""

@@ -51,10 +51,10 @@ INFO = (
         lambda info: info.record.id if info.record.id.strip(".") else "",
         "full identifier of the channel",
     ),
-    Column("start", "text", "record.start", "time of the first sample, UTC"),
+    Column.named("record.start", "time of the first sample, UTC", "text"),
     Column("samples", "1", "record.acceleration.size", "number of samples"),
-    Column("dt_s", "s", "record.dt", "sampling interval"),
-    Column("duration_s", "s", "record.duration", "time from the first to the last sample"),
+    Column.named("record.dt", "sampling interval", "s"),
+    Column.named("record.duration", "time from the first to the last sample", "s"),
     Column(
         "units",
         "text",
@@ -62,43 +62,27 @@ INFO = (
         "units of the samples in the file, and their source",
     ),
     *map(_measure_column, BUILTIN_MEASURES),
-    Column("housner_intensity_m", "m", "housner_intensity", "Housner spectrum intensity"),
-    Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
-    Column(
-        "leading_zeros",
-        "1",
-        "measures.leading_zeros",
-        "number of samples at the start that are zero",
-    ),
-    Column(
-        "trailing_zeros",
-        "1",
-        "measures.trailing_zeros",
-        "number of samples at the end that are zero",
-    ),
-    Column(
-        "predominant_period_s",
-        "s",
+    Column.named("housner_intensity", "Housner spectrum intensity", "m"),
+    Column.named("measures.mean", "mean of the acceleration", "m/s^2"),
+    Column.named("measures.leading_zeros", "number of samples at the start that are zero"),
+    Column.named("measures.trailing_zeros", "number of samples at the end that are zero"),
+    Column.named(
         "predominant_period",
         "period of the maximum pseudo-acceleration with 5 % damping (Tp), at periods 1 % apart",
-    ),
-    Column(
-        "mean_period_s",
         "s",
-        "measures.mean_period",
-        "mean period of the Fourier amplitudes from 0.25 to 20 Hz (Tm)",
     ),
-    Column(
-        "a95_m_s2",
-        "m/s^2",
+    Column.named(
+        "measures.mean_period", "mean period of the Fourier amplitudes from 0.25 to 20 Hz (Tm)", "s"
+    ),
+    Column.named(
         "measures.a95",
         "acceleration level below which 95 % of the Arias intensity is contained",
+        "m/s^2",
     ),
-    Column(
-        "bracketed_duration_s",
-        "s",
+    Column.named(
         "measures.bracketed_duration",
         "time between the first and the last acceleration of 0.05 g",
+        "s",
     ),
     Column(
         "notes",
@@ -110,10 +94,10 @@ INFO = (
 
 MOTION = (
     *RECORD_COLUMNS,
-    Column("dt_s", "s", "dt", "sampling interval"),
-    Column("duration_s", "s", "duration", "time from the first to the last sample"),
+    Column.named("dt", "sampling interval", "s"),
+    Column.named("duration", "time from the first to the last sample", "s"),
     Column.named("scale", "scale factor of the recorded acceleration"),
-    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration"),
+    Column.named("pga", "peak ground acceleration", "m/s^2"),
 )
 """Columns of ground motions after processing and scaling."""
 
@@ -124,19 +108,18 @@ SAMPLES: tuple[Column, ...] = (
         lambda record: record.dt * np.arange(record.acceleration.size),
         "time from the first sample",
     ),
-    Column("acceleration_m_s2", "m/s^2", "acceleration", "ground acceleration"),
+    Column.named("acceleration", "ground acceleration", "m/s^2"),
 )
 """Columns of a record."""
 
 GROUND = (
     *SAMPLES,
-    Column(
-        "velocity_m_s",
-        "m/s",
+    Column.named(
         "velocity",
         "integral of the acceleration from rest; its peak (pgv) may occur between samples",
+        "m/s",
     ),
-    Column("displacement_m", "m", "displacement", "integral of the velocity"),
+    Column.named("displacement", "integral of the velocity", "m"),
 )
 """Columns of an exported ground motion."""
 
@@ -150,7 +133,7 @@ def ground_table(record: Record) -> Table:
 
 MOTION_COLUMNS = (
     Column("record", "text", "motion.source", "file of the first component"),
-    Column("component", "text", "motion.component", "both components"),
+    Column.named("motion.component", "both components", "text"),
 )
 """First columns of tables over pairs of components."""
 
@@ -160,9 +143,9 @@ SPECTRUM = columns_of(Spectrum)
 TARGET = (
     Column("target", "text", "source", "design spectrum with its parameters, or file"),
     SPECTRUM[1],
-    Column("sd_m", "m", "sd", "displacement, psa divided by omega^2"),
-    Column("psv_m_s", "m/s", "psv", "pseudo-velocity, psa divided by omega"),
-    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
+    Column.named("sd", "displacement, psa divided by omega^2", "m"),
+    Column.named("psv", "pseudo-velocity, psa divided by omega", "m/s"),
+    Column.named("psa", "pseudo-acceleration", "m/s^2"),
 )
 """Columns of a target spectrum."""
 

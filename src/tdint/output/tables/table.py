@@ -25,7 +25,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import write_out_controls
 from tdint.tabular import import_optional
-from tdint.units import SI, OutputUnits, Quantity, quantities
+from tdint.units import SI, OutputUnits, Quantity, quantities, suffix
 
 Cell = bool | int | float | str | None
 
@@ -60,9 +60,10 @@ class Column(NamedTuple):
     meaning: str
 
     @classmethod
-    def named(cls, name: str, meaning: str, unit: str = "1") -> Column:
-        """Return the column of the attribute of a result that has the name of the column."""
-        return cls(name, unit, name, meaning)
+    def named(cls, attribute: str, meaning: str, unit: str = "1") -> Column:
+        """Return the column of an attribute of a result. Its name is the name of the attribute (the
+        part after the last dot) with the suffix of the unit."""
+        return cls(f"{attribute.rpartition('.')[2]}{suffix(unit)}", unit, attribute, meaning)
 
     @classmethod
     def of_quantity(cls, quantity: Quantity) -> Column:
@@ -409,7 +410,7 @@ def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
 
 RECORD_COLUMNS = (
     Column("record", "text", "record.source", "file of the record"),
-    Column("component", "text", "record.component", "component of the record"),
+    Column.named("record.component", "component of the record", TEXT),
 )
 """First columns of tables over records. The components of several records are named together."""
 

@@ -20,7 +20,7 @@ def transfer_columns(floors: int, source: str | int) -> tuple[Column, ...]:
     if source == "ground":
         unit, meaning = "1", "absolute acceleration divided by the ground acceleration"
     return (
-        Column("frequency_hz", "Hz", "frequency", "frequency of the harmonic motion"),
+        Column.named("frequency", "frequency of the harmonic motion", "Hz"),
         *(
             column
             for floor in range(1, floors + 1)
@@ -50,12 +50,12 @@ def transfer_table(result: TransferFunction) -> Table:
 
 RESONANCE = (
     Column.named("floor", "floor, numbered from the ground"),
-    Column("frequency_hz", "Hz", "frequency", "frequency of the maximum amplitude"),
+    Column.named("frequency", "frequency of the maximum amplitude", "Hz"),
     Column.named("amplitude", "maximum absolute acceleration over ground acceleration"),
 )
 RESONANCE_OF_FORCE = (
     *RESONANCE[:2],
-    Column("amplitude_m_N", "m/N", "amplitude", "maximum displacement over force"),
+    Column.named("amplitude", "maximum displacement over force", "m/N"),
 )
 
 

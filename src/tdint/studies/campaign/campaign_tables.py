@@ -150,7 +150,7 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
         Column(f"mean_{drift}{end}", drift_unit, "mean", ""),
         Column(f"largest_{drift}{end}", drift_unit, "largest", ""),
         Column("times_baseline", "1", "ratio", ""),
-        Column("acceleration_m_s2", "m/s^2", "acceleration", ""),
+        Column.named("acceleration", "", "m/s^2"),
         Column(f"residual_{drift}{end}", drift_unit, "residual", ""),
         Column("base_shear_N", "N", "shear", ""),
         Column("device_force_N", "N", "force", ""),

@@ -22,14 +22,13 @@ from tdint.studies.ida.ida_curve import Capacity, IdaCurve, PairCurve
 
 _RECORD = (
     *NAMED_RECORD_COLUMNS,
-    Column(
-        "im_name",
-        "text",
+    Column.named(
         "study.im_name",
         "intensity measure: sa(T) and sa-avg(T) with the period in s, or a measure that depends "
         "only on the ground motion, such as pga",
+        "text",
     ),
-    Column("unit", "text", "study.measure.unit", "unit of the intensity measure"),
+    Column.named("study.measure.unit", "unit of the intensity measure", "text"),
 )
 """First columns of the tables of an incremental dynamic analysis."""
 
@@ -72,58 +71,41 @@ IDA_ERRORS = tuple(
 )
 """Additional columns of a study with error estimates."""
 
-DAMAGE = Column(
-    "damage",
-    "1",
-    "curve.damage",
-    "drift ratio of the damage by the main shock; 0: intact",
-)
+DAMAGE = Column.named("curve.damage", "drift ratio of the damage by the main shock; 0: intact")
 INTENSITIES = ("im", "capacity", "lower", "upper")
 """Columns in the unit of the column `unit`."""
 
 CAPACITIES = (
     *_RECORD,
-    Column(
-        "threshold",
-        "1",
+    Column.named(
         "capacity.threshold",
         "drift ratio; the largest threshold is the collapse drift and represents collapse",
     ),
-    Column(
-        "capacity",
-        "1",
+    Column.named(
         "capacity.capacity",
         "lowest intensity at which the threshold is exceeded; if censored, a lower bound",
     ),
-    Column("lower", "1", "capacity.lower", "next lower intensity level with a run"),
-    Column(
-        "upper",
-        "1",
-        "capacity.upper",
-        "next higher intensity level with a run; empty if censored",
-    ),
-    Column(
-        "censored",
-        "text",
+    Column.named("capacity.lower", "next lower intensity level with a run"),
+    Column.named("capacity.upper", "next higher intensity level with a run; empty if censored"),
+    Column.named(
         "capacity.censored",
         "true if the threshold was not exceeded up to the largest level",
-    ),
-    Column(
-        "resurrection",
         "text",
+    ),
+    Column.named(
         "curve.resurrection",
         "true if the building did not collapse at a level above the first collapse: 1.25 or 1.5 "
         "times its intensity, or a level of the search",
+        "text",
     ),
 )
 
 
-LIMIT = Column(
-    "limit",
-    "text",
+LIMIT = Column.named(
     "capacity.limit",
     "limit of attachments or links in the model, with its performance level; threshold is then "
     "empty",
+    "text",
 )
 
 

@@ -29,7 +29,7 @@ SCALED = (
     ),
     *NAMED_RECORD_COLUMNS,
     PERIOD,
-    Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
+    Column.named("psa", "pseudo-acceleration", "m/s^2"),
 )
 """Columns of the spectra of a scaled suite."""
 

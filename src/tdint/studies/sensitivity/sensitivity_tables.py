@@ -19,7 +19,7 @@ _PEAK = (
         lambda result: result.quantity.called or result.quantity.name,
         "peak response: median over the ground motions",
     ),
-    Column("unit", "text", "quantity.unit", "unit of the quantity"),
+    Column.named("quantity.unit", "unit of the quantity", TEXT),
 )
 PARAMETER_EFFECTS: tuple[Column, ...] = (
     Column.named("building", "name of the building", TEXT),
