@@ -1,6 +1,7 @@
 """The option --jobs has its effect in each command; test_files.py tests --overwrite."""
 
 import shutil
+from concurrent import futures
 
 import click
 import pytest
@@ -8,7 +9,6 @@ import pytest
 from tdint.studies.campaign import execute
 from tdint.studies.ida import ida
 from tdint.system import processors
-from tdint_cli import processes
 from tdint_cli.main import COMMANDS, cli
 
 
@@ -56,14 +56,14 @@ def test_jobs_is_the_number_of_threads_or_processes(folder, tdint, monkeypatch, 
         numbers.append(jobs)
         return map(work, items)
 
-    class Workers(processes.Workers):
-        def __init__(self, function, count):
+    class Pool(futures.ProcessPoolExecutor):
+        def __init__(self, count, *arguments):
             numbers.append(count)
-            super().__init__(function, count)
+            super().__init__(count, *arguments)
 
     for module in (execute, ida):
         monkeypatch.setattr(module, "on_threads", threads)
-    monkeypatch.setattr(processes, "Workers", Workers)
+    monkeypatch.setattr(futures, "ProcessPoolExecutor", Pool)
     jobs = processors() + 1  # not the default
     tdint(*JOBS[command].split(), "--jobs", jobs, code=0)
     assert numbers == [2 if "third.mseed" in JOBS[command] else jobs]
