@@ -297,18 +297,18 @@ def columns():
         "tdint fragility": (*functions.FRAGILITY, functions.FRAGILITY_TOTAL, *functions.COUNTED),
         "tdint fragility --im sa,pga": (*functions.COMPARED, *functions.DEPENDENCE),
         "tdint methods": methods.METHOD,
-        "tdint stability": assessment.stability.stability_tables.STABILITY,
-        "tdint overshoot": assessment.stability.stability_tables.OVERSHOOT,
-        "tdint order": assessment.order.order_tables.ORDER,
-        "tdint failures": assessment.failures.failure_tables.FAILURE,
+        "tdint stability": assessment.stability_tables.STABILITY,
+        "tdint overshoot": assessment.stability_tables.OVERSHOOT,
+        "tdint order": assessment.order_tables.ORDER,
+        "tdint failures": assessment.failure_tables.FAILURE,
         "tdint examples": (
             *examples.EXAMPLE,
             examples.rank(lambda run: None),
             examples.OUTCOME,
         ),
         "tdint chart": (
-            assessment.chart.chart_tables.CHART_STORIES,
-            *assessment.chart.chart_tables.CHART,
+            assessment.chart_tables.CHART_STORIES,
+            *assessment.chart_tables.CHART,
         ),
     }
 

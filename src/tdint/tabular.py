@@ -12,7 +12,7 @@ import logging
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
@@ -345,20 +345,24 @@ def declared_homes(file: str) -> dict[str, str]:
     return {name: module for module, name in lines}
 
 
-def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]:
+def modules_on_use(
+    package: str, style: str = "", homes: Mapping[str, str] | None = None
+) -> Callable[[str], ModuleType]:
     """Return a `__getattr__` for a package that imports its modules at their first use.
 
     `package` is the full name of the package, such as `tdint.output.tables`. `style` is the module
     that must be the first that imports matplotlib: it is imported before a module of figures, whose
-    name ends with `figures`.
+    name ends with `figures`. `homes` is the package of each module of a subpackage, as
+    `declared_homes` returns it.
     """
 
     def import_on_use(name: str) -> ModuleType:
         """Import the module `name` of the package; raise AttributeError if there is no module."""
-        if find_spec(f"{package}.{name}") is None:
+        module = f"{(homes or {}).get(name, package)}.{name}"
+        if find_spec(module) is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         if style and name.endswith("figures"):
             import_module(style)
-        return import_module(f"{package}.{name}")
+        return import_module(module)
 
     return import_on_use

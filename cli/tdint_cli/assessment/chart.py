@@ -338,10 +338,10 @@ def _chart_many(request: Request) -> None:
         if case.peer_note:
             gap = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
             notes.append(f"{case.name}, {case.motion}: openseespy:{gap} {case.peer_note}")
-    table = assessment.chart.chart_tables.profile_table(chart)
+    table = assessment.chart_tables.profile_table(chart)
     request.outputs.deliver(
         table,
-        lambda: assessment.chart.profile_figures.profile_picture(
+        lambda: assessment.profile_figures.profile_picture(
             chart, target=request.target_error, highlight=request.highlight
         ),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
@@ -539,18 +539,16 @@ def _deliver(
         "highlight": request.highlight,
     }
     table = (
-        assessment.chart.chart_tables.sizes_table(charts)
+        assessment.chart_tables.sizes_table(charts)
         if request.stories
-        else assessment.chart.chart_tables.chart_table(charts[0])
+        else assessment.chart_tables.chart_table(charts[0])
     )
 
     def draw() -> Figure:
         """Return the figure of a single chart, or of the charts for several numbers of stories."""
         if request.stories:
-            return assessment.chart.chart_figures.sizes_picture(charts, **settings)
-        return assessment.chart.chart_figures.chart_picture(
-            charts[0], versus=request.versus, **settings
-        )
+            return assessment.chart_figures.sizes_picture(charts, **settings)
+        return assessment.chart_figures.chart_picture(charts[0], versus=request.versus, **settings)
 
     def summarize() -> dict[str, Any]:
         """Return the content of the JSON file: the charts, the recommendations and the notes."""

@@ -167,7 +167,7 @@ def command(request: Request) -> None:
             )
         )
     emit_table(
-        assessment.examples.example_tables.example_table(
+        assessment.example_tables.example_table(
             [run for example in requested for run in runs[example]], request.reference
         )
     )
@@ -201,14 +201,14 @@ def _files(
     The table contains the runs with all time steps, the figures only the runs with the first time
     step.
     """
-    table = assessment.examples.example_tables.example_table(runs, reference)
+    table = assessment.example_tables.example_table(runs, reference)
     first_runs = [run for run in runs if run.dt == runs[0].dt]
     contents: list[Content] = [table.csv(), options.output.provenance(table.meanings, SI)]
     if any(run.outcome == "done" and not run.variant for run in first_runs):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
         draw = partial(
-            assessment.examples.example_figures.example_picture,
+            assessment.example_figures.example_picture,
             title,
             first_runs,
             exact=exact,
@@ -235,7 +235,7 @@ def _general_figures(examples: Sequence[Example], suffix: str) -> dict[str, Cont
         if example.drawn_as:
             title = f"Figure {example.drawn_as}, redrawn: example {example.number}, {example.about}"
             draw_functions[_name(example.drawn_as)] = partial(
-                assessment.examples.example_figures.row_picture, title, example.model
+                assessment.example_figures.row_picture, title, example.model
             )
     draw_functions[_BETA_SCAN] = _draw_beta_scan
     return {
@@ -265,14 +265,14 @@ def _draw_oscillator_figure(number: int) -> Any:
         measured = [
             observed_order(method, problem) for method in integrators for problem in problems
         ]
-        return assessment.order.order_figures.order_picture(
+        return assessment.order_figures.order_picture(
             measured,
             f"Figure {number}: order of accuracy over ω₀ / ω\n",
             thin=len(_THIN_METHODS),
         )
     quantity, damping, title = _OSCILLATOR_FIGURES[number]
     curves = [stability(method, _STEPS.values(), damping) for method in integrators]
-    return assessment.stability.stability_figures.accuracy_picture(
+    return assessment.stability_figures.accuracy_picture(
         curves, quantity, f"Figure {number}: {title}", thin=len(_THIN_METHODS)
     )
 
@@ -287,7 +287,7 @@ def _draw_beta_scan() -> Any:
     title = (
         "Not in the paper: spectral radius of impulse with other values of beta, damping ratio 0"
     )
-    return assessment.stability.stability_figures.accuracy_picture(curves, "spectral_radius", title)
+    return assessment.stability_figures.accuracy_picture(curves, "spectral_radius", title)
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:

@@ -84,8 +84,8 @@ def command(request: Request) -> None:
     motions = [motion for pair in pairs.values() for motion in pair]
     shown = request.drawn(motions, _DRAWN)
     request.outputs.deliver(
-        tables.table.Table.of_results(assessment.stability.stability_tables.OVERSHOOT, motions),
-        lambda: assessment.stability.stability_figures.overshoot_picture(shown),
+        tables.table.Table.of_results(assessment.stability_tables.OVERSHOOT, motions),
+        lambda: assessment.stability_figures.overshoot_picture(shown),
     )
     named_pairs = {}
     for (integrator, ratio), pair in pairs.items():
