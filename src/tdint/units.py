@@ -10,7 +10,7 @@ from math import isclose, isfinite, nan
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 from tdint.errors import UsageError, did_you_mean
-from tdint.number_parsing import number_text
+from tdint.number_parsing import LARGEST, SMALLEST, number_text
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
@@ -144,12 +144,6 @@ _DRIFT_UNITS = {"": (1.0, "ratio"), "%": (0.01, "ratio"), "dy": (1.0, "yield dri
 }
 
 
-_MIN_DRIFT, _MAX_DRIFT = 1e-60, 1e60
-"""Limits of a drift ratio, or of a drift in m. Products of numbers between these limits neither
-underflow nor overflow (`tdint.number_parsing.SMALLEST`).
-"""
-
-
 def parse_drift(text: str) -> DriftSize:
     """Parse a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the yield
     drift (`4dy`).
@@ -170,9 +164,9 @@ def parse_drift(text: str) -> DriftSize:
         )
     factor, quantity = _DRIFT_UNITS[unit]
     value = float(number[0]) * factor
-    if not _MIN_DRIFT <= value <= _MAX_DRIFT:
+    if not SMALLEST <= value <= LARGEST:
         raise UsageError(
-            f"drift {text!r}: must be a positive number between {_MIN_DRIFT:g} and {_MAX_DRIFT:g}"
+            f"drift {text!r}: must be a positive number between {SMALLEST:g} and {LARGEST:g}"
         )
     if quantity == "ratio" and value > 1.0:
         # A usual mistake is 2 instead of 2%.

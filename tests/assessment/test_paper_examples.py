@@ -21,7 +21,7 @@ from tdint.assessment.examples import paper_examples
 from tdint.assessment.examples.paper_examples import (
     DT,
     EXACT,
-    default_integrators,
+    METHODS,
     exact_steps,
     examples,
     gap,
@@ -43,7 +43,7 @@ def runs(number, dt):
     only with the time step of the paper."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper_examples, "VARIANTS", paper_examples.VARIANTS if dt == DT else {})
-        done = run_example(examples()[number], dt, [*default_integrators(), *map(parse, OURS)])
+        done = run_example(examples()[number], dt, [*map(parse, (*METHODS, *OURS))])
         return {(result.method, result.variant): result for result in done}
 
 

@@ -125,7 +125,7 @@ def command(request: Request) -> None:
     """
     from tdint.assessment.examples.paper_examples import (
         DT,
-        default_integrators,
+        METHODS,
         examples,
         run_example,
     )
@@ -143,9 +143,7 @@ def command(request: Request) -> None:
         outputs = [folder / name for example in requested for name in _names(example, suffix)]
         outputs += [folder / name for name in general_figures]
         check_outputs(outputs, overwrite=request.overwrite)
-    integrators = (
-        options.analysis.integrators(request.methods) if request.methods else default_integrators()
-    )
+    integrators = options.analysis.integrators(request.methods or METHODS)
     steps = request.dts or (DT,)
     runs = {
         example: [run for dt in steps for run in run_example(example, dt, integrators)]

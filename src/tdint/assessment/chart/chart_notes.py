@@ -11,7 +11,7 @@ from tdint.output.tables.methods import PEER
 from tdint.system import CLOCKS, version_of_sources
 
 if TYPE_CHECKING:
-    from tdint.assessment.chart.work_precision import Chart, Point
+    from tdint.assessment.chart.work_precision import Chart, Peer, Point, Timing
 
 BAND_RULE = "no other point is cheaper and more accurate"
 NARROW_FOOT = 62  # number of 6 pt characters in the width of a column
@@ -60,18 +60,24 @@ def footnote(
     tolerance_note = ""
     if any(math.isnan(point.dt) and PEER not in point.line for point in points):
         tolerance_note = "; by tolerance: of the whole run"
-    programs = [
-        f"tdint {version_of_sources()[0]}",
-        *(f"{peer.name} {peer.version}" for peer in chart.peers),
-    ]
     triangle = "; triangle: smaller error" if has_triangles else ""
     mark_text = f"{mark}: {interval}, {chart.interval:.4g} s; " if mark else ""
     return "\n".join(
         wrap(
             f"{mark_text}reference: {reference.method}, dt {reference.dt:.3g} s; difference from "
             f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: "
-            f"{CLOCKS[chart.timing.clock]}, {chart.timing.description}, "
-            f"{chart.timing.processor}{tolerance_note}; {', '.join(programs)}",
+            f"{conditions(chart.timing)}{tolerance_note}; {programs(chart.peers)}",
             _FOOT,
         )
     )
+
+
+def conditions(timing: Timing) -> str:
+    """Return the conditions of times: clock, number of repetitions, load, processor."""
+    return f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}"
+
+
+def programs(peers: Sequence[Peer]) -> str:
+    """Return the versions of tdint and of the other programs of a chart."""
+    versions = (f"{peer.name} {peer.version}" for peer in peers)
+    return ", ".join([f"tdint {version_of_sources()[0]}", *versions])

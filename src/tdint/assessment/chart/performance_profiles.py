@@ -51,6 +51,7 @@ from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import Section, Value
 from tdint.model.status import DONE
 from tdint.number_parsing import pluralize
+from tdint.output.tables.methods import PEER
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.response.runs.error_estimate import attempt
 from tdint.response.runs.outcome import FailedRun, Response, StoryPeaks
@@ -126,12 +127,6 @@ class PeakErrors(RelativeErrors):
     peak_drift: float
     peak_absolute_acceleration: float
     peak_total_shear: float
-
-    def of(self, quantity: str) -> float:
-        """Return an error by the name of its quantity, such as `peak-drift` or `peak_drift`; nan
-        for a quantity without errors.
-        """
-        return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @classmethod
     def between(cls, peaks: StoryPeaks, true_peaks: StoryPeaks) -> PeakErrors:
@@ -259,7 +254,6 @@ class Leaders(NamedTuple):
 
 
 COARSE = 0.03  # relative error from which a tolerance is considered coarse
-PEER = "/"  # separator in the name of a line of another program, such as openseespy/hht
 
 
 APART = ("openseespy/generalized-alpha",)
@@ -627,7 +621,7 @@ def _opensees_results(
     motion = posed.motion(parse("impulse4"), posed.steps(h))
     assert motion is not None  # the reference has reached its end with the same step
     # The functions below use only the motion of the reference, not its error.
-    reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
+    reference = Reference("impulse4", h, "", Errors(), motion)
     gap, note = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):
         return [], gap, f"omitted: {note}"

@@ -384,8 +384,9 @@ class RelativeErrors:
     """Relative errors by name: `Errors` of a motion, or `profiles.PeakErrors` of its peaks."""
 
     def of(self, quantity: str) -> float:
-        """Return an error by its name, written with hyphens or underscores."""
-        return float(getattr(self, quantity.replace("-", "_")))
+        """Return an error by its name, written with hyphens or underscores; nan for a quantity
+        without errors."""
+        return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @property
     def worst(self) -> float:
@@ -401,18 +402,18 @@ class Errors(RelativeErrors):
     ----------
     displacement, drift, velocity, acceleration : float
         Error of the complete history (L2): root of the sum of squared differences over all floors
-        (or stories) and common times, divided by this root for the reference. Displacement and
-        velocity are relative to the ground, acceleration is absolute.
+        (or stories) and common times, divided by this root for the reference; nan if it is not
+        available. Displacement and velocity are relative to the ground, acceleration is absolute.
     peak_drift : float
         Maximum relative error of the peak drifts of the stories. Stories with a peak below a
         thousandth of the maximum are omitted.
     """
 
-    displacement: float
-    drift: float
-    velocity: float
-    acceleration: float
-    peak_drift: float
+    displacement: float = math.nan
+    drift: float = math.nan
+    velocity: float = math.nan
+    acceleration: float = math.nan
+    peak_drift: float = math.nan
 
 
 QUANTITIES = tuple(field.name for field in fields(Errors))
@@ -443,11 +444,7 @@ def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
 
     Only the error of the peak drifts is available; all other errors are nan.
     """
-    not_available = dict.fromkeys(QUANTITIES[:-1], math.nan)
-    return Errors(
-        **not_available,
-        peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift),
-    )
+    return Errors(peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift))
 
 
 def largest_relative(peaks: Array, reference_peaks: Array) -> float:

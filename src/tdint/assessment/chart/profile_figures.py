@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter
 
+from tdint.assessment.chart.chart_notes import conditions, programs
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.figures.legends import add_legend
 from tdint.output.figures.style import (
@@ -22,7 +23,6 @@ from tdint.output.figures.style import (
 )
 from tdint.output.tables.methods import PEER
 from tdint.response.defaults import PEAKS
-from tdint.system import CLOCKS, version_of_sources
 
 if TYPE_CHECKING:
     from tdint.assessment.chart.performance_profiles import FieldChart
@@ -132,21 +132,16 @@ def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> No
     The text is the title of the legend, because the layout reserves space for a legend. A figure of
     a single method has no legend and no such text.
     """
-    timing = chart.timing
-    programs = [
-        f"tdint {version_of_sources()[0]}",
-        *(f"{peer.name} {peer.version}" for peer in chart.peers),
-    ]
-    conditions = (
+    text = (
         "Each method has the cheapest time step that is within the tolerance together with all "
         "smaller time steps; lines end at the fraction solved within "
         f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
-        f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}; {', '.join(programs)}"
+        f"{conditions(chart.timing)}; {programs(chart.peers)}"
     )
     if unsolved := chart.unsolved():
-        conditions += f". Not solved within 10 %: {abbreviate(unsolved, _MAX_UNSOLVED)}"
+        text += f". Not solved within 10 %: {abbreviate(unsolved, _MAX_UNSOLVED)}"
     for legend in figure.legends:
-        footnote = wrap(conditions, NARROW_FOOT if narrow else PROFILE_FOOT)
+        footnote = wrap(text, NARROW_FOOT if narrow else PROFILE_FOOT)
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
         legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")

@@ -12,7 +12,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
-from tdint.methods.catalogue import chosen, parse
+from tdint.methods.catalogue import chosen
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Model, simple_model
@@ -488,11 +488,6 @@ VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], Examp
 paper."""
 
 
-def default_integrators() -> list[Integrator]:
-    """Return the methods of `METHODS`."""
-    return [parse(text) for text in METHODS]
-
-
 def paper_examples(
     numbers: Sequence[int] = (1, 2, 3),
     method: str | Iterable[str] | None = None,
@@ -524,7 +519,7 @@ def paper_examples(
         raise UsageError(
             f"example {unknown[0]} not found; the examples are {', '.join(map(str, by_number))}"
         )
-    integrators = default_integrators() if method is None else chosen(method)
+    integrators = chosen(METHODS if method is None else method)
     steps = numbers_of(dt, "dt").tolist()
     return ResultList(
         [
