@@ -306,7 +306,7 @@ def recorded_words(command: click.Command, arguments: Sequence[str]) -> tuple[st
     """
     unrecorded: dict[str, click.Option] = {}
     for parameter in command.params:
-        if isinstance(parameter, click.Option) and not is_recorded(parameter):
+        if isinstance(parameter, click.Option) and not getattr(parameter, "recorded", False):
             unrecorded |= dict.fromkeys(parameter.opts, parameter)
     # `letters` contains the letter of each short name of these options, such as q for -q.
     letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
@@ -327,11 +327,6 @@ def recorded_words(command: click.Command, arguments: Sequence[str]) -> tuple[st
         elif not item.is_flag and "=" not in word:
             next(remaining, None)  # skip the value of the option
     return tuple(result)
-
-
-def is_recorded(option: click.Parameter) -> bool:
-    """Return True if an option is declared as recorded in the JSON files of results."""
-    return isinstance(option, HeadedOption) and option.recorded
 
 
 def shown_when_asked(

@@ -11,7 +11,7 @@ from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
-from tdint.output.tables.loads import LOAD_COLUMNS, loads_summary
+from tdint.output.tables.loads import LOAD_COLUMNS, load_table
 from tdint.response.runs.demands import DEMANDS, only
 from tdint.response.runs.outcome import ENERGY_TERMS
 from tdint.system import CLOCKS, clock
@@ -408,7 +408,7 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
 
 def _loads(model: Model) -> dict[str, Any]:
     """Return the part of summary.json about forces from tables; empty without such forces."""
-    forces = loads_summary(model.excitation)
+    forces = load_table(model.excitation).as_dictionaries()
     return {"forces": forces} if forces else {}
 
 

@@ -94,16 +94,12 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     dampings = list(dict.fromkeys(motion.damping for motion in motions))
-    styles = line_styles(
-        [motion.method for motion in motions], [motion.damping for motion in motions]
-    )
     lines = {}
-    for motion, style in zip(motions, styles, strict=True):
+    for motion, style, label in zip(
+        motions, _curve_styles(motions), _curve_labels(motions), strict=True
+    ):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
         displacement_axes, velocity_axes = panels[starts.index(motion.start)]
-        label = motion.method
-        if len(dampings) > 1:
-            label += f", ξ {motion.damping:g}"
         (lines[label],) = displacement_axes.plot(motion.displacement, **style)
         velocity_axes.plot(motion.velocity, **style)
     for start, row in zip(starts, panels, strict=False):
@@ -200,7 +196,7 @@ def accuracy_picture(
     return titled(figure, title)
 
 
-def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
+def _curve_styles(curves: Sequence[StabilityCurve | Overshoot]) -> list[dict[str, Any]]:
     """Return the line style of each curve."""
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
@@ -214,7 +210,7 @@ def thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
     ]
 
 
-def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
+def _curve_labels(curves: Sequence[StabilityCurve | Overshoot]) -> list[str]:
     """Return the label of each curve: the method, and the damping ratio if the ratios differ."""
     if len({curve.damping for curve in curves}) == 1:
         return [curve.method for curve in curves]

@@ -17,6 +17,7 @@ from tdint.output.figures.style import (
     LIGHT,
     MARK,
     MARKERS,
+    drift_scale,
     is_narrow,
     line_style,
     mark_first_periods,
@@ -223,9 +224,7 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
     units : OutputUnits
         Unit of the drifts, if they are lengths.
     """
-    has_ratios = not np.isnan(result.height).any()
-    scale = 100.0 / result.height if has_ratios else 1.0 / units.unit("m")[1]
-    label = "drift ratio (%)" if has_ratios else f"drift ({units.label('m')})"
+    scale, label = drift_scale(result.height, units)
     _over_height(axes, {"SRSS": result.drift_srss * scale, "CQC": result.drift_cqc * scale}, label)
     axes.legend(loc="best")
 

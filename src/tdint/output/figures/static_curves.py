@@ -22,6 +22,7 @@ from tdint.output.figures.style import (
     MARKERS,
     add_ratio_axis,
     changed,
+    drift_scale,
     is_narrow,
     line_style,
     over_stories,
@@ -283,12 +284,8 @@ def _draw_profile(
     By default, the drifts (m, number of color, label) are the drifts at the maximum base shear
     (dashed) and at the end.
     """
-    heights = [story.drift_height for story in result.model.stories]
-    has_ratios = all(height is not None for height in heights)
-    if has_ratios:
-        scale = 100.0 / np.array(heights, float)
-    else:
-        scale = np.full(len(heights), 1.0 / units.unit("m")[1])
+    heights = np.array([story.drift_height for story in result.model.stories], float)
+    scale, axis_label = drift_scale(heights, units)
     # Different dashes, because two methods often result in the same drifts.
     lines = [
         (drift, DASHES[number % len(DASHES)], COLORS[number], label)
@@ -304,7 +301,6 @@ def _draw_profile(
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axis_label = "drift ratio (%)" if has_ratios else f"drift ({units.label('m')})"
     axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=axis_label)
 
 

@@ -745,6 +745,14 @@ def over_stories(axes: Any, values: Array, **style: Any) -> None:
     axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)
 
 
+def drift_scale(heights: Array, units: OutputUnits) -> tuple[Any, str]:
+    """Return the factors that convert story drifts, m, to the unit of an axis, and the label of the
+    axis: drift ratios in percent if the heights of all stories, m, are known, otherwise lengths."""
+    if np.isnan(heights).any():
+        return 1.0 / units.unit("m")[1], f"drift ({units.label('m')})"
+    return 100.0 / heights, "drift ratio (%)"
+
+
 def plain_numbers(axis: Any) -> None:
     """Write tick labels as decimal numbers (0.2) instead of powers of ten."""
     axis.set_major_formatter(FuncFormatter(_plain))

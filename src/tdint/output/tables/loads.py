@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from tdint.model.definition import Excitation, TableForce
-from tdint.output.tables.table import Column, Table, rows_of
+from tdint.output.tables.table import Column, Table
 
 LOAD_COLUMNS = (
     Column.named("floor", "floor, numbered from the ground"),
@@ -37,10 +35,4 @@ def _impulse(force: TableForce) -> float:
 
 def load_table(excitation: Excitation) -> Table:
     """Return the table of the forces from tables, with one row for each force."""
-    rows = [row for force in excitation.tables for row in rows_of(LOAD_COLUMNS, force)]
-    return Table.of(LOAD_COLUMNS, rows)
-
-
-def loads_summary(excitation: Excitation) -> list[dict[str, Any]]:
-    """Return the part of summary.json about the forces from tables."""
-    return load_table(excitation).as_dictionaries()
+    return Table.of_results(LOAD_COLUMNS, excitation.tables)
