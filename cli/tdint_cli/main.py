@@ -146,19 +146,16 @@ class LazyGroup(HelpAsData, click.Group):
             settings.arguments = (name, *recorded_words(command, arguments))
         return resolved_name, command, arguments
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the names and the first sentences of the commands, in a section for each group."""
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help of the general options, then the names and the first sentences of the
+        commands, in a section for each group."""
+        super().format_options(ctx, formatter)
         width = max(map(len, COMMANDS))
         for heading, commands in GROUPS.items():
             with formatter.section(heading):
                 formatter.write_dl(
                     [(name.ljust(width), sentence) for name, sentence in commands.items()]
                 )
-
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the help of the general options, then of the commands."""
-        super().format_options(ctx, formatter)
-        self.format_commands(ctx, formatter)
 
     def main(  # type: ignore[override]
         self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any

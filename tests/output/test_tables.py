@@ -98,7 +98,7 @@ def test_components_with_equal_names_are_identified_by_their_id():
 
 
 def test_method_table_lists_the_catalogue():
-    rows = read(methods.method_table(map(parse, catalogue())).csv())
+    rows = read(Table.of_results(methods.METHOD, map(parse, catalogue())).csv())
     by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
     central = by_name["central-difference"]
     assert (central["implicit"], central["stability_limit"], central["rho_inf"]) == (

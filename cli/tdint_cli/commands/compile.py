@@ -105,12 +105,9 @@ def command(request: Request) -> None:
         model = load_model(file)
         kernels += kernels_of_model(model, parse(method_of(model, request.method)))
     if request.show:
-        emit(
-            "".join(
-                ",".join(row) + "\n"
-                for row in [("loop", "variant", "object", "origin"), *list_objects(kernels)]
-            ).encode()
-        )
+        from tdint.output.tables.table import csv_bytes
+
+        emit(csv_bytes([("loop", "variant", "object", "origin"), *list_objects(kernels)]))
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(request.output) if request.output else None

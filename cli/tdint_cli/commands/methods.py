@@ -32,7 +32,8 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     dt to infinity. The column source names the publication of the method.
     """
     from tdint.methods.catalogue import chosen
-    from tdint.output.tables.methods import method_table, reference_table
+    from tdint.output.tables.methods import METHOD, reference_table
+    from tdint.output.tables.table import Table
     from tdint_cli.drawing import emit_table
     from tdint_cli.terminal import emit
 
@@ -48,4 +49,4 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
         )
         emit("\n".join(reference.bibtex for reference in publications).encode())
         return
-    emit_table(reference_table(methods) if references else method_table(listed))
+    emit_table(reference_table(methods) if references else Table.of_results(METHOD, listed))

@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from tdint.model.limits import DRIFT_RATIO, ISOLATOR, QUANTITIES, LimitCheck, by_level
 from tdint.number_parsing import DIGITS, number_text
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import OutputUnits, suffix
-
-if TYPE_CHECKING:
-    pass
 
 
 class Verdict(NamedTuple):

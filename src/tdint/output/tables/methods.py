@@ -92,10 +92,5 @@ def reference_table(methods: Iterable[Method]) -> Table:
     return Table.of(REFERENCE, rows)
 
 
-def method_table(integrators: Iterable[Integrator]) -> Table:
-    """Return the table of the properties of methods with their parameters, one row per method."""
-    return Table.of_results(METHOD, integrators)
-
-
 PEER = "/"
 """Separator in names of methods of other programs: program/method."""
