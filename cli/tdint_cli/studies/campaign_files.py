@@ -21,7 +21,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.floors import suite_spectra
-from tdint_cli.studies.maps import MapRequest, check_map, has_losses
+from tdint_cli.studies.maps import MapRequest, check_map
 from tdint_cli.terminal import (
     Failures,
     current,
@@ -126,8 +126,10 @@ class Profiles:
 
     def emit_runs(self) -> None:
         """Write the table of the runs to standard output."""
-        tables = studies.campaign.campaign_tables
-        emit_table(tables.runs_table(self.store).in_units(self.units))
+        from tdint.output.tables.table import Table
+
+        table = Table.of(*studies.campaign.campaign_tables.run_table(self.store))
+        emit_table(table.in_units(self.units))
 
     def draw(self, file: Path) -> Content:
         """Return the figure of the demands over the height of the buildings.
@@ -849,25 +851,32 @@ def _exports(
     if not names:
         return {}
     from tdint.studies.campaign import exports
+    from tdint.studies.fragility.building_damage import has_losses
     from tdint.studies.regions import maps as map_tables
+    from tdint.studies.store import schema
 
+    tables, damages = studies.campaign.campaign_tables, studies.fragility.damage_tables
     maps, by = maps or MapRequest(), profiles.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
+    write_parquet = partial(exports.write_parquet, store)
     # Each entry contains True if this call can write the file, and the function that writes it.
     runs, stories, damage, losses = PARQUET
     writers: dict[str, tuple[bool, Writer | None]] = {
-        runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
+        runs: (
+            has_pyarrow,
+            lambda stream: write_parquet(tables.run_table(store), stream, has_inventory=True),
+        ),
         stories: (
             has_pyarrow and store.parameters()["stories"],
-            partial(exports.write_stories_parquet, store),
+            lambda stream: write_parquet(tables.part_table(store, schema.STORIES), stream),
         ),
         damage: (
             has_pyarrow and bool(store.damage()),
-            partial(exports.write_damage_parquet, store),
+            lambda stream: write_parquet(damages.damage_table(store), stream, has_inventory=True),
         ),
         losses: (
             has_pyarrow and has_losses(store) and is_complete(store),
-            partial(exports.write_losses_parquet, store, by=by),
+            lambda stream: write_parquet(damages.loss_table(store, by), stream),
         ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
@@ -910,7 +919,7 @@ def _write(
     # Write runs.csv, unless the campaign selects only other tables.
     files: dict[str, Content] = {}
     if store.is_requested("runs"):
-        files[RUNS] = lambda stream: tables.write_runs(store, stream, units)
+        files[RUNS] = lambda stream: tables.run_table(store).write(stream, units)
     files |= contents
     settings = store.parameters()
     for name, table in PART_TABLES.items():
@@ -918,9 +927,9 @@ def _write(
         # have rows only if the buildings or the motions have them.
         is_written = settings["stories"] if name == STORIES else any(store.parts(table))
         if is_written:
-            files[name] = partial(tables.write_parts, table=table, store=store, units=units)
+            files[name] = partial(tables.part_table(store, table).write, units=units)
     if settings["profiles"] and is_complete(store):
-        files[PROFILES] = lambda stream: tables.write_profiles(store, stream, units)
+        files[PROFILES] = tables.profiles_table(store, units).write
     files |= _damage(store, units, profiles.by)
     summary = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
     summary["inputs"] = merged_inputs(summary["inputs"], input_files)
@@ -942,24 +951,20 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     """
     if not store.damage():
         return {}
-    from tdint.studies.fragility.damage_tables import (
-        write_damage,
-        write_exceedance,
-        write_losses,
-        write_types,
-    )
+    from tdint.studies.fragility.building_damage import has_losses
 
+    tables = studies.fragility.damage_tables
     writers: dict[str, Content] = {}
     if store.is_requested("damage"):
-        writers[DAMAGE] = lambda stream: write_damage(store, stream, units)
+        writers[DAMAGE] = lambda stream: tables.damage_table(store).write(stream, units)
     if is_complete(store) and store.is_requested("damage"):
-        writers[TYPES] = lambda stream: write_types(store, stream)
+        writers[TYPES] = tables.type_table(store).write
     # Losses require a damage state with a loss ratio. Their exceedance rates also require rates of
     # the events.
     if has_losses(store) and is_complete(store) and store.is_requested("losses"):
-        writers[LOSSES] = lambda stream: write_losses(store, stream, by)
+        writers[LOSSES] = tables.loss_table(store, by).write
         if store.rates():
-            writers[EXCEEDANCE] = lambda stream: write_exceedance(store, stream, by)
+            writers[EXCEEDANCE] = tables.exceedance_table(store, by).write
     return writers
 
 

@@ -60,13 +60,6 @@ class MapRequest:
         return partial(write_districts, store, by=by, polygons=polygons, events=self.events)
 
 
-def has_losses(store: Store) -> bool:
-    """Return True if damage states of the campaign have loss ratios."""
-    from tdint.studies.fragility.building_damage import stored_states
-
-    return any(states.losses for states in stored_states(store).values())
-
-
 def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool) -> None:
     """Raise UsageError if a requested map cannot be written from a store.
 
@@ -80,6 +73,7 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
     complete : bool
         True if all runs are completed.
     """
+    from tdint.studies.fragility.building_damage import has_losses
     from tdint.studies.fragility.damage_tables import check_column
     from tdint.studies.regions.maps import check_events, is_mapped
 

@@ -12,7 +12,7 @@ import tdint
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
-from tdint.studies.campaign.campaign_tables import write_runs
+from tdint.studies.campaign.campaign_tables import run_table
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.definition import (
     AnalysisOverrides,
@@ -76,7 +76,7 @@ def stored(models, records, scales=(1.0,)):
 
 def rows(store, path):
     with path.open("wb") as stream:
-        write_runs(store, stream)
+        run_table(store).write(stream)
     with path.open() as stream:
         return list(csv.DictReader(stream))
 

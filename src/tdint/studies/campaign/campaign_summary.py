@@ -7,7 +7,7 @@ from typing import Any
 
 from tdint.output.summary import schema, versions
 from tdint.output.tables.table import describe
-from tdint.studies.campaign.campaign_tables import PROFILE_ERRORS, PROFILES, run_columns
+from tdint.studies.campaign.campaign_tables import PROFILE_ERRORS, PROFILES, run_table
 from tdint.studies.fragility.damage_tables import damage_summary
 from tdint.studies.store.result_store import Store
 
@@ -48,7 +48,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
         "without_an_error": without_error(store),
-        "columns": describe(run_columns(store)),
+        "columns": describe(run_table(store).columns),
         "profiles": {"columns": describe([*PROFILES, *(PROFILE_ERRORS if store.checked else ())])},
         **({"damage": damage_summary(store)} if store.damage() else {}),
         "versions": {**versions(), **({"plugins": code} if (code := store.code()) else {})},

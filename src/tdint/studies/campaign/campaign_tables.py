@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice, repeat
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from tdint.output.tables.table import (
     error_columns,
     harmless,
     names,
+    rows_of,
 )
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import SI, OutputUnits, Quantity, suffix
@@ -197,8 +198,42 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 """Numbers as in JSON; for example, 02138 is text."""
 
 
-def run_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of runs.csv, the table of all runs of a campaign.
+class StoreTable(NamedTuple):
+    """Table of a campaign. The rows are read from the store when they are written, because there
+    can be millions of runs. Numbers are in SI units; texts were formatted by `cell_text`."""
+
+    columns: Sequence[Column]
+    rows: Iterable[list[Any]]
+
+    @classmethod
+    def of_results(cls, columns: Sequence[Column], results: Iterable[Any]) -> StoreTable:
+        """Return a table with the rows of results, for which the columns are evaluated."""
+        rows = (
+            [cell_text(cell) if isinstance(cell, str) else cell for cell in row]
+            for result in results
+            for row in rows_of(columns, result)
+        )
+        return cls(columns, rows)
+
+    def write(self, stream: BinaryIO, units: OutputUnits = SI) -> None:
+        """Write the table as CSV to a stream, in output units."""
+        names_and_factors = [units.column(column.name, column.unit) for column in self.columns]
+        stream.write(csv_bytes([[harmless(name) for name, _ in names_and_factors]]))
+        rows = self.rows
+        if units != SI:
+            factors = [factor for _, factor in names_and_factors]
+            rows = (
+                [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
+                for row in rows
+            )
+        # Rows are formatted in batches, because a campaign may have more rows than fit into memory.
+        source = iter(rows)
+        while batch := list(islice(source, _ROWS_AT_ONCE)):
+            stream.write(csv_bytes([number_text(cell) for cell in row] for row in batch))
+
+
+def run_table(store: Store) -> StoreTable:
+    """Return runs.csv, the table of all runs of a campaign.
 
     The last columns are the parameters of a sweep, the event and the columns of the inventory, if
     the campaign has them.
@@ -206,7 +241,7 @@ def run_columns(store: Store) -> tuple[Column, ...]:
     error_columns_of_runs = RUN_ERRORS if store.checked else ()
     sweep_columns = varied_columns(_varied_names(store.varied()))
     columns = (*RUNS, *error_columns_of_runs, *sweep_columns)
-    return (*columns, *copied_columns(store, names(columns)))
+    return StoreTable((*columns, *copied_columns(store, names(columns))), _run_rows(store))
 
 
 def _varied_names(varied: Sequence[Mapping[str, float]]) -> list[str]:
@@ -227,9 +262,8 @@ def run_heads(store: Store) -> Callable[[int, int], list[str]]:
     return lambda building, record: [buildings[building], *records[record]]
 
 
-def run_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of runs.csv, the table of all runs of a campaign, in the order of buildings,
-    records, scale factors and samples."""
+def _run_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of runs.csv in the order of buildings, records, scale factors and samples."""
     # For each building of a sweep, `varied` has the changed values by the name of the parameter. It
     # is empty for other campaigns.
     varied = store.varied()
@@ -254,23 +288,24 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
         yield head + results + errors + parameters + inventory_cells(building, sample)
 
 
-def part_columns(store: Store, table: PartTable) -> tuple[Column, ...]:
-    """Return the columns of stories.csv, elements.csv, attachments.csv or links.csv, the results of
-    these parts of the buildings in all runs of a campaign; or of shocks.csv, the response to each
-    event of a sequence.
+def part_table(store: Store, table: PartTable) -> StoreTable:
+    """Return stories.csv, elements.csv, attachments.csv or links.csv, the results of these parts of
+    the buildings in all runs of a campaign; or shocks.csv, the response to each event of a
+    sequence. The rows are in the order of runs.csv and of the model file.
 
     The column `sample` is included if ground motions were sampled, because two samples can be the
     same ground motion.
     """
-    sample_column = (SAMPLE,) if store.count("sample > 0") else ()
+    has_samples = store.count("sample > 0") > 0
+    sample_column = (SAMPLE,) if has_samples else ()
     errors = table.errors if store.checked else ()
-    return (*BUILDING_COLUMNS, *sample_column, *table.shown, *errors)
+    columns = (*BUILDING_COLUMNS, *sample_column, *table.shown, *errors)
+    return StoreTable(columns, _part_rows(store, table, has_samples=has_samples))
 
 
-def part_rows(store: Store, table: PartTable) -> Iterator[list[Any]]:
-    """Yield the rows of the table with `part_columns`, in the order of runs.csv and of the model
-    file."""
-    has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
+def _part_rows(store: Store, table: PartTable, *, has_samples: bool) -> Iterator[list[Any]]:
+    """Yield the rows of `part_table`."""
+    name_cells = run_heads(store)
     texts = [index for index, column in enumerate(table.shown) if column.unit == TEXT]
     for building, record, scale, sample, *cells in store.parts(table):
         for index in texts:
@@ -279,19 +314,7 @@ def part_rows(store: Store, table: PartTable) -> Iterator[list[Any]]:
         yield [*name_cells(building, record), scale, *sample_cell, *cells]
 
 
-def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write runs.csv, the table of all runs of a campaign, to a stream."""
-    write_rows(run_columns(store), run_rows(store), stream, units)
-
-
-def write_parts(
-    stream: BinaryIO, *, table: PartTable, store: Store, units: OutputUnits = SI
-) -> None:
-    """Write the table with `part_columns` to a stream."""
-    write_rows(part_columns(store, table), part_rows(store, table), stream, units)
-
-
-def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
+def _profile_rows(profiles: Iterable[Profile], units: OutputUnits) -> Iterator[list[Any]]:
     """Yield the rows of profiles.csv: statistics of the peak responses over the ground motions.
 
     There is one row per building, intensity level, quantity and story, from the ground up.
@@ -348,8 +371,9 @@ def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, .
     return (*columns, PAIR_DEMAND._replace(value=lambda _: pair_demand))
 
 
-def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write profiles.csv, the statistics of peak responses over the ground motions, to a stream.
+def profiles_table(store: Store, units: OutputUnits) -> StoreTable:
+    """Return profiles.csv, the statistics of peak responses over the ground motions, in the units
+    of its rows.
 
     Levels that are not scale factors have a column `level`.
     """
@@ -357,7 +381,7 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
     errors = PROFILE_ERRORS if store.checked else ()
     columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
-    write_rows(columns, profile_rows(profiles(store), units), stream)
+    return StoreTable(columns, _profile_rows(profiles(store), units))
 
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
@@ -487,30 +511,6 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
 
 
-def write_rows(
-    columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI
-) -> None:
-    """Write rows in batches.
-
-    Parameters
-    ----------
-    rows : iterable of list
-        Rows in SI units; texts were formatted by `cell_text`.
-    """
-    names_and_factors = [units.column(column.name, column.unit) for column in columns]
-    stream.write(csv_bytes([[harmless(name) for name, _ in names_and_factors]]))
-    if units != SI:
-        factors = [factor for _, factor in names_and_factors]
-        rows = (
-            [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
-            for row in rows
-        )
-    # Rows are formatted in batches, because a campaign may have more rows than fit into memory.
-    source = iter(rows)
-    while batch := list(islice(source, _ROWS_AT_ONCE)):
-        stream.write(csv_bytes([number_text(cell) for cell in row] for row in batch))
-
-
 def number_text(cell: Any) -> str:
     """Return a number, a formatted text or None as text.
 
@@ -519,11 +519,6 @@ def number_text(cell: Any) -> str:
     if type(cell) is float:
         return format(cell + 0.0, ".12g") if cell == cell else ""  # NaN differs from itself
     return "" if cell is None else str(cell)
-
-
-def runs_table(store: Store) -> Table:
-    """Return runs.csv of a small campaign as a table."""
-    return Table.of(run_columns(store), run_rows(store))
 
 
 def status_table(statuses: dict[str, int], remaining: int) -> Table:
@@ -596,4 +591,4 @@ def numeric(store: Store) -> list[bool]:
 def stored_columns(result: Any) -> list[tuple[Column, Any]]:
     """Return the columns of runs.csv, the table of the runs of a campaign, with their cells."""
     with result.store as store:
-        return runs_table(store).by_column()
+        return Table.of(*run_table(store)).by_column()

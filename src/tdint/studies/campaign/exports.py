@@ -19,21 +19,7 @@ from tdint.output.tables.runs import SAMPLE
 from tdint.output.tables.table import PARQUET, TEXT, Column, describe
 from tdint.response.runs.demands import RUN
 from tdint.response.runs.outcome import STORY_QUANTITIES
-from tdint.studies.campaign.campaign_tables import (
-    numeric,
-    part_columns,
-    part_rows,
-    run_columns,
-    run_heads,
-    run_rows,
-    write_rows,
-)
-from tdint.studies.fragility.damage_tables import (
-    damage_rows,
-    damage_table_columns,
-    loss_columns,
-    loss_rows,
-)
+from tdint.studies.campaign.campaign_tables import StoreTable, numeric, run_heads
 from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.store.schema import STORIES
 from tdint.tabular import import_optional
@@ -51,55 +37,21 @@ _INTEGER_COLUMNS = {
 }
 
 
-def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write the table of all runs of a campaign, with its inventory columns, as Parquet."""
-    _write_parquet(
-        store,
-        stream,
-        run_columns(store),
-        run_rows(store),
-        inventory_count=len(store.inventory_columns()),
-    )
-
-
-def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write the table of the peak responses of all stories of all runs of a campaign as Parquet."""
-    _write_parquet(store, stream, part_columns(store, STORIES), part_rows(store, STORIES))
-
-
-def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write the table of the damage states of all runs of a campaign, with its inventory columns,
-    as Parquet."""
-    columns = damage_table_columns(store)
-    _write_parquet(
-        store, stream, columns, damage_rows(store), inventory_count=len(store.inventory_columns())
-    )
-
-
-def write_losses_parquet(store: Store, stream: BinaryIO, *, by: str | None) -> None:
-    """Write losses.csv, with the groups of the inventory column `by`, as Parquet."""
-    _write_parquet(store, stream, loss_columns(store, by), loss_rows(store, by))
-
-
-def _write_parquet(
-    store: Store,
-    stream: BinaryIO,
-    columns: Sequence[Column],
-    rows: Iterable[Sequence[Any]],
-    *,
-    inventory_count: int = 0,
+def write_parquet(
+    store: Store, table: StoreTable, stream: BinaryIO, *, has_inventory: bool = False
 ) -> None:
-    """Write rows as Parquet.
+    """Write a table as Parquet.
 
     Text columns have the type string, except columns of the inventory that contain only numbers.
 
-    `inventory_count` is the number of inventory columns, which are the last columns; 0 by default.
+    With `has_inventory`, the last columns are the columns of the inventory.
     """
+    columns, rows = table
     pyarrow, parquet = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     # Inventory columns that contain only numbers are numeric. Their cells are text in `rows`.
     numeric_inventory_indices = []
-    if inventory_count:
-        first = len(columns) - inventory_count
+    if has_inventory:
+        first = len(columns) - len(store.inventory_columns())
         numeric_inventory_indices = [
             first + index for index, is_number in enumerate(numeric(store)) if is_number
         ]
@@ -168,7 +120,7 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
             component_cell = [component] if has_component_column else []
             yield [building, record, *component_cell, *scale_and_sample, *cells]
 
-    write_rows([Column(name, "1", name, name) for name in header], rows(), stream)
+    StoreTable([Column(name, "1", name, name) for name in header], rows()).write(stream)
 
 
 def demand_names(stories: int, direction: int) -> list[str]:

@@ -327,13 +327,15 @@ def _damage(store: Store) -> tuple[Part, ...]:
     """Return the tables of damage and loss by building type; empty without damage states."""
     if not store.damage():
         return ()
+    from tdint.studies.fragility.building_damage import has_losses
     from tdint.studies.fragility.damage_tables import loss_table, type_table
 
     # The rule for pairs is one of the assumptions, so its column is omitted.
-    losses = loss_table(store)
+    columns, rows = loss_table(store)
+    losses = Table.of(columns, rows if has_losses(store) else ())
     losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
     losses = losses._replace(rows=losses.rows[:_MAX_DAMAGE_ROWS])
-    states = _with_state_columns(type_table(store))
+    states = _with_state_columns(Table.of(*type_table(store)))
     states = states._replace(rows=states.rows[:_MAX_DAMAGE_ROWS])
     loss_text = ""
     if losses.rows:

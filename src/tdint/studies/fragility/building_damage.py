@@ -41,6 +41,11 @@ def stored_states(store: Store) -> dict[str, DamageStates]:
     return {name: DamageStates.from_json(item) for name, item in stored.get("types", {}).items()}
 
 
+def has_losses(store: Store) -> bool:
+    """Return True if damage states of the campaign have loss ratios."""
+    return any(states.losses for states in stored_states(store).values())
+
+
 @dataclass(frozen=True, kw_only=True)
 class BuildingDamage(RunDamage):
     """Damage of a building after each of its runs.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import chain
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from scipy.special import betainc
@@ -15,14 +15,14 @@ from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
 from tdint.output.tables.runs import BUILDING_COLUMNS, SAMPLE
-from tdint.output.tables.table import TEXT, Column, Table, cell_text, describe, names
+from tdint.output.tables.table import TEXT, Column, cell_text, describe, names
 from tdint.studies.campaign.campaign_tables import (
     EVENT,
+    StoreTable,
     copied_cells,
     copied_columns,
     run_heads,
     with_pair_demand,
-    write_rows,
 )
 from tdint.studies.fragility.building_damage import (
     TypeDamage,
@@ -31,7 +31,7 @@ from tdint.studies.fragility.building_damage import (
     stored_states,
 )
 from tdint.studies.store.result_store import Store
-from tdint.units import SI, OutputUnits, suffix
+from tdint.units import suffix
 
 _STATUS = Column.named("status", "status of the run", TEXT)
 _STATE = Column.named(
@@ -57,16 +57,24 @@ COUNTS = (
         "failed", "number of runs without a result; they are excluded from the other columns"
     ),
 )
-LOSS = Column("loss_ratio", "1", "loss", "mean loss ratio")
+LOSS = Column("loss_ratio", "1", "loss.value", "mean loss ratio")
 TYPES = (
     TYPE,
     LEVEL,
     *COUNTS,
-    Column.named(
-        "state", "none, a damage state or a type of collapse; their probabilities sum to 1", TEXT
+    Column(
+        "state",
+        TEXT,
+        lambda group: np.array(group.states.outcomes, dtype=object),
+        "none, a damage state or a type of collapse; their probabilities sum to 1",
     ),
-    Column.named("probability", "mean probability over runs and buildings"),
-    Column.named("probability_error", "standard error of probability over the ground motions"),
+    Column("probability", "1", "probability.value", "mean probability over runs and buildings"),
+    Column(
+        "probability_error",
+        "1",
+        "probability.error",
+        "standard error of probability over the ground motions",
+    ),
 )
 """Columns of damage-types.csv."""
 
@@ -74,8 +82,8 @@ _MONEY = (
     Column.named(
         "value", "value of the buildings with a result: sum of cost times number in the inventory"
     ),
-    Column("loss", "1", "money", "mean total loss of these buildings, in the unit of cost"),
-    Column("loss_error", "1", "money_error", "standard error of loss over the ground motions"),
+    Column("loss", "1", "money.value", "mean total loss of these buildings, in the unit of cost"),
+    Column("loss_error", "1", "money.error", "standard error of loss over the ground motions"),
 )
 """Columns of an inventory with costs."""
 
@@ -87,7 +95,7 @@ LOSSES = (
     Column(
         "loss_ratio_error",
         "1",
-        "loss_error",
+        "loss.error",
         "standard error of loss_ratio over the ground motions",
     ),
     Column(
@@ -137,17 +145,16 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
     return (*head, *outcomes, *((LOSS,) if states.losses else ()))
 
 
-def damage_table_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of damage.csv of a campaign, followed by the columns of its inventory."""
+def damage_table(store: Store) -> StoreTable:
+    """Return damage.csv, the damage in each run of a campaign, followed by the columns of its
+    inventory."""
     columns = damage_columns(next(iter(stored_states(store).values())))
-    return (*columns, *copied_columns(store, names(columns)))
+    return StoreTable((*columns, *copied_columns(store, names(columns))), _damage_rows(store))
 
 
-def damage_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of damage.csv: state and probabilities of each run, in the order of runs.csv.
-
-    The columns are the columns of `damage_table_columns`.
-    """
+def _damage_rows(store: Store) -> Iterator[list[Any]]:
+    """Yield the rows of damage.csv: state and probabilities of each run, in the order of
+    runs.csv."""
     name_cells, inventory_cells = run_heads(store), copied_cells(store)
     for damage in building_damages(store):
         type_name = cell_text(damage.type)
@@ -173,28 +180,25 @@ def damage_summary(store: Store) -> dict[str, Any]:
     """Return the part of the JSON file of a campaign about damage: the damage states of each
     building type in SI units, and the descriptions of the columns of its tables."""
     types = stored_states(store)
-    columns = {
-        "damage.csv": damage_table_columns(store),
-        "damage-types.csv": type_columns(store),
-        "losses.csv": loss_columns(store),
+    tables = {
+        "damage.csv": damage_table(store),
+        "damage-types.csv": type_table(store),
+        "losses.csv": loss_table(store),
     }
     return {
         "types": {name: asdict(states) for name, states in types.items()},
-        **{file: {"columns": describe(file_columns)} for file, file_columns in columns.items()},
+        **{file: {"columns": describe(table.columns)} for file, table in tables.items()},
     }
 
 
-def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write damage.csv, the damage in each run of a campaign, to a stream."""
-    write_rows(damage_table_columns(store), damage_rows(store), stream, units)
-
-
-def type_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of damage-types.csv, the damage of each building type.
+def type_table(store: Store) -> StoreTable:
+    """Return damage-types.csv, the damage of each building type, with a row per type, event, level
+    and outcome, which is a damage state or a type of collapse.
 
     The column of the event is included if the campaign has ground motion fields.
     """
-    return with_pair_demand(store, (*TYPES, *((EVENT,) if store.events() else ())))
+    columns = with_pair_demand(store, (*TYPES, *((EVENT,) if store.events() else ())))
+    return StoreTable.of_results(columns, group_damages(store))
 
 
 def has_costs(store: Store) -> bool:
@@ -202,49 +206,46 @@ def has_costs(store: Store) -> bool:
     return COST in [title.lower() for title in store.inventory_columns()]
 
 
-def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Return the columns of losses.csv, the mean losses of buildings and groups of buildings.
+def loss_table(store: Store, by: str | None = None) -> StoreTable:
+    """Return losses.csv, the mean losses of groups of buildings and of each building.
 
-    If `by` is the name of a column of the inventory, this column is included.
+    The groups are: all buildings (if there are costs, or with `by`), all buildings of each type,
+    and all buildings with each value of the column `by`.
+
+    Parameters
+    ----------
+    by : str, optional
+        Column of the inventory, such as `district`, which the table includes.
+
+    Raises
+    ------
+    UsageError
+        The inventory has no column `by`.
     """
+    if by is not None:
+        check_column(store, by)
+    costs = has_costs(store)
     group_column = Column(
         by or "",
         "text",
-        "part",
+        "inventory_entry",
         f"value of column {by} of the inventory; the row applies to all types of these buildings",
     )
     columns = (
         *LOSSES[:2],
         *((group_column,) if by else ()),
         *LOSSES[2:],
-        *(_MONEY if has_costs(store) else ()),
+        *(_MONEY if costs else ()),
         *((EVENT,) if store.events() else ()),
     )
-    return with_pair_demand(store, columns)
-
-
-def write_types(store: Store, stream: BinaryIO) -> None:
-    """Write damage-types.csv, the probabilities of damage states by building type, to a stream."""
-    write_rows(type_columns(store), _type_rows(store), stream)
-
-
-def type_table(store: Store) -> Table:
-    """Return damage-types.csv as a table for a report."""
-    return Table.of(type_columns(store), _type_rows(store))
-
-
-def _type_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of damage-types.csv: one per type, event, level and outcome, which is a damage
-    state or a type of collapse."""
-    pair_demand = _pair_demand(store)
-    for group in group_damages(store):
-        probabilities = group.probability.value.tolist()
-        errors = group.probability.error.tolist()
-        for state, probability, error in zip(
-            group.states.outcomes, probabilities, errors, strict=True
-        ):
-            head = [cell_text(group.type), group.level, *_counts(group), cell_text(state)]
-            yield [*head, probability, error, *_event(group), *pair_demand]
+    # The total over all types is meaningful if there are costs, or for comparison with the groups.
+    groups = chain(
+        group_damages(store, by="") if costs or by else (),
+        group_damages(store),
+        group_damages(store, by=by) if by else (),
+        group_damages(store, by_building=True),
+    )
+    return StoreTable.of_results(with_pair_demand(store, columns), groups)
 
 
 def check_column(store: Store, by: str) -> None:
@@ -256,65 +257,11 @@ def check_column(store: Store, by: str) -> None:
         )
 
 
-def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write losses.csv, the mean losses of groups of buildings and of each building, to a stream.
+def exceedance_table(store: Store, by: str | None) -> StoreTable:
+    """Return exceedance.csv, the annual rates of exceedance of losses.
 
-    The groups are: all buildings (if there are costs, or with `by`), all buildings of each type,
-    and all buildings with each value of the column `by`.
-
-    Parameters
-    ----------
-    by : str, optional
-        Column of the inventory, such as `district`.
-
-    Raises
-    ------
-    UsageError
-        The inventory has no column `by`.
-    """
-    if by is not None:
-        check_column(store, by)
-    write_rows(loss_columns(store, by), loss_rows(store, by), stream)
-
-
-def loss_table(store: Store) -> Table:
-    """Return losses.csv as a table for a report; it has no rows if the states have no losses."""
-    has_losses = any(states.losses for states in stored_states(store).values())
-    return Table.of(loss_columns(store), loss_rows(store) if has_losses else ())
-
-
-def loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
-    """Yield the rows of losses.csv: all buildings, each type, each value of the inventory column
-    `by`, and each building."""
-    costs, pair_demand = has_costs(store), _pair_demand(store)
-    # The total over all types is meaningful if there are costs, or for comparison with the groups.
-    groups = chain(
-        group_damages(store, by="") if costs or by else (),
-        group_damages(store),
-        group_damages(store, by=by) if by else (),
-        group_damages(store, by_building=True),
-    )
-    for group in groups:
-        head = [cell_text(group.type), cell_text(group.building)]
-        if by:
-            head.append(cell_text(group.inventory_entry))
-        loss_ratio = (float(group.loss.value[0]), float(group.loss.error[0]), group.loss_sd)
-        loss: tuple[float, ...] = ()
-        if costs:
-            loss = (group.value, float(group.money.value[0]), float(group.money.error[0]))
-        yield [
-            *head,
-            group.level,
-            *_counts(group),
-            *loss_ratio,
-            *loss,
-            *_event(group),
-            *pair_demand,
-        ]
-
-
-def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Return the columns of exceedance.csv, the annual rates of exceedance of losses.
+    The rows are the events in the order of decreasing mean loss. They are listed for all buildings
+    and, if `by` is a column of the inventory, for the buildings with each value in the column.
 
     The loss is an amount of money if the inventory has costs, otherwise a loss ratio. If `by` is
     the name of a column of the inventory, this column is included.
@@ -371,7 +318,7 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
             "sum of annual_loss from the first row to this row",
         ),
     )
-    return with_pair_demand(store, columns)
+    return StoreTable(with_pair_demand(store, columns), _exceedance_rows(store, by))
 
 
 _CORRELATIONS = (
@@ -400,21 +347,13 @@ def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> A
     return np.asarray(np.where(is_certain, means >= loss, probability))
 
 
-def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write exceedance.csv, the annual rates of exceedance of losses, to a stream.
-
-    The rows are the events in the order of decreasing mean loss. They are listed for all buildings
-    and, if `by` is a column of the inventory, for the buildings with each value in the column.
-    """
-    write_rows(exceedance_columns(store, by), _exceedance_rows(store, by), stream)
-
-
 def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
     """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss. In
     addition to the curve for all buildings, each value of the column `by` of the inventory has a
     curve.
     """
-    costs, pair_demand = has_costs(store), _pair_demand(store)
+    costs, demand = has_costs(store), store.pair_rule().demand_if_pairs
+    pair_demand = [demand] if demand else []
     # There is a loss curve for each group of buildings and each level. Its points are the events;
     # events without a result are omitted.
     curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
@@ -474,20 +413,3 @@ def _curve_cells(
                 cumulative_annual_loss,
             ],
         )
-
-
-def _pair_demand(store: Store) -> tuple[str, ...]:
-    """Return a tuple with the cell of the column `pair_demand` (the rule for the demand of a pair);
-    an empty tuple if the campaign has no pairs."""
-    pair_demand = store.pair_rule().demand_if_pairs
-    return (pair_demand,) if pair_demand else ()
-
-
-def _counts(group: TypeDamage) -> tuple[int, ...]:
-    """Return the cells of the columns `COUNTS`: numbers of buildings, runs and failed runs."""
-    return group.buildings, group.runs, group.failed
-
-
-def _event(group: TypeDamage) -> tuple[str, ...]:
-    """Return a tuple with the cell of the column `event`; an empty tuple without events."""
-    return (cell_text(group.event),) if group.event else ()
