@@ -57,13 +57,12 @@ class SuiteLimits:
             Units of the values in the sentences of the results.
         """
         from tdint.output.verdicts import Verdict, has_isolator_limit, isolator_sentence
-        from tdint.studies.campaign.suite_verdicts import LostMotions, suite_verdicts
+        from tdint.studies.campaign.suite_verdicts import suite_verdicts
 
         for profile, checks in self.checks:
             if not self.is_limited(profile):
                 continue
-            lost = LostMotions.of(profile)
-            verdicts = suite_verdicts(checks, lost, profile.pair_demand, units, self.matched)
+            verdicts = suite_verdicts(checks, profile, units, self.matched)
             # Without a completed run there are no demands: the limit counts as exceeded.
             if not profile.motions:
                 limit = self.limit
@@ -109,12 +108,9 @@ class SuiteLimits:
     def table(self, units: OutputUnits) -> Table | None:
         """Return the comparisons with the limits as a table of the report; None without limits."""
         from tdint.output.verdicts import limit_table
-        from tdint.studies.campaign.suite_verdicts import LostMotions
 
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
-        reasons = {
-            self.building(profile): LostMotions.of(profile).reason for profile, _ in self.checks
-        }
+        reasons = {self.building(profile): profile.lost_reason for profile in self.profiles}
         return limit_table(listed, units, mean=True, reasons=reasons) if listed else None
 
     def summary(self) -> dict[str, Any]:
@@ -180,23 +176,13 @@ class SuiteLimits:
 
     def building(self, profile: Profile) -> str:
         """Return the name of a profile, which is empty if there is only a single profile."""
-        return profile_name(profile, self.profiles)
+        from tdint.studies.campaign.variants import at_levels
+
+        several = len({other.building for other in self.profiles}) > 1
+        level = profile.level_text if len(at_levels(self.profiles)) > 1 else ""
+        return ", ".join(filter(None, [profile.building if several else "", level]))
 
     def named(self, profile: Profile, text: str) -> str:
         """Return a sentence that begins with the name of the profile, if the name is not empty."""
         name = self.building(profile)
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
-
-
-def profile_name(profile: Profile, profiles: list[Profile]) -> str:
-    """Return the name that distinguishes a profile from the other profiles in messages.
-
-    The name contains the building only if the profiles have several buildings, and the intensity
-    level only if they have several levels; otherwise it is empty.
-    """
-    parts = [profile.building] if len({other.building for other in profiles}) > 1 else []
-    # A missing scale or level is NaN, which is not equal to itself: compare the texts.
-    levels = {(repr(other.scale), repr(other.level)) for other in profiles}
-    if len(levels) > 1:
-        parts.append(profile.level_text)
-    return ", ".join(parts)

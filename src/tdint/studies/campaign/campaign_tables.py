@@ -145,17 +145,17 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
     drift, drift_unit = ("drift", "m") if by_length else ("drift_ratio", "1")
     end = "_m" if by_length else ""
     return [
-        Column.named("building", "", TEXT),
-        *([Column.named("level", "", TEXT)] if has_levels else []),
+        Column("building", TEXT, "profile.building", ""),
+        *([Column("level", TEXT, "profile.level_text", "")] if has_levels else []),
         Column.named("collapses", "", TEXT),
-        Column(f"mean_{drift}{end}", drift_unit, "mean", ""),
-        Column(f"largest_{drift}{end}", drift_unit, "largest", ""),
+        Column(f"mean_{drift}{end}", drift_unit, "mean_drift", ""),
+        Column(f"largest_{drift}{end}", drift_unit, "largest_drift", ""),
         Column("times_baseline", "1", "ratio", ""),
         Column.named("acceleration", "", "m/s^2"),
-        Column(f"residual_{drift}{end}", drift_unit, "residual", ""),
-        Column("base_shear_N", "N", "shear", ""),
-        Column("device_force_N", "N", "force", ""),
-        Column("device_stroke_m", "m", "stroke", ""),
+        Column(f"residual_{drift}{end}", drift_unit, "residual_drift", ""),
+        Column("base_shear_N", "N", "base_shear", ""),
+        Column("device_force_N", "N", "device.force", ""),
+        Column("device_stroke_m", "m", "device.stroke", ""),
     ]
 
 

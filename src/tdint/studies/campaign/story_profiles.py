@@ -16,7 +16,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from tdint.model.limits import (
     isolator_check,
 )
 from tdint.model.status import DONE, FALLEN
+from tdint.number_parsing import pluralize
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import integrate_case
@@ -184,6 +185,16 @@ class SuiteLevel:
         """Number of motions; a pair is one motion."""
         return len(self.completed) + self.collapsed + self.failed
 
+    def demands(self, values: Mapping[Run, Any]) -> Array:
+        """Return the demand of each completed motion, which combines the values of its runs, as an
+        array with the motions on the first axis."""
+        return np.array(
+            [
+                combine(np.array([values[run] for run in runs]), self.pair_demand)
+                for runs in self.completed
+            ]
+        )
+
 
 @dataclass(frozen=True)
 class Profile(SuiteLevel):
@@ -236,6 +247,13 @@ class Profile(SuiteLevel):
         """Number of motions with collapse or without a result as text, such as `8 collapsed`."""
         counts = {"collapsed": self.collapsed, "failed": self.failed}
         return " and ".join(f"{count} {outcome}" for outcome, count in counts.items() if count)
+
+    @property
+    def lost_reason(self) -> str:
+        """Reason why no limit is met; empty if all runs are completed without collapse."""
+        if not self.lost:
+            return ""
+        return f"{self.lost} of {pluralize(self.runs, 'motion')} collapsed or failed"
 
     def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
         """Compare the mean demands over the motions with limits: by default all limits of the
@@ -308,7 +326,7 @@ def profiles(store: Store) -> Iterator[Profile]:
                 for runs_of_motions in (level.completed, level.collapsed_runs)
             )
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
-            peaks |= _device_demands(level, devices)
+            peaks |= {quantity: level.demands(values) for quantity, values in devices.items()}
             yield Profile(
                 **vars(level),
                 building=name,
@@ -329,13 +347,9 @@ def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Ar
     quantities = [quantity.column for quantity in STORY_QUANTITIES]
     errors = [f"{quantity}_error" for quantity in quantities] if has_errors else []
     columns = ", ".join(("height_m", *quantities, *errors))
-    query = (
-        f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY "
-        "1, 2, 3, story"
-    )
     rows_by_run: dict[Run, list[list[float]]] = defaultdict(list)
-    for record, scale, sample, *values in store.connection.execute(query, (building,)):
-        rows_by_run[Run(record, scale, sample)].append(values)
+    for run, *values in store.values_of_runs("story_rows", columns, building, order="story"):
+        rows_by_run[run].append(values)
     return {run: np.array(rows, dtype=np.float64) for run, rows in rows_by_run.items()}
 
 
@@ -356,30 +370,10 @@ def device_values(
     for quantity in {limit.quantity for limit in limits} & _DEVICE_VALUES.keys():
         table, value = _DEVICE_VALUES[quantity]
         values: dict[Run, list[float]] = defaultdict(list)
-        query = (
-            f"SELECT record, scale, sample, {value} FROM {table} WHERE building = ? ORDER BY "
-            "1, 2, 3, number"
-        )
-        for *run, demand in store.connection.execute(query, (building,)):
-            values[Run(*run)].append(demand)
+        for run, demand in store.values_of_runs(table, value, building, order="number"):
+            values[run].append(demand)
         demands[quantity] = values
     return demands
-
-
-def _device_demands(
-    level: SuiteLevel, values: Mapping[str, Mapping[Run, list[float]]]
-) -> dict[str, Array]:
-    """Return the demands of `device_values` in the completed runs of a level, shape (motions,
-    attachments or links), by the name of the quantity."""
-    return {
-        quantity: np.array(
-            [
-                combine(np.array([of_run[run] for run in runs]), level.pair_demand)
-                for runs in level.completed
-            ]
-        )
-        for quantity, of_run in values.items()
-    }
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
@@ -438,12 +432,7 @@ class SuiteRules:
         """Group the runs of a building by intensity level, and yield the levels in ascending order
         of the absolute scale factors.
         """
-        query = (
-            "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
-            "record, scale, sample"
-        )
-        rows = store.connection.execute(query, (building,))
-        return self.levels({Run(*run): status for *run, status in rows})
+        return self.levels(dict(store.values_of_runs("run_rows", "status", building)))
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """Group runs of a building by intensity level, and yield the levels in ascending order.
@@ -737,14 +726,8 @@ def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[Floo
             # use these from the first run, and the pseudo-accelerations from all runs.
             for index, floor_spectrum in enumerate(spectra_of_run[level.completed[0][0]]):
                 spectrum, name = floor_spectrum.spectrum, names[number][0]
-                psa = np.array(
-                    [
-                        combine(
-                            np.array([spectra_of_run[run][index].spectrum.psa for run in runs]),
-                            level.pair_demand,
-                        )
-                        for runs in level.completed
-                    ]
+                psa = level.demands(
+                    {run: spectra[index].spectrum.psa for run, spectra in spectra_of_run.items()}
                 )
                 yield FloorSuite(
                     **vars(level),

@@ -37,7 +37,7 @@ from tdint.studies.campaign.story_profiles import (
     isolated_base,
     level_text,
 )
-from tdint.studies.campaign.variants import Comparison
+from tdint.studies.campaign.variants import Comparison, at_levels
 from tdint.studies.motions.pairs import MEAN
 from tdint.studies.motions.scaling_figures import GRAY
 from tdint.units import SI, OutputUnits
@@ -69,12 +69,9 @@ def profile_picture(
         other ways.
     """
     units = units.in_figures
-    # Each scale factor or level has a row; only the first rows are plotted. The keys are texts,
-    # because a missing value is nan, and two nan are not equal.
-    rows: dict[tuple[str, str], list[Profile]] = {}
-    for profile in profiles:
-        rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
-    shown = list(rows.values())[:_MAX_ROWS]
+    # Each scale factor or level has a row; only the first rows are plotted.
+    rows = at_levels(profiles)
+    shown = rows[:_MAX_ROWS]
     # In one column of a page, the height is reduced with the width: the rows are higher. A figure
     # with several rows is smaller, because a page reduces a tall figure with its text.
     is_tall = len(shown) > 1 and not is_narrow()

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tdint.number_parsing import number_text
-from tdint.output.tables.table import Cell, Table
+from tdint.output.tables.table import Table
 from tdint.studies.campaign.campaign_tables import variant_columns
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.variants import Comparison, comparisons, story_pairs
-from tdint.studies.motions.pairs import combine
 from tdint.units import OutputUnits
 
 if TYPE_CHECKING:
@@ -52,6 +51,12 @@ class _Variant(NamedTuple):
     base_shear: float = math.nan
     device: _Device = _Device(math.nan, math.nan)
 
+    @property
+    def collapses(self) -> str:
+        """Number of motions with collapse, and without a result, as text."""
+        count = f"{self.profile.collapsed} of {self.profile.runs}"
+        return f"{count}, {self.profile.failed} failed" if self.profile.failed else count
+
 
 def comparison_parts(
     plan: Plan, store: Store, profiles: Sequence[Profile], baseline: str | None, units: OutputUnits
@@ -77,7 +82,8 @@ def comparison_parts(
             notes.append(f"{comparison.note[0].upper()}{comparison.note[1:]}.")
     if len(rows) > _MAX_ROWS:
         notes.append(f"The first {_MAX_ROWS} of {len(rows)} rows; profiles.csv lists all.")
-    table = _table(rows[:_MAX_ROWS], has_levels=len(levels) > 1, by_length=by_length)
+    columns = variant_columns(has_levels=len(levels) > 1, by_length=by_length)
+    table = Table.of_results(columns, rows[:_MAX_ROWS])
     explanation = (
         "Means are over the motions that all buildings survive, in the story or floor with the "
         "largest mean; devices are dampers, isolators and elements that the "
@@ -171,26 +177,11 @@ def _element_forces(
 ) -> Mapping[tuple[int, str], float]:
     """Return the mean peak force, N, of each element by its story (from 1) and name, over the
     completed motions of a profile."""
-    query = (
-        "SELECT record, scale, sample, story, element, peak_force_N FROM element_rows WHERE "
-        "building = ?"
-    )
+    columns = "story, element, peak_force_N"
     forces: dict[tuple[int, str], dict[Run, float]] = defaultdict(dict)
-    for record, scale, sample, story, element, force in store.connection.execute(
-        query, (building,)
-    ):
-        forces[story, element][Run(record, scale, sample)] = force
-    return {
-        key: float(
-            np.mean(
-                [
-                    combine(np.array([of_run[run] for run in runs]), profile.pair_demand)
-                    for runs in profile.completed
-                ]
-            )
-        )
-        for key, of_run in forces.items()
-    }
+    for run, story, element, force in store.values_of_runs("element_rows", columns, building):
+        forces[story, element][run] = force
+    return {key: float(np.mean(profile.demands(of_run))) for key, of_run in forces.items()}
 
 
 def _best_text(
@@ -230,19 +221,3 @@ def _best_text(
     if not math.isnan(best.device.stroke):
         text += f", stroke {units.text(best.device.stroke, 'm')}"
     return f"{text}."
-
-
-def _table(rows: Sequence[_Variant], *, has_levels: bool, by_length: bool) -> Table:
-    """Return the table of the buildings; columns without any number are omitted by the page."""
-    columns = variant_columns(has_levels=has_levels, by_length=by_length)
-    cells: list[tuple[Cell, ...]] = []
-    for row in rows:
-        profile = row.profile
-        count = f"{profile.collapsed} of {profile.runs}"
-        if profile.failed:
-            count += f", {profile.failed} failed"
-        level = (profile.level_text,) if has_levels else ()
-        numbers = (row.mean_drift, row.largest_drift, row.ratio, row.acceleration)
-        others = (row.residual_drift, row.base_shear, *row.device)
-        cells.append((profile.building, *level, count, *numbers, *others))
-    return Table.of(columns, cells)

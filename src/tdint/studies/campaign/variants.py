@@ -89,11 +89,16 @@ _MAX_LOST = 8  # maximum number of buildings with collapses in a sentence
 def comparisons(profiles: Iterable[Profile]) -> list[Comparison]:
     """Return the comparison of all buildings at each level of intensity, in the order of the
     profiles."""
+    return [Comparison.of(level) for level in at_levels(profiles)]
+
+
+def at_levels(profiles: Iterable[Profile]) -> list[list[Profile]]:
+    """Group profiles by their level of intensity."""
     # The keys are texts, because scale or level may be NaN, which is not equal to NaN.
     levels: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
         levels.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
-    return [Comparison.of(level) for level in levels.values()]
+    return list(levels.values())
 
 
 @dataclass(frozen=True)

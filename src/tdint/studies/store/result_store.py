@@ -24,7 +24,7 @@ from tdint.studies.campaign.buildings import (
     RowBuildings,
     limits_of_text,
 )
-from tdint.studies.campaign.chunks import ChunkResult, RunRow
+from tdint.studies.campaign.chunks import ChunkResult, Run, RunRow
 from tdint.studies.motions.pairs import LARGER, PairRule, recording_numbers
 from tdint.studies.store import schema
 from tdint.studies.store.identity import ComparedValues, Identity, metadata_of, stored_text
@@ -540,6 +540,19 @@ class Store:
         """Return the rows of the runs of the chunk with this number."""
         rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
         return [schema.run_of(row) for row in rows]
+
+    def values_of_runs(
+        self, table: str, columns: str, building: int, order: str = "sample"
+    ) -> Iterator[tuple[Any, ...]]:
+        """Yield one tuple per row of a building in a table of chunks: the run, and the values of
+        `columns` (SQL expressions). The rows are in the order of the runs, then of the column
+        `order`."""
+        query = (
+            f"SELECT record, scale, sample, {columns} FROM {table} WHERE building = ? ORDER BY "
+            f"record, scale, sample, {order}"
+        )
+        for record, scale, sample, *values in self.connection.execute(query, (building,)):
+            yield Run(record, scale, sample), *values
 
     def parts(self, table: schema.PartTable) -> Iterator[tuple[Any, ...]]:
         """Yield one tuple per story, element, attachment, link or event and run, with the key of
