@@ -18,7 +18,6 @@ from tdint.errors import ModelError, RecordError, UsageError
 from tdint.response.spectra.target import read_target
 from tdint.response.static.cyclic import read_drift_path
 from tdint.studies.campaign.assigned_motions import GridFile
-from tdint.studies.campaign.definition import FactorsFile
 from tdint.studies.campaign.inputs import read_factors
 from tdint.studies.fragility.fit_table import fragility
 from tdint.studies.regions.inventory import read_inventory
@@ -34,7 +33,7 @@ READERS = {
     "target": (read_target, ModelError, b"sa_g"),
     "fragility": (fragility, ModelError, b"im"),
     "path": (read_drift_path, UsageError, b"drift_m"),
-    "factors": (lambda source: read_factors(FactorsFile(source)), ModelError, b"factor"),
+    "factors": (read_factors, ModelError, b"factor"),
     "grid": (grid, ModelError, b"Longitude"),
 }
 """All that read such a file, the error that each raises, and a column that it reads."""

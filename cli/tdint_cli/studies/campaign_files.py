@@ -779,12 +779,12 @@ def _suite_contents(
     if request.report is not None:
         contents[str(Path(request.report).absolute())] = profiles.report(plan, floor_spectra)
     if request.im:
+        from tdint.output.tables.table import Table
         from tdint.studies.fragility.measures import measured, run_measure
 
         measures = [run_measure(name) for name in request.im]
-        table = studies.campaign.campaign_tables.measures_table(
-            measures, measured(plan, store, measures)
-        )
+        columns = studies.campaign.campaign_tables.measure_columns(measures)
+        table = Table.of(columns, measured(plan, store, measures))
         contents[MEASURES] = table.in_units(profiles.units).csv()
     return contents
 

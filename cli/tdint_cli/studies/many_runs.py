@@ -83,14 +83,14 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     )
     from tdint.studies.campaign.plan import make_plan
 
-    factors_file = FactorsFile(request.factors) if request.factors is not None else None
-    table = read_factors(factors_file) if factors_file else None
+    factors = request.factors
+    table = None if factors is None else read_factors(factors)
     campaign = CampaignFile(
         name=model.name,
         source=model.source,
         buildings=ModelFiles((model.source,)),
         records=(record_files := RecordFiles(records, request.choice)),
-        intensity=factors_file or Scales(request.scale or (1.0,)),
+        intensity=Scales(request.scale or (1.0,)) if factors is None else FactorsFile(factors),
         analysis=AnalysisOverrides(request.method),
         settings=settings_from(request, CampaignSettings, profiles=True, check=bool(request.check)),
         pair_demand=request.pair_demand,

@@ -93,13 +93,10 @@ def read_table_of_factors(
         )
     if file is None:
         return read_suite(records, choice, pairs), None
-    from tdint.studies.campaign.definition import FactorsFile
     from tdint.studies.campaign.inputs import read_factors, read_listed
 
     _refuse_component_of_pairs(choice, pairs)
-    table, suite = read_listed(
-        read_factors(FactorsFile(file)), choice, pairs.names if pairs else None
-    )
+    table, suite = read_listed(read_factors(file), choice, pairs.names if pairs else None)
     return _report_suite(suite), table
 
 

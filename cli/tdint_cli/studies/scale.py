@@ -330,19 +330,15 @@ def _scale_function(request: ScaleRequest) -> Any:
     The target is read here, before the records, so that its errors are reported immediately.
     UsageError is raised if it cannot be read, or does not cover the periods.
     """
-    from tdint.studies.motions import scaling
     from tdint.studies.motions.intensity import measure_at
+    from tdint.studies.motions.scaling import scale
 
-    value = request.to
-    if request.p695:
-        return lambda motions: scaling.scale_p695(
-            motions, request.at, value[1] if value else None, damping=request.damping
-        )
+    settings: dict[str, Any] = {"damping": request.damping, "pair": request.pair}
     if request.target is None:
-        assert value is not None
-        name, measure_value = value
-        measure = measure_at(name, request.damping, request.at or math.nan)
-        return lambda motions: scaling.scale_to_value(motions, measure, measure_value, request.pair)
+        name, value = request.to or ("", None)
+        measure = measure_at(name, request.damping, request.at or math.nan) if name else None
+        rule = "p695" if request.p695 else "mean"
+        return lambda motions: scale(motions, measure, value, rule=rule, **settings)
     from tdint.response.spectra.target import read_target
 
     target = read_target(request.target)
@@ -356,10 +352,8 @@ def _scale_function(request: ScaleRequest) -> Any:
     target.check_damping(request.damping, "of the records")
     if request.select is not None:
         return _select_function(request, target, periods)
-    rule, damping, pair = request.rule or "mean", request.damping, request.pair
-    return lambda motions: scaling.scale_to_target(
-        motions, target, periods, rule, damping=damping, pair=pair
-    )
+    rule = request.rule or "mean"
+    return lambda motions: scale(motions, target=target, rule=rule, periods=periods, **settings)
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:

@@ -607,9 +607,7 @@ def test_failed_run_has_fixed_residuals(recorded_model, monkeypatch, more):
     """The residuals of a failed run have a fixed size in both measures. Their number is that of a
     run with a result, because derivatives of the residuals may compare the two."""
     recorded_model.usual()
-    problem = _Problem(
-        recorded_model.model, recorded_model.event(FLOORS + more), [], lambda runs: None
-    )
+    problem = _Problem(recorded_model.model, recorded_model.event(FLOORS + more), [])
     shapes = [
         differences([]).shape
         for differences in (problem.history_differences, problem.spectral_differences)

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         Statistics,
     )
     from tdint.studies.campaign.variants import Ratios
-    from tdint.studies.fragility.measures import MeasuredRun, RunMeasure
+    from tdint.studies.fragility.measures import RunMeasure
     from tdint.studies.store.result_store import Store
     from tdint.studies.store.schema import PartTable
 
@@ -157,15 +157,6 @@ def variant_columns(*, has_levels: bool, by_length: bool) -> list[Column]:
         Column("device_force_N", "N", "device.force", ""),
         Column("device_stroke_m", "m", "device.stroke", ""),
     ]
-
-
-def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
-    """Return measures.csv: the intensity measures of the ground motions of all runs."""
-    rows = (
-        (run.building, run.record, run.component, run.scale, run.sample, *run.values)
-        for run in runs
-    )
-    return Table.of(measure_columns(measures), rows)
 
 
 def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice, zip_longest
 from typing import Any, NamedTuple, Protocol, Self, TypeVar
@@ -605,10 +605,14 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     # Measure the time of this thread: the time of the process includes chunks of other threads.
     start_time = time.thread_time()
     motions = Motions(chunk.records)
-    # A subject is a building with its time integration method. `Sa(T1)` of all motions is computed
+    # A subject is a building with its time integration method. `Sa(T1)` of a motion is computed
     # together for the first periods of all buildings.
     subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
-    spectral = _first_mode_accelerations(chunk, [subject.period for subject in subjects])
+    spectral = values_by_motion(
+        [[run.motion for run in building_runs.runs] for building_runs in chunk.buildings],
+        [subject.period for subject in subjects],
+        lambda motion, periods: spectral_accelerations(chunk.records[motion], periods),
+    )
     rows = Rows()
     for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(building_runs.number, subject, motions, sa_t1, chunk.settings)
@@ -616,24 +620,34 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     return ChunkResult(chunk.number, rows, time.thread_time() - start_time)
 
 
-def _first_mode_accelerations(
-    chunk: Chunk, periods: Sequence[float]
-) -> list[dict[int, float | None]]:
-    """Return for each building of a chunk a dictionary from the number of a ground motion under
-    which it is run to the unscaled Sa(T1), m/s^2; None if the period is too short for the record.
+def values_by_motion(
+    motions: Sequence[Iterable[int]],
+    periods: Sequence[float],
+    values_at: Callable[[int, list[float]], Sequence[Item]],
+) -> list[dict[int, Item]]:
+    """Return for each building a dictionary from the number of each of its ground motions to a
+    value that depends on the first period of the building. A motion is evaluated one time, for the
+    periods of all its buildings.
+
+    Parameters
+    ----------
+    motions : sequence of iterables of int
+        Numbers of the ground motions of each building.
+    periods : sequence of float
+        First period of each building, s.
+    values_at : callable
+        Function that returns the values of a motion, by its number, at several periods.
     """
-    spectral: list[dict[int, float | None]] = [{} for _ in periods]
-    # Indices in `periods` of the buildings that are run under each ground motion.
     buildings_of_motion: dict[int, list[int]] = {}
-    for building, building_runs in enumerate(chunk.buildings):
-        for motion in dict.fromkeys(run.motion for run in building_runs.runs):
+    for building, motions_of_building in enumerate(motions):
+        for motion in dict.fromkeys(motions_of_building):
             buildings_of_motion.setdefault(motion, []).append(building)
+    result: list[dict[int, Item]] = [{} for _ in periods]
     for motion, buildings in buildings_of_motion.items():
-        motion_periods = [periods[building] for building in buildings]
-        values = spectral_accelerations(chunk.records[motion], motion_periods)
+        values = values_at(motion, [periods[building] for building in buildings])
         for building, value in zip(buildings, values, strict=True):
-            spectral[building][motion] = value
-    return spectral
+            result[building][motion] = value
+    return result
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:

@@ -235,14 +235,15 @@ class CampaignRuns(Tabular):
         warnings : tuple of str
             Unusual values of the buildings.
         """
-        values = (
+        return cls(
             store.meta("name"),
             int(store.meta("runs")),
             store.statuses(),
             failures,
             store.checked,
+            store.connection.serialize(),
+            warnings,
         )
-        return cls(*values, store.connection.serialize(), warnings)
 
     @property
     def store(self) -> Store:
@@ -351,12 +352,11 @@ def campaign(
             stack.enter_context(schema.locked(Path(folder)))
         opened_store, _ = open_store(None if folder is None else Path(folder), plan)
         store = stack.enter_context(opened_store)
-        run_count = sum(map(plan.size, range(plan.chunks)))
         engine = threads(processors() if jobs is None else jobs)
         # After an interrupt only chunks in progress are lost; completed runs are returned if
         # `partial` is true.
         try:
-            with progress_reporter(progress, run_count, "run") as report_progress:
+            with progress_reporter(progress, plan.runs, "run") as report_progress:
                 execute_plan(
                     plan,
                     store,

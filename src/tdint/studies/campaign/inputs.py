@@ -124,7 +124,9 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     else:
         rows, faults = read_rows(campaign.buildings)
     factors = (
-        read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+        read_factors(campaign.intensity.file)
+        if isinstance(campaign.intensity, FactorsFile)
+        else None
     )
     # If the campaign file lists no records, the table of factors lists them.
     if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
@@ -389,7 +391,11 @@ def read_motions(records: RecordFiles) -> CampaignMotions:
     RecordError
         No record can be used; the message has one line per reason.
     """
-    suite = read_suite(records.files, records.choice, records.pairs)
+    return _motions_of(read_suite(records.files, records.choice, records.pairs))
+
+
+def _motions_of(suite: Suite) -> CampaignMotions:
+    """Return the motions of a suite; raise RecordError if no record can be used."""
     if not suite.motions:
         raise RecordError("\n".join(map(str, suite.failures)) or "the campaign contains no records")
     return CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
@@ -501,7 +507,7 @@ def _sequence(
         yield SuiteMotion(joined, name, joined.component, joined.events[0])
 
 
-def read_factors(factors_file: FactorsFile) -> FactorTable:
+def read_factors(file: str) -> FactorTable:
     """Read factors from a CSV file with the columns record, component (empty: all components) and
     factor.
 
@@ -515,7 +521,6 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     ModelError
         The file cannot be read.
     """
-    file = factors_file.file
     format_text = (
         f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
         "writes such a file"
@@ -567,9 +572,7 @@ def read_listed_motions(
         No record can be used; the message has one line per reason.
     """
     table, suite = read_listed(table, records.choice, records.pairs)
-    if not suite.motions:
-        raise RecordError("\n".join(map(str, suite.failures)))
-    return table, CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+    return table, _motions_of(suite)
 
 
 def read_listed(

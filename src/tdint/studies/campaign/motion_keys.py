@@ -168,34 +168,17 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
     """
     file, distance = section.file("grid"), section.read("distance", "km")
     # With `events`, all events are run, so that keys of the sampling would have no effect.
-    if section.read("events"):
+    if events := bool(section.read("events")):
         section.refuse(
             ("neighbors", "samples", "seed"),
             "cannot be used with `events`, which are not sampled; remove it",
         )
-        max_distance = read_max_distance(section)
-        if file is None or units is None:
-            return None
-        return GridFile(
-            file,
-            units,
-            neighbors=1,
-            samples=0,
-            seed=0,
-            distance=distance,
-            events=True,
-            max_distance=max_distance,
-        )
-    neighbors = section.need("neighbors", "give the number of grid points to sample from")
-    samples = section.need("samples", "give the number of samples for each building")
-    if file is None or units is None or neighbors is None or samples is None:
+    else:
+        section.need("neighbors", "give the number of grid points to sample from")
+        section.need("samples", "give the number of samples for each building")
+    # Without a value, which is reported, no building has a sample.
+    numbers = section.read("neighbors", 1), section.read("samples", 0), section.read("seed", 0)
+    max_distance = read_max_distance(section)
+    if file is None or units is None:
         return None
-    return GridFile(
-        file,
-        units,
-        neighbors.read(),
-        samples.read(),
-        section.read("seed", 0),
-        distance,
-        max_distance=read_max_distance(section),
-    )
+    return GridFile(file, units, *numbers, distance, events, max_distance)

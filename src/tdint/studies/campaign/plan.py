@@ -54,6 +54,7 @@ from tdint.studies.campaign.chunks import (
     Run,
     Source,
     building_step,
+    values_by_motion,
 )
 from tdint.studies.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.studies.campaign.inputs import Inputs
@@ -301,8 +302,7 @@ class Plan:
         that meets the tolerance.
         """
         # `draws` contains the motions of each building; each item has the number of the motion, its
-        # factor, and the number of the sample. The keys of `factors` are the index of the building
-        # in `slices` and the number of the motion.
+        # factor, and the number of the sample.
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
         factors = self._factors(sources, draws)
@@ -320,7 +320,7 @@ class Plan:
                 )
                 runs += [
                     Run(draw.motion, factor * scale, draw.sample)
-                    for scale in factors[index, draw.motion]
+                    for scale in factors[index][draw.motion]
                 ]
             # The time step is chosen from all runs of the building, so that it does not depend on
             # the division into chunks.
@@ -360,27 +360,14 @@ class Plan:
 
     def _factors(
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
-    ) -> dict[tuple[int, int], tuple[float, ...]]:
-        """Return the scale factors of the motions of some buildings, by the index of the building
-        in `sources` and the number of the motion.
-        """
-        # Compute the spectrum of each motion once for the periods of all buildings.
-        buildings_of_motion: dict[int, list[int]] = {}
-        for index, building_draws in enumerate(draws):
-            for motion in dict.fromkeys(draw.motion for draw in building_draws):
-                buildings_of_motion.setdefault(motion, []).append(index)
+    ) -> list[dict[int, tuple[float, ...]]]:
+        """Return the scale factors of the motions of each building by the number of the motion."""
         periods = [
             source.subject().period if self.levels.depends_on_period else math.nan
             for source in sources
         ]
-        factors: dict[tuple[int, int], tuple[float, ...]] = {}
-        for motion, indices in buildings_of_motion.items():
-            values_by_index = self.levels.factors(motion, [periods[index] for index in indices])
-            factors |= {
-                (index, motion): values
-                for index, values in zip(indices, values_by_index, strict=True)
-            }
-        return factors
+        motions = [[draw.motion for draw in building_draws] for building_draws in draws]
+        return values_by_motion(motions, periods, self.levels.factors)
 
 
 def _samples(record: Record) -> int:

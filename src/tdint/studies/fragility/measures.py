@@ -29,6 +29,7 @@ from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import Grid, parse_grid, parse_ratio
+from tdint.output.tables.table import Cell
 from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.spectra.inelastic import constant_strength
 from tdint.studies.campaign.chunks import Run
@@ -242,21 +243,11 @@ def _inelastic(parameters: str) -> RunMeasure:
     )
 
 
-@dataclass(frozen=True)
-class MeasuredRun:
-    """Values of the requested intensity measures for a run, which is identified by the columns of
-    runs.csv. A value is nan if it cannot be computed."""
-
-    building: str
-    record: str
-    component: str
-    scale: float
-    sample: int
-    values: tuple[float, ...]
-
-
-def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterator[MeasuredRun]:
-    """Yield the intensity measures of all stored runs of a campaign, in the order of runs.csv."""
+def measured(
+    plan: Plan, store: Store, measures: Sequence[RunMeasure]
+) -> Iterator[tuple[Cell, ...]]:
+    """Yield the rows of measures.csv: the intensity measures of all stored runs of a campaign, in
+    the order of runs.csv. The first cells identify the run (`_KEYS`)."""
     names, records = store.buildings(), store.records()
     # First period of a building by its number, s
     period = cache(lambda building: plan.buildings[building].subject().period)
@@ -279,8 +270,8 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
         "sample"
     )
     for building, motion, scale, sample in store.connection.execute(query):
-        values = tuple(value(i, motion, scale, period(building)) for i in range(len(measures)))
-        yield MeasuredRun(names[building][0], *records[motion][:2], scale, sample, values)
+        values = (value(i, motion, scale, period(building)) for i in range(len(measures)))
+        yield (names[building][0], *records[motion][:2], scale, sample, *values)
 
 
 def measure_named(text: str) -> RunMeasure:

@@ -519,9 +519,11 @@ def _demands_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
     return np.stack(columns, axis=-1)
 
 
-def fractiles(
-    curves: Sequence[IdaCurve], drift_ratios: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)
-) -> Array:
+FRACTIONS = (0.16, 0.5, 0.84)
+"""Probabilities of the fractiles of IDA curves."""
+
+
+def fractiles(curves: Sequence[IdaCurve], drift_ratios: Array) -> Array:
     """Return fractiles, over the records, of the intensity where the building reaches each drift
     ratio.
 
@@ -536,17 +538,17 @@ def fractiles(
     """
     used = [curve for curve in curves if curve.stable]
     if not used:
-        return np.full((len(fractions), drift_ratios.size), math.nan)
-    return fractiles_of(np.array([curve.intensity_at(drift_ratios) for curve in used]), fractions)
+        return np.full((len(FRACTIONS), drift_ratios.size), math.nan)
+    return fractiles_of(np.array([curve.intensity_at(drift_ratios) for curve in used]))
 
 
-def fractiles_of(intensities: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)) -> Array:
+def fractiles_of(intensities: Array) -> Array:
     """Return fractiles of intensities, shape (records, k), by the rules of `fractiles`."""
-    result = np.full((len(fractions), intensities.shape[1]), math.nan)
+    result = np.full((len(FRACTIONS), intensities.shape[1]), math.nan)
     # Intensities of the records in ascending order, NaN last. The fractile is at a position between
     # 0 and the index of the last record.
     ranked = np.sort(intensities, axis=0)
-    for row, fraction in zip(result, fractions, strict=True):
+    for row, fraction in zip(result, FRACTIONS, strict=True):
         position = fraction * (len(ranked) - 1)
         low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
         can_interpolate = np.isfinite(low) & np.isfinite(high) & (low > 0.0)

@@ -17,7 +17,7 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.studies.ida.ida import IdaStudy
-from tdint.studies.ida.ida_curve import IdaCurve, fractiles
+from tdint.studies.ida.ida_curve import FRACTIONS, IdaCurve, fractiles
 from tdint.studies.motions.intensity import (
     MotionIntensity,
 )
@@ -31,7 +31,6 @@ from tdint.studies.motions.scaling_figures import (
 
 # ---- Collapse
 
-_FRACTIONS = (0.16, 0.5, 0.84)  # probabilities of the fractiles of IDA curves
 _DRIFTS = 240  # number of points of a curve, which is smooth at a width of 180 mm
 _IM_MARGIN = 1.1  # upper end of the intensity axis divided by the maximum capacity
 _DRIFT_MARGIN = 1.04  # end of flat lines divided by the maximum drift
@@ -140,16 +139,16 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
             _draw_curve(axes, curve, limit, style)
         return
     drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
-    rows = fractiles(study.motion_curves, drifts, _FRACTIONS)
+    rows = fractiles(study.motion_curves, drifts)
     # In reverse order, the legend lists the median first; both dashed lines have one entry.
-    for fraction, row in reversed(list(zip(_FRACTIONS, rows, strict=True))):
+    for fraction, row in reversed(list(zip(FRACTIONS, rows, strict=True))):
         is_median = fraction == 0.5
         if not np.isfinite(row).any() or (several and not is_median):
             continue
         if is_median:
             style = {"linewidth": 2.2, "label": f"median, {state}" if several else "median"}
         else:
-            label = "16 % and 84 %" if fraction == _FRACTIONS[0] else None
+            label = "16 % and 84 %" if fraction == FRACTIONS[0] else None
             style = {"linestyle": DASHES[1], "linewidth": 1.4, "label": label}
         start = [] if damage else [0.0]  # a damaged building does not start at the origin
         axes.plot([*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, **style)

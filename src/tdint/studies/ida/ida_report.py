@@ -33,17 +33,13 @@ from tdint.studies.fragility.fragility_report import (
 )
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
-from tdint.studies.ida.ida_tables import limit_capacities, motion_rows
+from tdint.studies.ida.ida_tables import limit_capacities, motion_curves
 from tdint.studies.motions.pairs import SEPARATE, describe_demand, motions_text
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import OutputUnits
 
 if TYPE_CHECKING:
     from tdint.studies.ida.ida import IdaSettings, IdaStudy
-
-
-_FRACTILES = (0.16, 0.5, 0.84)
-"""Fractions of the fractiles in the table of capacities."""
 
 
 # ---- Incremental dynamic analysis
@@ -163,7 +159,7 @@ def _fractile_table(study: IdaStudy) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for state in study.states:
         curves = state.motion_curves
-        values = fractiles(curves, np.array(study.thresholds), _FRACTILES).T.tolist()
+        values = fractiles(curves, np.array(study.thresholds)).T.tolist()
         for threshold, row in zip(study.thresholds, values, strict=True):
             censored = sum(curve.capacity(threshold).censored for curve in curves)
             cells: tuple[Cell, ...] = (threshold, *row, len(curves), censored)
@@ -188,14 +184,15 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
     limits = [item.limit for item in limit_capacities(study, study.states[0].motion_curves[0])]
     columns = ("record", "component", *names, *limits, "collapse_factor", "status")
     rows: list[tuple[Cell, ...]] = []
-    for source, component, curve in motion_rows(study):
+    for curve_rows in motion_curves(study):
+        curve = curve_rows.curve
         capacities = [curve.capacity(threshold) for threshold in thresholds]
         status = "censored" if capacities[-1].censored else "collapsed"
         values = [capacity.capacity for capacity in capacities]
         limited = [item.capacity for item in limit_capacities(study, curve)]
         values += limited or [math.nan] * len(limits)
         factor = _factor(curve, capacities[-1].capacity)
-        cells: tuple[Cell, ...] = (source, component, *values, factor, status)
+        cells: tuple[Cell, ...] = (curve_rows.record, curve_rows.component, *values, factor, status)
         rows.append((initial_damage(curve.damage), *cells) if has_states else cells)
     meanings = {name: {"meaning": "", "unit": unit} for name in (*names, *limits)}
     meanings["collapse_factor"] = {"meaning": "", "unit": "1"}

@@ -154,7 +154,7 @@ def capacity_table(study: IdaStudy) -> Table:
     columns = (*_with_damage(CAPACITIES, study), *limit_column, *pair_demand)
     capacities = (
         replace(row, capacity=capacity)
-        for row in _motion_curves(study)
+        for row in motion_curves(study)
         for capacity in (
             *map(row.curve.capacity, study.thresholds),
             *limit_capacities(study, row.curve),
@@ -193,14 +193,7 @@ def _with_unit(table: Table, unit: str) -> Table:
     return table._replace(meanings=table.meanings | units)
 
 
-def motion_rows(study: IdaStudy) -> Iterator[tuple[str, str, IdaCurve]]:
-    """Yield the file, the names of the components (`HNE+HNN` for a pair) and the IDA curve of each
-    ground motion, as in the table of capacities."""
-    for row in _motion_curves(study):
-        yield row.record, row.component, row.curve
-
-
-def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
+def motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
     """Yield the IDA curve of each ground motion with its file and component.
 
     A pair that counts as a single ground motion has the file name of its first component and the

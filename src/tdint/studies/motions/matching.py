@@ -34,6 +34,7 @@ from tdint.response.arguments import AnyMotion, damping_of, is_list, motion_of
 from tdint.response.spectra.elastic import SA_DAMPING, SAMPLES, spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 from tdint.response.spectra.target import TargetSpectrum, read_targets, source_of
+from tdint.studies.motions.intensity import pseudo_accelerations
 from tdint.studies.motions.matching_problem import (
     MAX_GROWING_FRACTION,
     SMALL_MISFIT,
@@ -458,9 +459,7 @@ def _spectra(motion: GroundMotion, periods: Array, dampings: Sequence[float]) ->
             "a motion to be matched must have at least 100 samples, an acceleration that is not "
             "zero, and a positive damping ratio"
         )
-    if isinstance(motion, Record):
-        return np.array([spectrum(motion, periods, ratio).psa for ratio in dampings])
-    return np.array([rotated_spectrum(motion, periods, ratio, [100]).psa[0] for ratio in dampings])
+    return np.array([pseudo_accelerations(motion, periods, ratio, "rotd100") for ratio in dampings])
 
 
 def _continued(seed: GroundMotion, match_target: _MatchTarget) -> GroundMotion:

@@ -117,13 +117,7 @@ class _FreeValue:
     set_in: Callable[[Model, float], Model]
 
 
-def fit(
-    model: Model,
-    event: Event,
-    names: Sequence[str],
-    *,
-    progress: Callable[[int], None] = lambda runs: None,
-) -> Fit:
+def fit(model: Model, event: Event, names: Sequence[str]) -> Fit:
     """Fit a model to an event.
 
     Parameters
@@ -131,8 +125,6 @@ def fit(
     names : sequence of str
         Values to be fitted, from `FITTED`: the stiffness of each story (yield forces do not
         change), or a single factor on all stiffnesses; and the values of `damping` of the model.
-    progress : callable
-        Function that receives the number of completed runs; by default no function.
 
     Raises
     ------
@@ -142,7 +134,7 @@ def fit(
         No run with such values has a result.
     """
     free_values = _free_values(model, names)
-    problem = _Problem(model, event, free_values, progress)
+    problem = _Problem(model, event, free_values)
     is_stiffness_fitted = any(name.startswith("stiffness") for name in names)
     best = _best_solution(problem, is_stiffness_fitted)
     # The cost is half the sum of squares. A failed run has a cost of 0.5 _FAILED_DIFFERENCE^2, far
@@ -228,24 +220,12 @@ class _Problem:
     """Differences between an event and the model as functions of the logarithms of the values.
 
     Logarithms are used because the values are positive and have different magnitudes.
-
-    Parameters
-    ----------
-    progress : callable
-        Function that receives the number of runs at the start of each run, from 1.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        event: Event,
-        free_values: Sequence[_FreeValue],
-        progress: Callable[[int], None],
-    ) -> None:
+    def __init__(self, model: Model, event: Event, free_values: Sequence[_FreeValue]) -> None:
         self._model = model
         self.event = event
         self.free_values = free_values
-        self._progress = progress
         # The method `exact` is the fastest for linear buildings and has no discretization error.
         # None selects the default method.
         self._method = "exact" if compare.is_linear(model) else None
@@ -266,7 +246,6 @@ class _Problem:
     def computed(self, logarithms: Array) -> list[Array] | None:
         """Return the computed motions of the recorded floors; None if the run has no result."""
         self.runs += 1
-        self._progress(self.runs)
         try:
             case = compare.case_under(self.model(logarithms), self.event, self._method)
             return compare.computed_floors(

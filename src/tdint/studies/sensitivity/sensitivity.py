@@ -207,9 +207,7 @@ def sensitivity(
     motions = CampaignMotions(suite_motions([record_of(motion) for motion in record_list]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
-        with progress_reporter(
-            progress, sum(map(plan.size, range(plan.chunks))), "run"
-        ) as report_progress:
+        with progress_reporter(progress, plan.runs, "run") as report_progress:
             execute_plan(
                 plan,
                 store,
