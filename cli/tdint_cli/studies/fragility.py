@@ -392,23 +392,20 @@ def _function_text(function: Fragility) -> str:
     if not math.isnan(function.threshold):
         demand = "Drift ratio" if function.is_drift_ratio else "Threshold"
         text = f"{demand} {function.threshold_text}: "
-    if not math.isnan(function.damage):
-        text += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
+    if function.initial_damage:
+        text += f"{function.initial_damage}, "
     unit = f" {function.unit}" if function.unit else ""
     text += f"{function.fit}, median {function.im or 'im'} {function.theta:.4g}{unit}"
     if not math.isnan(function.theta_error):
-        # 95 % of a normal distribution are within 1.96 standard deviations. The standard error is
-        # the error of ln theta.
-        factor = math.exp(1.96 * function.theta_error)
-        text += f" (95 %: {function.theta / factor:.4g} to {function.theta * factor:.4g})"
+        low, high = function.theta_interval
+        text += f" (95 %: {low:.4g} to {high:.4g})"
     elif function.extrapolated:
         text += " (extrapolated)"
     else:
         text += " (no confidence interval: it requires at least three ground motions)"
     text += f", beta {function.beta:.3f}"
     if not math.isnan(function.beta_error):
-        half_width = 1.96 * function.beta_error
-        low, high = max(function.beta - half_width, 0.0), function.beta + half_width
+        low, high = function.beta_interval
         text += f" (95 %: {low:.3f} to {high:.3f})"
     if function.modeling_dispersion:
         text += f", total beta {function.beta_total:.3f}"

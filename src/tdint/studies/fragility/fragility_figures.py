@@ -323,9 +323,8 @@ def _label(function: Fragility, beta_total: float | None = None) -> str:
     The initial damage is the drift ratio that a previous earthquake has caused, in percent.
     """
     threshold = f"{function.threshold_text}: " if function.threshold_text else ""
-    if not math.isnan(function.damage):
-        state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
-        threshold += f"{state}, "
+    if function.initial_damage:
+        threshold += f"{function.initial_damage}, "
     beta = (
         rf"$\beta$ = {function.beta:.2f}"
         if beta_total is None

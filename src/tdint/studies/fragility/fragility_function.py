@@ -23,6 +23,9 @@ FITS = (STRIPES, IDA, CLOUD)
 _MOST_NAMES = 10
 """Maximum number of names of functions in a message, so that the message stays readable."""
 
+_TWO_SIDED = 1.96
+"""Standard errors of a two-sided 95 % interval of a normal distribution, as in texts."""
+
 NORMAL_95 = 1.959963984540054
 """Half width of the interval around the mean that contains 95 % of a normal distribution, in
 standard deviations."""
@@ -207,6 +210,24 @@ class Fragility:
     def beta_error(self) -> float:
         """Standard error of beta."""
         return math.sqrt(self.covariance[1, 1])
+
+    @property
+    def theta_interval(self) -> tuple[float, float]:
+        """95 % confidence interval of theta. The standard error is the error of ln theta."""
+        factor = math.exp(_TWO_SIDED * self.theta_error)
+        return self.theta / factor, self.theta * factor
+
+    @property
+    def beta_interval(self) -> tuple[float, float]:
+        """95 % confidence interval of beta, which is not negative."""
+        half_width = _TWO_SIDED * self.beta_error
+        return max(self.beta - half_width, 0.0), self.beta + half_width
+
+    @property
+    def initial_damage(self) -> str:
+        """State of the building before a ground motion, such as `damaged to 2 %`; empty if it is
+        unknown."""
+        return "" if math.isnan(self.damage) else initial_damage(self.damage)
 
     @property
     def beta_total(self) -> float:
@@ -436,6 +457,14 @@ class Fragility:
             bounds=(first_bound, second_bound),
             **converted,
         )
+
+
+def initial_damage(damage: float) -> str:
+    """Return the text for the state of a building before a ground motion, such as `damaged to 2 %`.
+
+    `damage` is the drift ratio reached in a previous ground motion; 0 for an undamaged building.
+    """
+    return f"damaged to {100.0 * damage:g} %" if damage else "intact"
 
 
 def _bin_indices(im: Array, weight: Array) -> NDArray[np.intp]:

@@ -20,7 +20,7 @@ from tdint.output.report import (
     method_text,
     simplifications,
 )
-from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.output.tables.table import TEXT, Cell, Column, Table
 from tdint.studies.fragility.fit_table import study_summary
 from tdint.studies.fragility.fragility_function import CLOUD, IDA, STRIPES, Fragility
 from tdint.studies.motions.pairs import describe_demand
@@ -30,8 +30,6 @@ from tdint.units import SI
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-_TWO_SIDED = 1.96  # standard errors of a two-sided 95 % interval of a normal distribution
 
 SOURCES = {
     IDA: "capacities: mean and standard deviation of the logarithms of the capacities, maximum "
@@ -72,14 +70,6 @@ MOST_THRESHOLDS = 4
 """Maximum number of drift ratios in the table of capacities, so that the table fits the page."""
 
 
-def initial_damage(damage: float) -> str:
-    """Return the text for the state of a building before a ground motion, such as `damaged to 2 %`.
-
-    `damage` is the drift ratio of the damage by a main shock; 0 results in `intact`.
-    """
-    return f"damaged to {100.0 * damage:g} %" if damage else "intact"
-
-
 def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Table:
     """Return the fitted parameters of fragility functions with their 95 % intervals.
 
@@ -91,50 +81,31 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
         True to list the state of the building before the motion.
     """
     unit = functions[0].unit or "1"
-    # In `columns` and `rows`, a tuple times a flag is the tuple if the flag is True, and an empty
-    # tuple (no column, no cell) if it is False.
-    has_total_beta = any(function.modeling_dispersion for function in functions)
-    has_types = any(function.type for function in functions)
+    numbers: list[tuple[str, str | Callable[[Fragility], float]]] = [
+        ("beta", "beta"),
+        ("beta_low", lambda function: function.beta_interval[0]),
+        ("beta_high", lambda function: function.beta_interval[1]),
+    ]
+    if any(function.modeling_dispersion for function in functions):
+        numbers.append(("total_beta", "beta_total"))
+    numbers.append(("motions", lambda function: function.motions or function.runs))
     # The number of runs is a column only if ground motions have several runs.
-    has_several_runs = any(
-        function.motions and function.runs != function.motions for function in functions
-    )
-    parameters = ("theta", "theta_low", "theta_high", "beta", "beta_low", "beta_high")
-    columns = (
-        *(("type", "damage_state") * has_types),
-        *(("state",) * damaged),
-        "threshold",
-        *parameters,
-        *(("total_beta",) * has_total_beta),
-        "motions",
-        *(("runs",) * has_several_runs),
-        "censored",
-    )
-    rows: list[tuple[Cell, ...]] = []
-    for function in functions:
-        factor = math.exp(_TWO_SIDED * function.theta_error)
-        half_width = _TWO_SIDED * function.beta_error
-        rows.append(
-            (
-                *((function.type, function.state) * has_types),
-                *((initial_damage(function.damage),) * damaged),
-                function.threshold_text,
-                function.theta,
-                function.theta / factor,
-                function.theta * factor,
-                function.beta,
-                max(function.beta - half_width, 0.0),
-                function.beta + half_width,
-                *((function.beta_total,) * has_total_beta),
-                function.motions or function.runs,
-                *((function.runs,) * has_several_runs),
-                function.censored,
-            )
-        )
-    meanings = {name: {"meaning": "", "unit": unit} for name in parameters[:3]}
-    dimensionless = (*parameters[3:], "total_beta", "motions", "runs", "censored")
-    meanings |= {name: {"meaning": "", "unit": "1"} for name in dimensionless}
-    return Table(columns, rows, meanings)
+    if any(function.motions and function.runs != function.motions for function in functions):
+        numbers.append(("runs", "runs"))
+    numbers.append(("censored", "censored"))
+    texts = {"threshold": "threshold_text"}
+    if damaged:
+        texts = {"state": "initial_damage"} | texts
+    if any(function.type for function in functions):
+        texts = {"type": "type", "damage_state": "state"} | texts
+    columns = [
+        *(Column(name, TEXT, value, "") for name, value in texts.items()),
+        Column("theta", unit, "theta", ""),
+        Column("theta_low", unit, lambda function: function.theta_interval[0], ""),
+        Column("theta_high", unit, lambda function: function.theta_interval[1], ""),
+        *(Column(name, "1", value, "") for name, value in numbers),
+    ]
+    return Table.of_results(columns, functions)
 
 
 def fragility_page(
@@ -210,16 +181,15 @@ def _median_text(function: Fragility) -> str:
     if math.isfinite(function.threshold):
         demand = "drift ratio" if function.is_drift_ratio else "threshold"
         parts.append(f"{demand} {function.threshold_text}")
-    if function.damage >= 0.0:
-        parts.append(initial_damage(function.damage))
+    if function.initial_damage:
+        parts.append(function.initial_damage)
     name = f"{', '.join(parts)}: " if parts else ""
     unit = f" {function.unit}" if function.unit else ""
     text = f"{name}median {measure_words(function.im) or 'intensity'} "
     text += f"{number_text(function.theta)}{unit}"
     if math.isfinite(function.theta_error):
-        factor = math.exp(_TWO_SIDED * function.theta_error)
-        ends = (number_text(function.theta / factor), number_text(function.theta * factor))
-        text += f" (95 %: {ends[0]} to {ends[1]}{unit})"
+        low, high = map(number_text, function.theta_interval)
+        text += f" (95 %: {low} to {high}{unit})"
     elif function.extrapolated:
         text += " (extrapolated)"
     text = f"{text}, beta {number_text(function.beta, 3)}."

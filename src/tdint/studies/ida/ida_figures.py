@@ -16,6 +16,7 @@ from tdint.output.figures.style import (
     record_name,
     titled,
 )
+from tdint.studies.fragility.fragility_function import initial_damage
 from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import FRACTIONS, IdaCurve, fractiles
 from tdint.studies.motions.intensity import (
@@ -131,7 +132,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     there are several states.
     """
     damage = study.motion_curves[0].damage
-    state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
+    state = initial_damage(damage)
     if len(study.motion_curves) < MIN_MOTIONS:
         for i, curve in enumerate(study.motion_curves if several else ()):
             # The curves of a state have the same style and one legend entry.

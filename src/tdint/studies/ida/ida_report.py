@@ -20,7 +20,7 @@ from tdint.output.report import (
 )
 from tdint.output.tables.table import Cell, Table
 from tdint.studies.fragility.fits import fit_capacities
-from tdint.studies.fragility.fragility_function import IDA, Fragility
+from tdint.studies.fragility.fragility_function import IDA, Fragility, initial_damage
 from tdint.studies.fragility.fragility_report import (
     INTERVALS,
     LOGNORMAL,
@@ -29,7 +29,6 @@ from tdint.studies.fragility.fragility_report import (
     RANK_AND_FIT,
     SOURCES,
     fit_table_of,
-    initial_damage,
 )
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles

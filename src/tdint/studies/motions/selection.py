@@ -330,101 +330,58 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     list of str
         Name and date of the event of each motion; empty if the event is unknown.
     """
-    groups = _EventGroups([_event_of_motion(motion) for motion in motions])
-    groups.unite_equal_events()
-    groups.unite_recordings(_recordings(motions))
-    groups.unite_similar_events()
-    return groups.labels()
+    from scipy.cluster.hierarchy import DisjointSet  # imported here, because it needs 90 ms
 
+    events = [_event_of_motion(motion) for motion in motions]
+    groups = DisjointSet(range(len(events)))  # groups of the indices of motions
 
-class _EventGroups:
-    """Groups of motions of the same event. Motions are identified by their indices.
-
-    Attributes
-    ----------
-    events : list of Earthquake
-        Event in the header of each motion.
-    """
-
-    def __init__(self, events: list[Earthquake]) -> None:
-        self.events = events
-        from scipy.cluster.hierarchy import DisjointSet  # imported here, because it needs 90 ms
-
-        self._groups = DisjointSet(range(len(events)))
-
-    def _unite_if_same_event(self, motion: int, other_motion: int) -> None:
+    def unite_if_same_event(motion: int, other_motion: int) -> None:
         """Merge the groups of two motions if their headers may describe the same event."""
-        if is_same_event(self.events[motion], self.events[other_motion]):
-            self._groups.merge(motion, other_motion)
+        if is_same_event(events[motion], events[other_motion]):
+            groups.merge(motion, other_motion)
 
-    def _first_motions(self) -> dict[Earthquake, int]:
-        """Return the first motion of each distinct known event."""
-        first_motions: dict[Earthquake, int] = {}
-        for motion, event in enumerate(self.events):
-            if event.is_known:
-                first_motions.setdefault(event, motion)
-        return first_motions
-
-    def unite_equal_events(self) -> None:
-        """Merge the groups of motions with the same event in their headers."""
-        first_motions = self._first_motions()
-        for motion, event in enumerate(self.events):
-            if event.is_known:
-                self._groups.merge(motion, first_motions[event])
-
-    def unite_recordings(self, recordings: Sequence[Sequence[str]]) -> None:
-        """Merge the groups of motions of the same recording.
-
-        `recordings`: for each motion, the names of the recordings to which its files belong
-        (`_recordings`).
-        """
-        # First motion of each recording, by the name of the recording
-        motion_of_recording: dict[str, int] = {}
-        # Files with similar names may contain several recordings. A motion with a known event is
-        # therefore united only with a motion of the same event.
+    # Unite motions with the same event in their headers. `first_motions` contains the first motion
+    # of each distinct known event.
+    first_motions: dict[Earthquake, int] = {}
+    for motion, event in enumerate(events):
+        if event.is_known:
+            groups.merge(motion, first_motions.setdefault(event, motion))
+    # Unite motions of the same recording. Files with similar names may contain several recordings:
+    # a motion with a known event is united only with a motion of the same event. In a second pass,
+    # motions without a known event join the group of their recording.
+    motion_of_recording: dict[str, int] = {}
+    recordings = _recordings(motions)
+    for is_known in (True, False):
+        unite = unite_if_same_event if is_known else groups.merge
         for motion, names in enumerate(recordings):
-            if self.events[motion].is_known:
+            if events[motion].is_known is is_known:
                 for name in names:
-                    first_motion = motion_of_recording.setdefault(name, motion)
-                    self._unite_if_same_event(motion, first_motion)
-        # In a second pass, motions without a known event join the group of their recording.
-        for motion, names in enumerate(recordings):
-            if not self.events[motion].is_known:
-                for name in names:
-                    self._groups.merge(motion, motion_of_recording.setdefault(name, motion))
-
-    def unite_similar_events(self) -> None:
-        """Merge the groups of motions if their headers describe the same event differently, for
-        example with and without the time of day."""
-        events = self.events
-        # Compare each pair of distinct descriptions. A description with a time is compared only
-        # with descriptions of about the same time; in chronological order, these are its
-        # neighbors. The default in the sort key is never used: all these motions have a time.
-        described = list(self._first_motions().values())
-        dated = sorted(
-            (motion for motion in described if events[motion].time),
-            key=lambda motion: events[motion].time or datetime.min,
-        )
-        undated = [motion for motion in described if not events[motion].time]
-        for rank, motion in enumerate(dated):
-            for other_motion in dated[rank + 1 :]:
-                earlier, later = events[motion].time, events[other_motion].time
-                if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
-                    break
-                self._unite_if_same_event(motion, other_motion)
-        for rank, motion in enumerate(undated):
-            for other_motion in [*undated[rank + 1 :], *dated]:
-                self._unite_if_same_event(motion, other_motion)
-
-    def labels(self) -> list[str]:
-        """Return the label of the group of each motion, which is the label of the first motion of
-        the group with a known event; empty if no event of the group is known."""
-        label_of_group: dict[int, str] = {}
-        for motion, event in enumerate(self.events):
-            if event.is_known:
-                label_of_group.setdefault(self._groups[motion], event.label)
-        groups = [self._groups[motion] for motion in range(len(self.events))]
-        return [label_of_group.get(group, "") for group in groups]
+                    unite(motion, motion_of_recording.setdefault(name, motion))
+    # Unite motions with headers that describe the same event differently, for example with and
+    # without the time of day. Compare each pair of distinct descriptions. A description with a time
+    # is compared only with descriptions of about the same time; in chronological order, these are
+    # its neighbors. The default in the sort key is never used: all these motions have a time.
+    described = list(first_motions.values())
+    dated = sorted(
+        (motion for motion in described if events[motion].time),
+        key=lambda motion: events[motion].time or datetime.min,
+    )
+    undated = [motion for motion in described if not events[motion].time]
+    for rank, motion in enumerate(dated):
+        for other_motion in dated[rank + 1 :]:
+            earlier, later = events[motion].time, events[other_motion].time
+            if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
+                break
+            unite_if_same_event(motion, other_motion)
+    for rank, motion in enumerate(undated):
+        for other_motion in [*undated[rank + 1 :], *dated]:
+            unite_if_same_event(motion, other_motion)
+    # The label of a group is the label of its first motion with a known event.
+    label_of_group: dict[int, str] = {}
+    for motion, event in enumerate(events):
+        if event.is_known:
+            label_of_group.setdefault(groups[motion], event.label)
+    return [label_of_group.get(groups[motion], "") for motion in range(len(events))]
 
 
 def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
@@ -559,7 +516,7 @@ def _search(
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
     # scores(selection, size) returns one score per row: the score of `selection` with this row in
     # addition, infinite if the row cannot be added. `size` is the number of rows with the addition.
-    scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
+    scores = _scores_with_row(deviations, target_scatter, events, max_per_event)
     start_count = int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))
     for start_number in range(start_count):
         selection: list[int] = []
@@ -582,7 +539,7 @@ def _search(
 
 def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Array]) -> float:
     """Replace rows of a selection in place by better rows as long as the score decreases, and
-    return the final score. `scores` is the method `_Scores.with_row`.
+    return the final score. `scores` is a result of `_scores_with_row`.
     """
     # Each pass tries to replace every row. The first pass sets the score, which is infinite before.
     score, is_improved = np.inf, True
@@ -598,8 +555,14 @@ def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Arra
     return score
 
 
-class _Scores:
-    """Compute scores of selections of motions, where a lower score is a better fit to the target.
+def _scores_with_row(
+    deviations: Array,
+    target_scatter: Array | None,
+    events: NDArray[np.int64],
+    max_per_event: int,
+) -> Callable[[list[int], int], Array]:
+    """Return a function that computes the scores of selections of motions with one additional
+    motion (row); a lower score is a better fit to the target.
 
     Parameters
     ----------
@@ -612,52 +575,38 @@ class _Scores:
     max_per_event : int
         Maximum number of rows of a single event.
     """
+    # Squared deviations and their sums over the periods, and an array for intermediate results
+    squares, period_count = deviations * deviations, deviations.shape[1]
+    row_sums, scratch = squares.sum(axis=1), np.empty_like(deviations)
 
-    def __init__(
-        self,
-        deviations: Array,
-        target_scatter: Array | None,
-        events: NDArray[np.int64],
-        max_per_event: int,
-    ) -> None:
-        """Store the arguments, which the class describes, and compute squares of deviations."""
-        self._deviations, self._target_scatter = deviations, target_scatter
-        self._events, self._max_per_event = events, max_per_event
-        # Squared deviations and their sums over the periods, and an array for intermediate results
-        self._squares = deviations * deviations
-        self._row_sums, self._scratch = self._squares.sum(axis=1), np.empty_like(deviations)
-
-    def with_row(self, selected: list[int], size: int) -> Array:
+    def with_row(selected: list[int], size: int) -> Array:
         """Return, for each row, the score of the selected rows and this additional row; infinite if
         the row cannot be added.
 
         `size` is the number of rows including the additional row. The standard deviation is part of
         the score only for more than two rows.
         """
-        deviations, events = self._deviations, self._events
-        period_count = deviations.shape[1]
         total = deviations[selected].sum(axis=0)
         # For each row, the mean over the k periods of (mean deviation)^2 is the sum over the
         # periods of (total + row)^2, divided by size^2 k.
-        result = (total @ total + 2.0 * (deviations @ total) + self._row_sums) / (
-            size**2 * period_count
-        )
-        if self._target_scatter is not None and size > 2:
+        result = (total @ total + 2.0 * (deviations @ total) + row_sums) / (size**2 * period_count)
+        if target_scatter is not None and size > 2:
             # For each row and period, compute sqrt(size - 1) times the standard deviation, from
             # (size - 1) variance = sum of squares - (total + row)^2 / size. Then subtract its
             # target. All operations are in place, because this function needs most of the time.
-            scratch = self._scratch
             np.add(deviations, total, out=scratch)
             np.multiply(scratch, scratch, out=scratch)
             np.multiply(scratch, -1.0 / size, out=scratch)
-            np.add(scratch, self._squares, out=scratch)
-            np.add(scratch, self._squares[selected].sum(axis=0), out=scratch)
+            np.add(scratch, squares, out=scratch)
+            np.add(scratch, squares[selected].sum(axis=0), out=scratch)
             np.sqrt(np.maximum(scratch, 0.0, out=scratch), out=scratch)
-            np.subtract(scratch, self._target_scatter * np.sqrt(size - 1.0), out=scratch)
+            np.subtract(scratch, target_scatter * np.sqrt(size - 1.0), out=scratch)
             scatter_errors = np.einsum("ij,ij->i", scratch, scratch)
             result = result + _SCATTER_WEIGHT / ((size - 1) * period_count) * scatter_errors
         # A row cannot be added if it is selected already or if its event has the maximum number.
         result[selected] = np.inf
         count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
-        result[count_of_event[events] >= self._max_per_event] = np.inf
+        result[count_of_event[events] >= max_per_event] = np.inf
         return np.asarray(result)
+
+    return with_row

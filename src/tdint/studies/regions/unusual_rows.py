@@ -3,11 +3,13 @@ are unusual for the building type."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, partial
 
 from tdint.errors import ModelFault
 from tdint.model.building_rules import RULES
+from tdint.model.capacity import CapacityFacts
 from tdint.model.mdof_lu import USUAL_STORIES, BuildingFacts, DerivedBuilding
 from tdint.model.plausibility import HEIGHT, ULTIMATE_DRIFT, YIELD_DRIFT, period_range
 from tdint.studies.regions.inventory import INDIVIDUAL_COLUMNS, InventoryRow, InventoryRows
@@ -33,13 +35,15 @@ def unusual_rows(rows: InventoryRows, rules: str) -> list[str]:
     table = rows.table
     # Rows with equal cells in the columns that define a building are derived one time.
     names = [name for name in table.column_indices if name not in INDIVIDUAL_COLUMNS]
-    derivation = _Derivation(rules)
+    # The rules derive period and drifts independently of the height, so that one building is
+    # derived for all heights.
+    properties = cache(partial(_properties, rules))
     questions: dict[tuple[str, ...], Sequence[Question]] = {}
     unusual: list[ModelFault] = []
     cells_of_rows = zip(*(rows.texts(name) for name in names), strict=True)
     for number, cells in enumerate(cells_of_rows):
         if cells not in questions:
-            questions[cells] = derivation.questions(rows.make(number * len(rows.changes)))
+            questions[cells] = _questions(rows.make(number * len(rows.changes)), properties)
         line = table.lines[int(rows.indices[number])] if questions[cells] else 0
         unusual += [
             ModelFault(table.table.source, line, table.column_indices[name] + 1, name, text)
@@ -54,66 +58,50 @@ def unusual_rows(rows: InventoryRows, rules: str) -> list[str]:
     return warnings
 
 
-class _Derivation:
-    """Questions about rows, with the derived buildings of unit height.
+def _questions(row: InventoryRow, properties: Callable[..., _Properties]) -> Sequence[Question]:
+    """Return the questions about a row. An unusual number of stories or an unusual height is the
+    cause of other unusual values, which are then not reported."""
+    facts = row.facts
+    if isinstance(facts, BuildingFacts) and facts.structure in USUAL_STORIES:
+        low, high = USUAL_STORIES[facts.structure]
+        if not low <= facts.stories <= high:
+            usual = f"{low} to {high} stories" if high > low else "one story"
+            return [
+                (
+                    "NumberOfStories",
+                    f"{facts.stories} stories are unusual for {facts.structure}, which has "
+                    f"{usual}; check the number of stories and the type",
+                )
+            ]
+    period, height, yield_drift, ultimate_drift = properties(replace(facts, height=None))
+    if facts.height is not None:
+        height = facts.height / facts.stories
+    if not HEIGHT.contains(height):
+        return [("height", HEIGHT.warning(HEIGHT.text(height)))]
+    usual_period = period_range(facts.stories, facts.stories * height)
+    checked = (
+        ("NumberOfStories", usual_period, period),
+        ("NumberOfStories", YIELD_DRIFT, yield_drift / height),
+        ("NumberOfStories", ULTIMATE_DRIFT, ultimate_drift / height),
+    )
+    return [
+        (name, usual_range.warning(usual_range.text(value)))
+        for name, usual_range, value in checked
+        if not usual_range.contains(value)
+    ]
 
-    The rules derive period and drifts independently of the height, so that one building is derived
-    for all heights.
-    """
 
-    def __init__(self, rules: str) -> None:
-        self._rules = rules
-        self._derived: dict[object, tuple[float, float, float, float]] = {}
+_Properties = tuple[float, float, float, float]
+"""Period, s, and story height of the rules, largest yield drift and largest ultimate drift, m."""
 
-    def questions(self, row: InventoryRow) -> Sequence[Question]:
-        """Return the questions about a row. An unusual number of stories or an unusual height is
-        the cause of other unusual values, which are then not reported."""
-        facts = row.facts
-        if isinstance(facts, BuildingFacts) and facts.structure in USUAL_STORIES:
-            low, high = USUAL_STORIES[facts.structure]
-            if not low <= facts.stories <= high:
-                usual = f"{low} to {high} stories" if high > low else "one story"
-                return [
-                    (
-                        "NumberOfStories",
-                        f"{facts.stories} stories are unusual for {facts.structure}, which has "
-                        f"{usual}; check the number of stories and the type",
-                    )
-                ]
-        period, height, yield_drift, ultimate_drift = self._properties(facts)
-        if facts.height is not None:
-            height = facts.height / facts.stories
-        if not HEIGHT.contains(height):
-            return [("height", HEIGHT.warning(HEIGHT.text(height)))]
-        usual_period = period_range(facts.stories, facts.stories * height)
-        checked = (
-            ("NumberOfStories", usual_period, period),
-            ("NumberOfStories", YIELD_DRIFT, yield_drift / height),
-            ("NumberOfStories", ULTIMATE_DRIFT, ultimate_drift / height),
-        )
-        return [
-            (name, usual_range.warning(usual_range.text(value)))
-            for name, usual_range, value in checked
-            if not usual_range.contains(value)
-        ]
 
-    def _properties(self, facts: object) -> tuple[float, float, float, float]:
-        """Return the period, s, and the story height of the rules, the largest yield drift and the
-        largest ultimate drift, m."""
-        without_height = replace(facts, height=None)  # type: ignore[type-var]
-        if without_height not in self._derived:
-            derived = RULES[self._rules](without_height, None)
-            drifts = (
-                (derived.yield_drift, derived.ultimate_drift)
-                if isinstance(derived, DerivedBuilding)
-                else (derived.drifts[:, 0], derived.drifts[:, -1])
-            )
-            yield_drift, ultimate_drift = (float(drift.max()) for drift in drifts)
-            story_height = float(derived.height[0])
-            self._derived[without_height] = (
-                derived.period,
-                story_height,
-                yield_drift,
-                ultimate_drift,
-            )
-        return self._derived[without_height]
+def _properties(rules: str, facts: BuildingFacts | CapacityFacts) -> _Properties:
+    """Return the properties of the building that the rules derive from facts without a height."""
+    derived = RULES[rules](facts, None)
+    drifts = (
+        (derived.yield_drift, derived.ultimate_drift)
+        if isinstance(derived, DerivedBuilding)
+        else (derived.drifts[:, 0], derived.drifts[:, -1])
+    )
+    yield_drift, ultimate_drift = (float(drift.max()) for drift in drifts)
+    return derived.period, float(derived.height[0]), yield_drift, ultimate_drift
