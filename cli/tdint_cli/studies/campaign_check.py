@@ -53,22 +53,17 @@ def _models_of(campaign: CampaignFile) -> tuple[str, ...]:
     return ()
 
 
-def _times_given_by(campaign: CampaignFile) -> tuple[str, ...]:
-    """Return `dt` and `duration` if the runs of a campaign have them without their models.
-
-    Both are values of the ground motions. Load cases have the time step of their table only.
-    """
-    from tdint.studies.campaign.load_cases import LoadFiles
-
-    is_missing = isinstance(campaign.records, LoadFiles) and campaign.settings.duration is None
-    return ("dt",) if is_missing else ("dt", "duration")
-
-
 def models_in(file: str) -> list[tuple[str, tuple[str, ...]]] | None:
-    """Return the model files of a campaign, each with the times that the runs of the campaign have
-    without the model; None if the file is not a campaign file."""
+    """Return the model files of a campaign, each with the times, `dt` and `duration`, that the runs
+    of the campaign have without the model; None if the file is not a campaign file.
+
+    Both times are values of the ground motions. Load cases have the time step of their table only.
+    """
     campaign = _campaign_in(file)
     if campaign is None:
         return None
-    times = _times_given_by(campaign)
+    from tdint.studies.campaign.load_cases import LoadFiles
+
+    is_missing = isinstance(campaign.records, LoadFiles) and campaign.settings.duration is None
+    times = ("dt",) if is_missing else ("dt", "duration")
     return [(model, times) for model in _models_of(campaign)]

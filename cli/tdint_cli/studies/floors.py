@@ -49,11 +49,11 @@ def suite_spectra(
     """
     if not wanted.floors:
         return {}, ()
-    from tdint.studies.campaign.story_profiles import FloorChoice, floor_suites, run_floors
+    from tdint.studies.campaign.story_profiles import floor_suites, run_floors
 
     # A store contains no response histories, so the runs are repeated for the floor motions.
-    choice = FloorChoice(wanted.floors, wanted.chosen_periods(), wanted.floor_damping)
-    floors = run_floors(plan, store, choice, jobs or processors())
+    oscillators = wanted.chosen_periods(), wanted.floor_damping
+    floors = run_floors(plan, store, wanted.floors, *oscillators, jobs or processors())
     suites = list(floor_suites(store, floors))
     tables = studies.campaign.campaign_tables
     contents: dict[str, Content] = {

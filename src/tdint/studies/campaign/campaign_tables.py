@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tdint.studies.campaign.story_profiles import (
         FloorSuite,
         Profile,
-        RunFloors,
+        SpectraOfRuns,
         Statistics,
     )
     from tdint.studies.campaign.variants import Ratios
@@ -468,7 +468,7 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
     return table._replace(rows=[row for row in table.rows if row[story_index] is None])
 
 
-def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
+def run_floor_table(store: Store, floors: SpectraOfRuns) -> Table:
     """Return the table of the floor spectra of runs, with one row per run, floor, damping ratio and
     period.
     """
@@ -478,14 +478,13 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     buildings, records = store.buildings(), store.records()
     heads: list[tuple[Cell, ...]] = []
     spectra = []
-    for run_floors in floors:
-        run = run_floors.run
-        building_name, _ = buildings[run_floors.building]
-        name, component, _ = records[run.motion]
-        sample = (run.sample,) if has_samples else ()
-        for floor_spectrum in run_floors.spectra:
-            heads.append((building_name, name, component, run.scale, *sample, floor_spectrum.floor))
-            spectra.append(floor_spectrum.spectrum)
+    for building, spectra_of_run in floors.items():
+        for run, spectra_of_floors in spectra_of_run.items():
+            name, component, _ = records[run.motion]
+            sample = (run.sample,) if has_samples else ()
+            head = (buildings[building][0], name, component, run.scale, *sample)
+            heads += [(*head, floor_spectrum.floor) for floor_spectrum in spectra_of_floors]
+            spectra += [floor_spectrum.spectrum for floor_spectrum in spectra_of_floors]
     return Table.of_results(columns, spectra, heads)
 
 

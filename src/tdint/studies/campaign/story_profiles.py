@@ -34,7 +34,7 @@ from tdint.model.limits import (
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.response.runs.batch import Subject
-from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.response.runs.outcome import STORY_QUANTITIES, Response
 from tdint.response.runs.run import integrate_case
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.response.spectra.floor_motions import FloorSpectrum, floor_spectra, floors_of
@@ -571,29 +571,8 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
 # ---- Floor response spectra under a suite: spectra of each run, mean and envelope over the motions
 
 
-@dataclass(frozen=True)
-class FloorChoice:
-    """Requested floor spectra: names of the floors (numbers, or `roof`), periods (s) and damping
-    ratios of the oscillators on the floors."""
-
-    floors: tuple[str, ...]
-    periods: Array
-    damping: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class RunFloors:
-    """Floor spectra of a run.
-
-    Attributes
-    ----------
-    spectra : tuple of FloorSpectrum
-        Spectra by floor, then damping ratio.
-    """
-
-    building: int
-    run: Run
-    spectra: tuple[FloorSpectrum, ...]
+SpectraOfRuns = Mapping[int, Mapping[Run, tuple[FloorSpectrum, ...]]]
+"""Floor spectra of each run, by the number of the building and by the run."""
 
 
 @dataclass(frozen=True)
@@ -643,13 +622,29 @@ def isolated_base(isolators: Collection[int]) -> int:
     return base
 
 
-def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
+def run_floors(
+    plan: Plan,
+    store: Store,
+    floors: Sequence[str],
+    periods: Array,
+    damping: Sequence[float],
+    jobs: int,
+) -> SpectraOfRuns:
     """Return the floor spectra of all completed runs of a campaign. The store contains no response
     histories, so each run is repeated with the stored time step.
 
+    Parameters
+    ----------
+    floors : sequence of str
+        Names of the floors: numbers, or `roof`.
+    periods : ndarray
+        Periods of the oscillators on the floors, s.
+    damping : sequence of float
+        Damping ratios of the oscillators.
+
     Returns
     -------
-    list of RunFloors
+    mapping
         Floor spectra in the order of the buildings and their runs.
 
     Raises
@@ -661,63 +656,55 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY "
         "1, 2, 3, 4"
     ).fetchall()
-    result: list[RunFloors] = []
     # Create each building one time, and integrate its runs in parallel.
-    buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
+    buildings: dict[int, dict[Run, float]] = defaultdict(dict)
     for building, record, scale, sample, dt in run_rows:
-        buildings[building].append((Run(record, scale, sample), dt))
+        buildings[building][Run(record, scale, sample)] = dt
     # Floors are counted from the isolators at the base that only some buildings have, so that the
     # same floor of all buildings is requested by one number.
     bases = {building: isolated_base(store.limits(building).isolators) for building in buildings}
     lowest = min(bases.values(), default=0)
-    requested = choice
-    for building, runs in buildings.items():
+    result: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = {}
+    for building, steps in buildings.items():
         shift = bases[building] - lowest
-        floors = tuple(
+        names = tuple(
             str(int(name) + shift) if name.isdecimal() and len(name) < 9 else name
-            for name in requested.floors
+            for name in floors
         )
-        choice = replace(requested, floors=floors)
         subject = plan.buildings[building].subject()
         # Raise the error of an invalid floor before the runs.
-        floors_of(choice.floors, subject.model)
-        result += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
-    return sorted(result, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
+        floors_of(names, subject.model)
+        spectra_of = partial(floor_spectra, floors=names, periods=periods, damping=damping)
+        integrate = partial(_spectra_of_run, plan, subject, spectra_of)
+        spectra = dict(on_threads(integrate, list(steps.items()), jobs))
+        result[building] = {run: spectra[run] for run in steps}
+    return result
 
 
-def _spectra(
+def _spectra_of_run(
     plan: Plan,
-    building: int,
     subject: Subject,
-    choice: FloorChoice,
+    spectra_of: Callable[[Response], tuple[FloorSpectrum, ...]],
     run_and_step: tuple[Run, float],
-) -> RunFloors:
-    """Return the floor spectra of a run.
-
-    `run_and_step` is the run and its time step, s.
-    """
+) -> tuple[Run, tuple[FloorSpectrum, ...]]:
+    """Return a run with its floor spectra. `run_and_step` is the run and its time step, s."""
     run, dt = run_and_step
     case = subject.case(plan.motions[run.motion].record, run.scale)
     response = integrate_case(case, replace(plan.settings, dt=dt, check=False), history=True)
-    return RunFloors(
-        building, run, floor_spectra(response, choice.floors, choice.periods, choice.damping)
-    )
+    return run, spectra_of(response)
 
 
-def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
+def floor_suites(store: Store, floors: SpectraOfRuns) -> Iterator[FloorSuite]:
     """Yield the floor spectra under a suite: one object for each building, level, floor and damping
     ratio. Levels without completed runs are omitted.
 
     Parameters
     ----------
-    run_floors : sequence of RunFloors
+    floors : mapping
         Floor spectra of all completed runs of the campaign.
     """
-    spectra_by_building: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
-    for floor_run in run_floors:
-        spectra_by_building[floor_run.building][floor_run.run] = floor_run.spectra
     names, rules = store.buildings(), SuiteRules.of(store)
-    for number, spectra_of_run in spectra_by_building.items():
+    for number, spectra_of_run in floors.items():
         # Collapsed and failed runs have no response history and are excluded.
         for level in rules.levels_of(store, number):
             if not level.completed:

@@ -281,18 +281,13 @@ class _Group:
         summands = np.column_stack([np.ones(len(damage.keys)), damage.probability, *loss_columns])
         for motion in np.unique(motions[is_counted]).tolist():
             motion_sums = summands[is_counted & (motions == motion)].sum(axis=0)
-            previous_sums = self._sums.get(motion)
-            self._sums[motion] = (
-                motion_sums if previous_sums is None else previous_sums + motion_sums
-            )
+            self._sums[motion] = self._sums.get(motion, 0.0) + motion_sums
             # The cost of the building is divided equally among its runs. `motion_sums[0]` is the
             # number of runs under this ground motion, `motion_sums[-2]` the sum of their loss
             # ratios.
             if has_losses and has_cost:
                 cost_and_loss = cost / float(np.sum(is_counted)) * motion_sums[[0, -2]]
-                if motion in self._money:
-                    cost_and_loss = self._money[motion] + cost_and_loss
-                self._money[motion] = cost_and_loss
+                self._money[motion] = self._money.get(motion, 0.0) + cost_and_loss
         # Add the variance and the standard deviation of the loss, which result from the scatter of
         # the runs and of the damage thresholds. Both are computed for the loss ratio of a building,
         # and multiplied by a weight: by the cost for the sum of losses (the first element of

@@ -309,7 +309,16 @@ def ida(
     subject.prepared.compile([subject.integrator])
     states = _damaged_states(subject, records, mainshock, settings)
     intensities = [measure.of(motion, pair) for motion, _ in motions_and_records]
-    work_items = _work_items(subject, records, measure, intensities, settings, states)
+    # For each state of the building, there is one work item per record.
+    cases = [
+        case
+        for damage_before_records in states
+        for case in zip(records, intensities, damage_before_records, strict=True)
+    ]
+    work_items = [
+        _WorkItem.create(number, subject, measure, settings, *case)
+        for number, case in enumerate(cases)
+    ]
     pair_intensity = pair if len(records) > len(suite) else None
     # The input of the runs is stored with the runs, so that another study in the directory is
     # refused.
@@ -389,33 +398,6 @@ def _partners(motions_and_records: Sequence[tuple[GroundMotion, Record]]) -> dic
     }
 
 
-def _work_items(
-    subject: Subject,
-    records: Sequence[Record],
-    measure: IntensityMeasure,
-    intensities: Sequence[float],
-    settings: IdaSettings,
-    states: Sequence[Sequence[DamagedState | None]],
-) -> list[_WorkItem]:
-    """Return the work items of a study: for each state of the building, one item per record.
-
-    `intensities` is the intensity of each unscaled record, in the unit of the measure. `states`:
-    for each state of the building, the damage before each record; None: undamaged.
-    """
-    items: list[_WorkItem] = []
-    for damage_before_records in states:
-        for record, intensity, damaged_state in zip(
-            records, intensities, damage_before_records, strict=True
-        ):
-            number = len(items)
-            items.append(
-                _WorkItem.create(
-                    number, subject, record, measure, intensity, settings, damaged_state
-                )
-            )
-    return items
-
-
 def _check_record_names(names: Sequence[str]) -> None:
     """Raise UsageError if the list of names of records is empty or contains a name twice. Records
     are identified by their names in the tables and in the directory of the study."""
@@ -493,11 +475,11 @@ class _WorkItem:
         cls,
         number: int,
         subject: Subject,
-        record: Record,
         measure: IntensityMeasure,
-        intensity: float,
         settings: IdaSettings,
-        damaged_state: DamagedState | None = None,
+        record: Record,
+        intensity: float,
+        damaged_state: DamagedState | None,
     ) -> _WorkItem:
         """Create the work item of a record.
 

@@ -129,7 +129,9 @@ def stream_exposure(
     assets = _Assets(source, model, mapping, reserved)
     for name in files:
         assets.read_csv(name)
-    assets.read_elements(source)
+    for line, values in model.assets:
+        assets.add(source, line, values)
+    model.assets.clear()
     assets.check()
     table = CsvTable(
         source=files[0] if len(files) == 1 else source,
@@ -229,7 +231,7 @@ class _Assets:
                 for name, index in column_indices.items()
                 if index < len(cells)
             }
-            self._add_asset(file_name, line, values)
+            self.add(file_name, line, values)
 
     def _check_fields(
         self, file_name: str, table: CsvTable, field_columns: Mapping[str, int | None]
@@ -270,13 +272,7 @@ class _Assets:
                 return table.header.index(name.lower())
         return None
 
-    def read_elements(self, source: str) -> None:
-        """Add the assets of the XML file itself."""
-        for line, values in self._model.assets:
-            self._add_asset(source, line, values)
-        self._model.assets.clear()
-
-    def _add_asset(self, source: str, line: int, values: Mapping[str, str]) -> None:
+    def add(self, source: str, line: int, values: Mapping[str, str]) -> None:
         """Convert an asset to a row of the inventory, or report its errors."""
         earlier_fault_count = self._fault_count
 
