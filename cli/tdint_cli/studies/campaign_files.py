@@ -731,10 +731,9 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     optional = (*PARQUET, SIMCENTER, GEOJSON, DISTRICTS)
     existing_exports = [name for name in optional if profiles.store.is_ours(folder / name)]
     export_writers = _exports(profiles, existing_exports)
-    updated = {name: writer for name, writer in export_writers.items() if writer}
-    contents = {**_suite_contents(profiles, folder, plan), **updated}
     provenance = {**options.output.command_line(), "time_loops": profiles.store.time_loops()}
-    _write(profiles, folder, contents, files_read(), provenance)
+    inputs = files_read()
+    _write(profiles, folder, plan, export_writers, inputs=inputs, provenance=provenance)
     for name, writer in export_writers.items():
         if writer:
             note(f"{folder / name}: updated to the current state of the campaign")
@@ -815,10 +814,9 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
         if is_requested or store.is_ours(folder / name):
             exported.add(name)
     writers = _exports(profiles, exported, maps)
-    export_contents = {name: writer for name, writer in writers.items() if writer}
     # A map of districts that this call does not write again would show an earlier state of the
     # campaign, so that it is removed.
-    if DISTRICTS in exported and DISTRICTS not in export_contents:
+    if DISTRICTS in exported and not writers[DISTRICTS]:
         (folder / DISTRICTS).unlink(missing_ok=True)
         note(
             f"{folder / DISTRICTS}: removed, because it was outdated; add --geojson --by COLUMN "
@@ -831,13 +829,8 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
         "time_loops": store.time_loops(),
         "export": list(current().arguments),
     }
-    _write(
-        profiles,
-        folder,
-        {**_suite_contents(profiles, folder), **export_contents},
-        merged_inputs(last_summary.get("inputs", ()), files_read()),
-        provenance,
-    )
+    inputs = merged_inputs(last_summary.get("inputs", ()), files_read())
+    _write(profiles, folder, None, writers, inputs=inputs, provenance=provenance)
 
 
 def _exports(
@@ -898,8 +891,10 @@ def _exports(
 def _write(
     profiles: Profiles,
     folder: Path,
-    contents: Mapping[str, Content],
-    input_files: Iterable[Mapping[str, str]],
+    plan: Plan | None,
+    exports: Mapping[str, Writer | None],
+    *,
+    inputs: Iterable[Mapping[str, str]],
     provenance: Mapping[str, Any],
 ) -> None:
     """Write the tables of a store, additional files and, last, the summary.
@@ -920,7 +915,8 @@ def _write(
     files: dict[str, Content] = {}
     if store.is_requested("runs"):
         files[RUNS] = lambda stream: tables.run_table(store).write(stream, units)
-    files |= contents
+    files |= _suite_contents(profiles, folder, plan)
+    files |= {name: writer for name, writer in exports.items() if writer}
     settings = store.parameters()
     for name, table in PART_TABLES.items():
         # Rows of stories are also stored for profiles.csv. Elements, attachments, links and events
@@ -932,7 +928,7 @@ def _write(
         files[PROFILES] = tables.profiles_table(store, units).write
     files |= _damage(store, units, profiles.by)
     summary = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
-    summary["inputs"] = merged_inputs(summary["inputs"], input_files)
+    summary["inputs"] = merged_inputs(summary["inputs"], inputs)
     unit_of_key = {key: unit for key, (unit, _) in LIMIT_MEANINGS.items()}
     files[SUMMARY] = json_bytes({**in_units(summary, units, unit_of_key), **provenance})
     contents_of_paths = {folder / name: content for name, content in files.items()}

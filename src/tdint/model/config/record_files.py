@@ -113,18 +113,13 @@ def read_description(source: str) -> DescribedRecords | None:
 def read_files(section: Section) -> DescribedRecords:
     """Return the files of a section with the keys `FILES` and `UNITS`, and how they are read.
     Errors are recorded in the document."""
-    files = section.get("files")
-    items = (
-        files.items("a list of files and directories", "is empty; give at least one record")
-        if files
-        else None
-    )
+    empty = "is empty; give at least one record"
+    files = section.files("files", "a list of files and directories", empty)
     pairs, component = section.get("pairs"), section.get("component")
     pair_names = _pair_names(pairs) if pairs else None
     if pair_names and component:
         component.fault("cannot be used with `pairs`, which use both components; remove one key")
-    paths = [item.file() for item in items or ()]
-    return DescribedRecords(tuple(filter(None, paths)), choice_of_files(section), pair_names)
+    return DescribedRecords(files, choice_of_files(section), pair_names)
 
 
 def _pair_names(value: Value) -> PairNames | None:

@@ -908,6 +908,13 @@ class Section:
         value = self.get(name)
         return value.file(stdin=stdin) if value else None
 
+    def files(self, name: str, expected: str, empty: str) -> tuple[str, ...]:
+        """Return the paths in a list of files (see `Value.items` and `Value.file`), without the
+        invalid paths; empty if the list is missing or invalid."""
+        value = self.get(name)
+        items = value.items(expected, empty) if value else None
+        return tuple(filter(None, (item.file() for item in items or ())))
+
 
 def resolve(file: str, folder: Path) -> str:
     """Return the path of a file relative to the working directory.

@@ -265,11 +265,9 @@ def _check_costs(rows: InventoryRows) -> None:
         is_valid = not text or number(text) >= 0.0
         return "" if is_valid else number_error(text, "zero or a positive number")
 
-    faults: list[ModelFault] = []
-    for name in filter(rows.table.table.has, (COST, NUMBER)):  # both columns are optional
-        faults += rows.faults(name, describe_error)
-    if faults:
-        raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
+    present = filter(rows.table.table.has, (COST, NUMBER))  # both columns are optional
+    if faults := rows.faults(describe_error, *present):
+        raise ModelError(faults)
 
 
 def _select_located(
@@ -293,15 +291,11 @@ def _select_located(
         )
     # A row without a location is an error of the file; a row that is too far away is not. The sum
     # of longitude and latitude is NaN if one value is missing.
-    unlocated: list[ModelFault] = []
     is_unlocated = np.isnan(rows.locations[:, 0] + rows.locations[:, 1])
-    if is_unlocated.any():
-        missing = "is missing; motions at sites require the location of each building"
-        for name in ("Latitude", "Longitude"):
-            unlocated += rows.only(is_unlocated).faults(
-                name, lambda _, text: "" if text else missing
-            )
-        unlocated.sort(key=lambda fault: (fault.line, fault.column))
+    missing = "is missing; motions at sites require the location of each building"
+    unlocated = rows.only(is_unlocated).faults(
+        lambda _, text: "" if text else missing, "Latitude", "Longitude"
+    )
     located = rows.only(~is_unlocated)
     if not located:
         raise ModelError(unlocated)
@@ -317,7 +311,7 @@ def _select_located(
         )
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
     too_far = located.only(is_too_far).faults(
-        "Latitude", lambda row, _: f"{distances_km[row]:.4g} km from the nearest site; {limit}"
+        lambda row, _: f"{distances_km[row]:.4g} km from the nearest site; {limit}", "Latitude"
     )
     if not selected:
         raise ModelError([*unlocated, *too_far])
@@ -369,7 +363,7 @@ def _assignment(
         f"{', '.join(motions.sites[:5])}{' ...' * (len(site_numbers) > 5)}"
     )
     faults = rows.faults(
-        "site", lambda _, text: "" if text in site_numbers else f"{text!r} {reason}"
+        lambda _, text: "" if text in site_numbers else f"{text!r} {reason}", "site"
     )
     if faults:
         raise ModelError(faults)

@@ -82,11 +82,8 @@ def read_requested_load_cases(value: Value) -> LoadFiles | None:
     section = value.section()
     if section is None:
         return None
-    files = section.need("files", "give a list of CSV files, one load case each")
-    items = (
-        files.items("a list of CSV files", "is empty; give at least one file") if files else None
-    )
-    paths = tuple(filter(None, (item.file() for item in items or ())))
+    section.need("files", "give a list of CSV files, one load case each")
+    paths = section.files("files", "a list of CSV files", "is empty; give at least one file")
     columns = _columns(section)
     scale, start = section.number("scale", default=1.0), section.number("start", default=0.0)
     return LoadFiles(paths, columns, scale, start)

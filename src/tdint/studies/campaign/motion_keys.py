@@ -107,8 +107,6 @@ def read_requested_motions(
     section = value.section()
     if section is None:
         return None
-    # Record an error if the value is invalid; the value is read by `_read_pair_demand`.
-    section.read("pair_demand")
     # Keys of other sources of motions would have no effect, and are refused.
     if section.has("grid"):
         excluded_keys = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)

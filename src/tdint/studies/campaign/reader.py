@@ -320,9 +320,9 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
 
 def _read_pair_demand(records: Value | None) -> str | None:
     """Return the rule that combines the components of pairs (key `pair_demand` of `records`); None
-    if the file does not specify it or specifies an invalid rule, which another function reports."""
+    if the file does not specify it, or after reporting an invalid rule."""
     value = records.peek("pair_demand") if records else None
-    return value.word if value and value.word in PAIR_DEMANDS else None
+    return value.choice(PAIR_DEMANDS, "demand of pairs") if value else None
 
 
 def _check_combinations(section: Section) -> None:
@@ -399,9 +399,8 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
         return None
     # The keys after `models` and `inventory` describe an inventory.
     section.refuse(_BUILDINGS[2:], "can only be used with an `inventory`")
-    items = models.items("a list of model files", "is empty; give at least one model file")
-    paths = [item.file() for item in items or ()]
-    return ModelFiles(tuple(filter(None, paths)))
+    empty = "is empty; give at least one model file"
+    return ModelFiles(section.files("models", "a list of model files", empty))
 
 
 def _inventory(section: Section, inventory: Value) -> InventoryFile | None:

@@ -423,8 +423,8 @@ class InventoryRows(LazySequence[InventoryRow]):
         is_selected[self.indices] = True
         return TextColumn(compress(column, is_selected.tolist()))
 
-    def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
-        """Return the errors of a column, with the lines of their cells.
+    def faults(self, message: Callable[[int, str], str], *names: str) -> list[ModelFault]:
+        """Return the errors of columns in the order of the file, with the lines of their cells.
 
         Parameters
         ----------
@@ -433,17 +433,15 @@ class InventoryRows(LazySequence[InventoryRow]):
             error message, or an empty string if the cell is valid.
         """
         table, lines = self.table.table, self.table.lines
-        table.need(name)
-        cells = enumerate(zip(self.indices.tolist(), self.texts(name), strict=True))
-        column = table.header.index(name.lower()) + 1
-        line_errors = (
-            (lines[row_index], message(row_number, text)) for row_number, (row_index, text) in cells
-        )
-        return [
-            ModelFault(table.source, line, column, name, message_text)
-            for line, message_text in line_errors
-            if message_text
-        ]
+        faults = []
+        for name in names:
+            table.need(name)
+            column = table.header.index(name.lower()) + 1
+            cells = enumerate(zip(self.indices.tolist(), self.texts(name), strict=True))
+            for row_number, (row_index, text) in cells:
+                if error := message(row_number, text):
+                    faults.append(ModelFault(table.source, lines[row_index], column, name, error))
+        return sorted(faults, key=lambda fault: (fault.line, fault.column))
 
     @property
     def is_varied(self) -> bool:
