@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from tdint.files import Content
     from tdint.model.definition import Model
     from tdint.number_parsing import Grid
+    from tdint.output.figures.style import Figure
     from tdint.studies.recordings.compare import Comparison
     from tdint.studies.recordings.fit import Fit
     from tdint.units import OutputUnits
@@ -231,17 +232,17 @@ def _write(
                     f"only in {FIT}"
                 )
             files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
-    if picture := request.picture:
-        draw = partial(
-            studies.recordings.comparison_figures.comparison_picture,
-            comparisons,
-            periods,
-            request.damping,
-            units,
+
+    def draw(units: OutputUnits) -> Figure:
+        """Return the figure of the comparisons; its first use imports matplotlib."""
+        return studies.recordings.comparison_figures.comparison_picture(
+            comparisons, periods, request.damping, units
         )
-        files[picture] = figures.style.picture(picture.suffix, draw)
+
+    if picture := request.picture:
+        files[picture] = figures.style.picture(picture.suffix, partial(draw, units))
     if request.report:
-        files[Path(request.report)] = _page(request, comparisons, fitted, periods)
+        files[Path(request.report)] = _page(request, comparisons, fitted, draw)
     if request.output:
         settings = {
             "method": request.method,
@@ -279,7 +280,10 @@ def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
 
 
 def _page(
-    request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array
+    request: Request,
+    comparisons: Sequence[Comparison],
+    fitted: Fit | None,
+    draw: Callable[[OutputUnits], Figure],
 ) -> bytes:
     """Return the HTML page of --report; the verdict at its top is the result of --require.
 
@@ -314,20 +318,8 @@ def _page(
         for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     ]
     page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
-    draw_figure = partial(
-        studies.recordings.comparison_figures.comparison_picture,
-        comparisons,
-        periods,
-        request.damping,
-        units,
-    )
-    return comparison_page(
-        comparisons,
-        draw_figure,
-        page_text,
-        fitted_table(fitted.values, units) if fitted else None,
-        units,
-    )
+    fitted_values = fitted_table(fitted.values, units) if fitted else None
+    return comparison_page(comparisons, partial(draw, units), page_text, fitted_values, units)
 
 
 def _least_agreement(comparisons: Sequence[Comparison]) -> str:

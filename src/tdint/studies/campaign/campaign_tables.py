@@ -389,17 +389,12 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
         if np.any(np.nan_to_num(statistics.max)):
             columns += [
                 Column(
-                    f"mean_{quantity.column}",
+                    f"{name}_{quantity.column}",
                     quantity.unit,
-                    statistics.mean,
-                    f"mean: {quantity.meaning}",
-                ),
-                Column(
-                    f"max_{quantity.column}",
-                    quantity.unit,
-                    statistics.max,
-                    f"maximum: {quantity.meaning}",
-                ),
+                    getattr(statistics, name),
+                    f"{noun}: {quantity.meaning}",
+                )
+                for name, noun in (("mean", "mean"), ("max", "maximum"))
             ]
     return Table.of_results(columns, [profile]).in_units(units)
 

@@ -111,16 +111,8 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     header = ["building", "record", "component", "scale", "sample", *names]
     if not has_component_column:
         header.remove("component")
-
-    def rows() -> Iterator[list[Any]]:
-        """Yield the rows of the exported table: the cells that identify a run, and its demands."""
-        for (building, record, component, *scale_and_sample), cells in _rows(
-            store, stories, directions
-        ):
-            component_cell = [component] if has_component_column else []
-            yield [building, record, *component_cell, *scale_and_sample, *cells]
-
-    StoreTable([Column(name, "1", name, name) for name in header], rows()).write(stream)
+    rows = _rows(store, stories, directions, has_component=has_component_column)
+    StoreTable([Column(name, "1", name, name) for name in header], rows).write(stream)
 
 
 def demand_names(stories: int, direction: int) -> list[str]:
@@ -144,9 +136,12 @@ def demand_names(stories: int, direction: int) -> list[str]:
     ]
 
 
-def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
+def _rows(
+    store: Store, stories: int, directions: int, *, has_component: bool
+) -> Iterator[list[Any]]:
     """Yield the rows of the SimCenter export, one per building, ground motion, scale factor and
-    sample: identifiers of the run, and demands in all directions (2 if there are pairs).
+    sample: identifiers of the run, with the component if `has_component`, and demands in all
+    directions (2 if there are pairs).
     """
     name_cells, records = run_heads(store), store.records()
     pga_of_record = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
@@ -169,7 +164,8 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
             demands = _demands_of_run(list(story_rows_of_run), pga, stories)
             cells[start : start + demand_count] = demands
         for (record, scale, sample), cells in rows.items():
-            yield [*name_cells(building, record), scale, sample], cells
+            names = name_cells(building, record)[: 3 if has_component else 2]
+            yield [*names, scale, sample, *cells]
 
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:

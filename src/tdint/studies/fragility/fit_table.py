@@ -365,7 +365,7 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     for value, rows in rows_of_damage.items():
         for fit_or_error in _fit_capacity_rows(table, request, capacity, rows):
             if isinstance(fit_or_error, Fragility):
-                fits.append(replace(fit_or_error, damage=value))
+                fits.append(replace(fit_or_error, damage=value, pair_demand=pair_demand))
             elif math.isnan(value):
                 fits.append(fit_or_error)
             else:
@@ -375,12 +375,7 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     warnings = []
     if omitted:
         warnings = [f"{table.source}: omitted {pluralize(omitted, 'row')} without a capacity"]
-    if pair_demand:
-        fits = [
-            replace(item, pair_demand=pair_demand) if isinstance(item, Fragility) else item
-            for item in fits
-        ]
-    elif request.pair_demand:
+    if request.pair_demand and not pair_demand:
         warnings.append(
             f"{table.source}: --pair-demand {request.pair_demand} has no effect, because the table "
             "has no column pair_demand and contains only capacities"

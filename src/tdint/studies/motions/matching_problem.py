@@ -214,15 +214,40 @@ class _QuadraticProgram:
         row_damping = np.clip(
             np.median(absolute_shortfall) / absolute_shortfall, *_ROW_DAMPING_LIMITS
         )
-        _exchange_equalities(
-            self.gram,
-            self.shortfall * self.scales,
-            self.is_equality,
-            damping * row_damping,
-            self.oscillator,
-            self.scales,
-        )
+        self._exchange_equalities(damping * row_damping)
         return np.asarray(row_damping)
+
+    def _exchange_equalities(self, damping: Array) -> None:
+        """Move the equality of an oscillator to another of its extremes if the damped solution
+        leaves the selected extreme below the target and brings the other extreme closer to it.
+        `is_equality` is changed.
+        """
+        # An exchange changes the solution.
+        shortfall, is_equality = self.shortfall * self.scales, self.is_equality
+        oscillator = self.oscillator
+        for _ in range(2):
+            remaining_shortfall = (
+                shortfall - self.gram @ solve_program(self.gram, shortfall, is_equality, damping)
+            ) / self.scales
+            has_changed = False
+            for index in np.flatnonzero(
+                is_equality[: oscillator.size]
+                & (remaining_shortfall[: oscillator.size] > SMALL_MISFIT)
+            ):
+                other_extremes = np.flatnonzero(
+                    (oscillator == oscillator[index]) & ~is_equality[: oscillator.size]
+                )
+                # The other extreme must be closer to the target by at least 30 %.
+                if (
+                    other_extremes.size
+                    and remaining_shortfall[
+                        nearest := other_extremes[np.argmin(remaining_shortfall[other_extremes])]
+                    ]
+                    < 0.7 * remaining_shortfall[index]
+                ):
+                    is_equality[index], is_equality[nearest], has_changed = False, True, True
+            if not has_changed:
+                return
 
     def multipliers(self, required_change: Array, damping: Array) -> NDArray[np.float32]:
         """Solve the quadratic program, and return the multipliers of the unscaled rows.
@@ -696,43 +721,6 @@ def _free_vibrations(
             for filtered_pair, stored_count in zip(filtered, stored_samples[chunk], strict=True)
         ]
     return free_vibrations
-
-
-def _exchange_equalities(
-    gram: Array,
-    shortfall: Array,
-    is_equality: Bools,
-    damping: Array,
-    oscillator: NDArray[np.int64],
-    scales: Array,
-) -> None:
-    """Move the equality of an oscillator to another of its extremes if the damped solution leaves
-    the selected extreme below the target and brings the other one closer to it. `is_equality` is
-    changed.
-    """
-    # An exchange changes the solution.
-    for _ in range(2):
-        remaining_shortfall = (
-            shortfall - gram @ solve_program(gram, shortfall, is_equality, damping)
-        ) / scales
-        has_changed = False
-        for index in np.flatnonzero(
-            is_equality[: oscillator.size] & (remaining_shortfall[: oscillator.size] > SMALL_MISFIT)
-        ):
-            other_extremes = np.flatnonzero(
-                (oscillator == oscillator[index]) & ~is_equality[: oscillator.size]
-            )
-            # The other extreme must be closer to the target by at least 30 %.
-            if (
-                other_extremes.size
-                and remaining_shortfall[
-                    nearest := other_extremes[np.argmin(remaining_shortfall[other_extremes])]
-                ]
-                < 0.7 * remaining_shortfall[index]
-            ):
-                is_equality[index], is_equality[nearest], has_changed = False, True, True
-        if not has_changed:
-            return
 
 
 def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:

@@ -231,9 +231,9 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     """
     locations = _site_locations(field_file.sites) if field_file.sites else {}
     # Read the table first, so that its errors are reported before records are read.
-    rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(locations)})
+    rows = _field_rows(field_file, {site: number for number, site in enumerate(locations)})
     records = _FieldRecords(field_file)
-    motions = [records.motions_of(*record, measure) for record in rows.first_uses()]
+    motions = [records.motions_of(*record, rows.measure) for record in rows.first_uses()]
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
@@ -290,6 +290,15 @@ class _FieldRows:
 
     Attributes
     ----------
+    settings : FieldFile
+        Settings of the fields.
+    columns : tuple of six str
+        Names of the columns of event, record, site, component, file of the second component, and
+        value; the last is empty if all values are 1.
+    unit : float
+        Unit of the values in SI.
+    measure : IntensityMeasure | None
+        Intensity measure of the values; None for factors.
     sites, events : dict of str to int
         Number of each site, from 0, and of each event, from 1.
     records : dict of (str, str, str) to int
@@ -303,6 +312,11 @@ class _FieldRows:
         Line of each row in the file.
     """
 
+    settings: FieldFile
+    table: CsvTable
+    columns: tuple[str, str, str, str, str, str]
+    unit: float
+    measure: IntensityMeasure | None
     sites: dict[str, int]
     events: dict[str, int] = field(default_factory=dict)
     records: dict[tuple[str, str, str], int] = field(default_factory=dict)
@@ -312,31 +326,88 @@ class _FieldRows:
     value: array[float] = field(default_factory=lambda: array("d"))
     line: array[int] = field(default_factory=lambda: array("i"))
 
-    def add(self, site: int, event: int, record: int, value: float, line: int) -> None:
-        """Append a row. Its values are described in the class."""
-        self.site.append(site)
-        self.event.append(event)
-        self.record.append(record)
-        self.value.append(value)
-        self.line.append(line)
+    @cached_property
+    def indices(self) -> list[int]:
+        """Index of each column. A missing column has the index after the last column of the table,
+        at which an empty cell is added to each row."""
+        table = self.table
+        return [
+            table.header.index(name) if name and table.has(name) else len(table.header)
+            for name in self.columns
+        ]
 
-    def add_valid(
-        self,
-        block: Sequence[tuple[int, list[str]]],
-        width: int,
-        indices: Sequence[int],
-        value_unit: float,
-        *,
-        are_sites_known: bool,
-        measure: IntensityMeasure | None,
-    ) -> bool:
-        """Append many rows (line number, cells) and return True, if all of them are valid;
-        otherwise return False.
+    def add_block(self, block: Sequence[tuple[int, list[str]]]) -> list[str]:
+        """Append the valid rows of a block (line number and cells of each row), and return the
+        errors of the other rows."""
+        # Almost all rows are valid. Only blocks with an error are read row by row.
+        if self._add_valid(block):
+            return []
+        errors = [self._add_row(line, cells) for line, cells in block]
+        return [
+            f"{self.settings.file}:{line}: {error}"
+            for (line, _), error in zip(block, errors, strict=True)
+            if error
+        ]
 
-        `indices` contains the indices of the columns of event, record, site, component, file of the
-        second component, and value; `width` for a column that does not exist. If `are_sites_known`,
-        a table of sites exists, so that no site may be added. `measure` is None for factors.
+    def _add_row(self, line: int, cells: list[str]) -> str:
+        """Append a row and return an empty text. If the row is invalid, return its error
+        and do not append it. Cells may be missing at the end of the row.
         """
+        width = len(self.table.header)
+        if self.table.overfull(cells):
+            return (
+                f"the row has {pluralize(len(cells), 'cell')}, but the header has "
+                f"{pluralize(width, 'column')}"
+            )
+        # Missing cells at the end of a row are empty. One more empty cell represents the columns
+        # that the table does not have.
+        cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
+        texts = [cells[index].strip() for index in self.indices]
+        event, record, site, component, second_file, value_text = texts
+        # `value` is the scale factor of the record, or the intensity of the scaled record in the
+        # unit of the column (`unit` in SI). Without a value, the record is not scaled.
+        value = number(value_text) if value_text else 1.0
+        if error := self._row_error(event, record, site, value_text, value):
+            return error
+        # Events are numbered from 1, because the number of an event becomes the sample number of
+        # its runs; 0 denotes a run without sampling.
+        self.site.append(self.sites.setdefault(site, len(self.sites)))
+        self.event.append(self.events.setdefault(event, len(self.events) + 1))
+        record_key = (record, component, second_file)
+        self.record.append(self.records.setdefault(record_key, len(self.records)))
+        self.value.append(self.unit * value)
+        self.line.append(line)
+        return ""
+
+    def _row_error(self, event: str, record: str, site: str, value_text: str, value: float) -> str:
+        """Return the error of a row; an empty text if it is valid.
+
+        The texts are empty if the cell is empty or the column does not exist. `value` is NaN if
+        `value_text` is not a number, 1 if it is empty.
+        """
+        event_column, _, site_column, _, _, value_column = self.columns
+        has_site_column = self.indices[2] < len(self.table.header)
+        if not event:
+            return f"{event_column} is missing"
+        if not record:
+            return "record is missing"
+        if has_site_column and not site:
+            return f"{site_column} is missing"
+        if self.settings.sites and site not in self.sites:
+            return f"site {site!r} not found in {self.settings.sites}; add it there"
+        if self.measure and not value_text:
+            return f"{value_column} is missing"
+        if math.isnan(value) or (self.measure and value <= 0.0):
+            required = "a positive number" if self.measure else "a number"
+            return f"{value_column} {number_error(value_text, required)}"
+        if value == 0.0:
+            return f"{value_column} must not be zero, got {value_text[:40]!r}"
+        return ""
+
+    def _add_valid(self, block: Sequence[tuple[int, list[str]]]) -> bool:
+        """Append the rows of a block and return True, if all of them are valid; otherwise return
+        False."""
+        width, indices = len(self.table.header), self.indices
         line_numbers, cells = zip(*block, strict=True)
         if set(map(len, cells)) != {width}:
             return False
@@ -347,14 +418,14 @@ class _FieldRows:
         # Without a column of values, all factors are 1. A value that is not a number is NaN, for
         # which the comparison is False.
         values = np.ones(len(cells)) if indices[5] == width else numbers_in(value)
-        if not (values > 0.0 if measure else np.abs(values) > 0.0).all():
+        if not (values > 0.0 if self.measure else np.abs(values) > 0.0).all():
             return False
         # Replace names by numbers in the order of their first use. If a row is invalid, its names
         # also get numbers; this has no effect, because the table is refused.
         keys = zip(record, component, second_file, strict=True)
         events = _numbers_of(event, self.events, str.strip, first=1)
         records = _numbers_of(keys, self.records, _strip_each)
-        sites = _numbers_of(site, self.sites, str.strip, may_add=not are_sites_known)
+        sites = _numbers_of(site, self.sites, str.strip, may_add=not self.settings.sites)
         # A name is missing, or a site has no number (-1) because it is not in the table of sites.
         is_unnamed = (
             "" in self.events
@@ -366,7 +437,7 @@ class _FieldRows:
         self.site.extend(sites)
         self.event.extend(events)
         self.record.extend(records)
-        self.value.frombytes((value_unit * values).tobytes())
+        self.value.frombytes((self.unit * values).tobytes())
         self.line.extend(line_numbers)
         return True
 
@@ -386,7 +457,7 @@ class _FieldRows:
         first_rows = np.unique(records, return_index=True)[1].tolist()
         return [(self.line[row], *key) for row, key in zip(first_rows, self.records, strict=True)]
 
-    def find_duplicates(self, file: str) -> list[str]:
+    def find_duplicates(self) -> list[str]:
         """Return an error message for each row that has the same event and site as an earlier row.
         `file` is the path of the table, for the messages."""
         site, event, *_ = self.arrays()
@@ -403,8 +474,9 @@ class _FieldRows:
         ):
             name = names[self.site[duplicate]]
             location = f"site {name!r}" if name else "all buildings"
+            event_name = events[self.event[duplicate] - 1]
             faults.append(
-                f"{file}:{self.line[duplicate]}: event {events[self.event[duplicate] - 1]!r} at "
+                f"{self.settings.file}:{self.line[duplicate]}: event {event_name!r} at "
                 f"{location} is already on line {self.line[first]}; each event can have only one "
                 "record at a site"
             )
@@ -442,11 +514,8 @@ def _strip_each(texts: tuple[str, str, str]) -> tuple[str, str, str]:
     return first.strip(), second.strip(), third.strip()
 
 
-def _field_rows(
-    field: FieldFile, sites: dict[str, int]
-) -> tuple[_FieldRows, IntensityMeasure | None]:
-    """Read the rows of a table of ground motion fields, and the intensity measure of their values
-    (None for factors).
+def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
+    """Read the rows of a table of ground motion fields.
 
     `sites` contains the numbers of the sites with a known location. If no file with the locations
     is specified, the sites of the table are added; a table without a column of sites then has a
@@ -469,14 +538,13 @@ def _field_rows(
         )
     value, unit, measure = _field_values(table)
     used_columns = (event, "record", site, "component", _SECOND_FILE, value)
-    reader = _RowReader(field, table, used_columns, unit, measure, _FieldRows(sites))
+    rows = _FieldRows(field, table, used_columns, unit, measure, sites)
     # Collect errors up to a maximum, so that users can correct all errors in a single edit.
     faults: list[str] = []
     while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
-        faults += reader.add_block(block)
+        faults += rows.add_block(block)
     del faults[_MAX_FAULTS:]
-    rows = reader.rows
-    faults += rows.find_duplicates(file)
+    faults += rows.find_duplicates()
     if faults:
         messages = faults[:_SHOWN_FAULTS]
         if (more := len(faults) - _SHOWN_FAULTS) > 0:
@@ -485,115 +553,7 @@ def _field_rows(
         raise ModelError("\n".join(messages))
     if not rows.line:
         raise ModelError(f"{file}: the table has no rows below its header; {needs}")
-    return rows, measure
-
-
-@dataclass(frozen=True)
-class _RowReader:
-    """Reader that converts rows of a table of ground motion fields to numbers.
-
-    Attributes
-    ----------
-    columns : tuple of six str
-        Names of the columns of event, record, site, component, file of the second component, and
-        value; the last is empty if all values are 1.
-    unit : float
-        Unit of the values in SI.
-    measure : IntensityMeasure | None
-        Intensity measure of the values; None for factors.
-    """
-
-    field: FieldFile
-    table: CsvTable
-    columns: tuple[str, str, str, str, str, str]
-    unit: float
-    measure: IntensityMeasure | None
-    rows: _FieldRows
-
-    @cached_property
-    def indices(self) -> list[int]:
-        """Index of each column. A missing column has the index after the last column of the table,
-        at which an empty cell is added to each row."""
-        table = self.table
-        return [
-            table.header.index(name) if name and table.has(name) else len(table.header)
-            for name in self.columns
-        ]
-
-    def add_block(self, block: Sequence[tuple[int, list[str]]]) -> list[str]:
-        """Append the valid rows of a block (line number and cells of each row), and return the
-        errors of the other rows."""
-        # Almost all rows are valid. Only blocks with an error are read row by row.
-        if self.rows.add_valid(
-            block,
-            len(self.table.header),
-            self.indices,
-            self.unit,
-            are_sites_known=bool(self.field.sites),
-            measure=self.measure,
-        ):
-            return []
-        errors = [self._add_row(line, cells) for line, cells in block]
-        return [
-            f"{self.field.file}:{line}: {error}"
-            for (line, _), error in zip(block, errors, strict=True)
-            if error
-        ]
-
-    def _add_row(self, line: int, cells: list[str]) -> str:
-        """Append a row to `rows` and return an empty text. If the row is invalid, return its error
-        and do not append it. Cells may be missing at the end of the row.
-        """
-        width = len(self.table.header)
-        if self.table.overfull(cells):
-            return (
-                f"the row has {pluralize(len(cells), 'cell')}, but the header has "
-                f"{pluralize(width, 'column')}"
-            )
-        # Missing cells at the end of a row are empty. One more empty cell represents the columns
-        # that the table does not have.
-        cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
-        texts = [cells[index].strip() for index in self.indices]
-        event, record, site, component, second_file, value_text = texts
-        # `value` is the scale factor of the record, or the intensity of the scaled record in the
-        # unit of the column (`unit` in SI). Without a value, the record is not scaled.
-        value = number(value_text) if value_text else 1.0
-        if error := self._row_error(event, record, site, value_text, value):
-            return error
-        # Events are numbered from 1, because the number of an event becomes the sample number of
-        # its runs; 0 denotes a run without sampling.
-        rows = self.rows
-        site_number = rows.sites.setdefault(site, len(rows.sites))
-        event_number = rows.events.setdefault(event, len(rows.events) + 1)
-        record_key = (record, component, second_file)
-        record_number = rows.records.setdefault(record_key, len(rows.records))
-        rows.add(site_number, event_number, record_number, self.unit * value, line)
-        return ""
-
-    def _row_error(self, event: str, record: str, site: str, value_text: str, value: float) -> str:
-        """Return the error of a row; an empty text if it is valid.
-
-        The texts are empty if the cell is empty or the column does not exist. `value` is NaN if
-        `value_text` is not a number, 1 if it is empty.
-        """
-        event_column, _, site_column, _, _, value_column = self.columns
-        has_site_column = self.indices[2] < len(self.table.header)
-        if not event:
-            return f"{event_column} is missing"
-        if not record:
-            return "record is missing"
-        if has_site_column and not site:
-            return f"{site_column} is missing"
-        if self.field.sites and site not in self.rows.sites:
-            return f"site {site!r} not found in {self.field.sites}; add it there"
-        if self.measure and not value_text:
-            return f"{value_column} is missing"
-        if math.isnan(value) or (self.measure and value <= 0.0):
-            required = "a positive number" if self.measure else "a number"
-            return f"{value_column} {number_error(value_text, required)}"
-        if value == 0.0:
-            return f"{value_column} must not be zero, got {value_text[:40]!r}"
-        return ""
+    return rows
 
 
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
