@@ -87,7 +87,7 @@ def read_table_forces(
             continue
         file = section.need("file", "give the file of the table, or `points`")
         path = file.file() if file else None
-        found = _read_requests(section, count, scale, start)
+        found = read_requests(section, count, scale, start)
         if file is not None and path is not None:
             requests.setdefault(path, []).extend(replace_value(found, file))
     for path, wanted in requests.items():
@@ -109,10 +109,13 @@ def _read_floor(section: Section, count: int | None) -> int:
     return floor.floor(count) if floor else 0
 
 
-def _read_requests(
+def read_requests(
     section: Section, count: int | None, scale: float, start: float
 ) -> list[_Request]:
-    """Return the columns of the file that act on floors: `floors`, or `floor` and `column`."""
+    """Return the columns of the file that act on floors: `floors`, or `floor` and `column`.
+
+    `count` is the number of stories; if it is unknown (None), the floor `roof` is 0.
+    """
     floors = section.get("floors")
     if floors is None:
         floor = _read_floor(section, count)
@@ -128,8 +131,9 @@ def _read_requests(
     )
     requests = []
     for key, entry in (named or {}).items():
-        number = float(count or 1) if key == ROOF else number_or_nan(key)
-        if not (number >= 1 and number == int(number)) or (count and number > count):
+        number = float(count or 0) if key == ROOF else number_or_nan(key)
+        is_floor = key == ROOF or (number >= 1 and number == int(number))
+        if not is_floor or (count and number > count):
             limit = f" to {count} (the number of stories)" if count else ""
             floors.fault(f"the keys must be floors from 1{limit} or {ROOF}, got {quoted(key)}")
             continue

@@ -18,12 +18,10 @@ from tdint.model.keys.fields import (
     Integer,
     Key,
     Keys,
-    Section,
     TextLine,
     Value,
-    quoted,
 )
-from tdint.number_parsing import number_or_nan, pluralize
+from tdint.number_parsing import pluralize
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.assigned_motions import CampaignMotions
 from tdint.studies.regions.inventory import InventoryRows
@@ -84,32 +82,14 @@ def read_requested_load_cases(value: Value) -> LoadFiles | None:
         return None
     section.need("files", "give a list of CSV files, one load case each")
     paths = section.files("files", "a list of CSV files", "is empty; give at least one file")
-    columns = _columns(section)
+    # Imported here, because only campaigns of load cases read tables of forces.
+    from tdint.model.config.load_tables import read_requests
+
+    # The number of stories is not known, and the roof is floor 0.
+    requests = read_requests(section, None, scale=1.0, start=0.0)
+    columns = tuple((item.floor, item.column) for item in requests)
     scale, start = section.number("scale", default=1.0), section.number("start", default=0.0)
     return LoadFiles(paths, columns, scale, start)
-
-
-def _columns(section: Section) -> tuple[tuple[int, str], ...]:
-    """Return floor and column of each force; empty after an error, which is recorded in the
-    document."""
-    floors = section.get("floors")
-    if floors is None:
-        floor = section.need("floor", "give the floor, counted from 1 at the bottom, or roof")
-        column = section.get("column")
-        return ((floor.floor(None) if floor else 0, (column.text() if column else "") or ""),)
-    section.refuse(("floor", "column"), "cannot be used with `floors`; give one of the two")
-    named = floors.named(
-        "a mapping of floors to columns, such as {roof: top_kN, 1: 0.6 top_kN}",
-        "must contain at least one floor",
-    )
-    columns = []
-    for key, entry in (named or {}).items():
-        number = 0.0 if key == ROOF else number_or_nan(key)
-        if key != ROOF and not (number >= 1 and number == int(number)):
-            floors.fault(f"the keys must be floors from 1 or {ROOF}, got {quoted(key)}")
-            continue
-        columns.append((int(number), entry.text() or ""))
-    return tuple(columns)
 
 
 def read_load_cases(

@@ -57,42 +57,26 @@ _SEEN = (
     "exp(-1.2247 s), 1 and exp(1.2247 s); demands above the heaviest or below the lightest state "
     "are censored"
 )
-CLOUD = (
-    Column(
-        "b0",
-        "1",
-        lambda function: _regression_value(function, "intercept"),
-        f"cloud analysis: intercept of the regression of ln EDP on ln IM{_SEEN}",
-    ),
-    Column(
-        "b1",
-        "1",
-        lambda function: _regression_value(function, "slope"),
-        "cloud analysis: slope of the regression of ln EDP on ln IM",
-    ),
-    Column(
-        "sigma",
-        "1",
-        lambda function: _regression_value(function, "sigma"),
-        "cloud analysis: standard deviation of ln EDP about the regression line",
-    ),
-    Column(
-        "below",
-        "1",
-        lambda function: _regression_value(function, "light"),
-        "cloud analysis: number of runs that count only as below all states",
-    ),
+_LINE = {
+    "b0": ("intercept", f"intercept of the regression of ln EDP on ln IM{_SEEN}"),
+    "b1": ("slope", "slope of the regression of ln EDP on ln IM"),
+    "sigma": ("sigma", "standard deviation of ln EDP about the regression line"),
+    "below": ("light", "number of runs that count only as below all states"),
+}
+"""Attribute of the regression line and meaning of each column of a cloud analysis."""
+
+
+def _value_of_line(attribute: str) -> Callable[[Fragility], float]:
+    """Return a function of a fragility function, which returns an attribute of the regression line;
+    nan for a fragility function that is not from a cloud analysis."""
+    return lambda function: getattr(function.cloud, attribute, np.nan)
+
+
+CLOUD = tuple(
+    Column(name, "1", _value_of_line(attribute), f"cloud analysis: {meaning}")
+    for name, (attribute, meaning) in _LINE.items()
 )
 """Columns of the regression line of a cloud analysis."""
-
-
-def _regression_value(function: Fragility, name: str) -> float:
-    """Return an attribute of the regression line of a fragility function from a cloud analysis.
-
-    `name` is `intercept`, `slope`, `sigma` or `light` (number of demands below all states). The
-    result is nan for functions that were fitted in another way.
-    """
-    return getattr(function.cloud, name, np.nan)
 
 
 def _bound(bound: int, parameter: str) -> Column:
