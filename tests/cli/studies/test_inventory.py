@@ -131,11 +131,11 @@ def test_invalid_pushover_arguments_are_refused(folder, tdint, arguments, code, 
     tdint.refused(message, "pushover", *arguments, code=code)
 
 
-def test_of_many_errors_the_first_ten_and_their_number_are_reported(folder, tdint):
-    (folder / "many.csv").write_text(BAD.partition("\n")[0] + "\n" + "a,x,1985,C1,400\n" * 100)
+def test_of_many_errors_the_first_hundred_and_their_number_are_reported(folder, tdint):
+    (folder / "many.csv").write_text(BAD.partition("\n")[0] + "\n" + "a,x,1985,C1,400\n" * 150)
     lines = tdint("inventory", "many.csv", "--units", "m", code=3).stderr.splitlines()
     errors = [line for line in lines if line.startswith("Error")]
-    assert len(errors) == 11 and errors[-1].endswith("90 more errors, 100 in total")
+    assert len(errors) == 101 and errors[-1].endswith("50 more errors, 150 in total")
 
 
 def test_unusual_rows_are_questioned(folder, tdint):

@@ -46,7 +46,7 @@ _REQUIRED = (
     f"{', '.join(_FIELDS[:5])}"
 )
 _MAX_LISTED = 10
-"""Maximum number of errors or taxonomies that a message lists."""
+"""Maximum number of taxonomies that a message lists."""
 
 
 @dataclass
@@ -201,8 +201,7 @@ class _Assets:
         tags = [f"tag_{tag}" if tag.lower() in reserved_names else tag for tag in self._tags]
         self.titles = (*own_titles, *tags)
         self.rows: list[tuple[int, list[str]]] = []
-        self._faults: list[ModelFault] = []  # the first `_MAX_LISTED` errors
-        self._fault_count = 0
+        self._faults: list[ModelFault] = []
         # For each taxonomy without a row in the mapping table, the number of its assets.
         self._unmapped: Counter[str] = Counter()
 
@@ -274,13 +273,11 @@ class _Assets:
 
     def add(self, source: str, line: int, values: Mapping[str, str]) -> None:
         """Convert an asset to a row of the inventory, or report its errors."""
-        earlier_fault_count = self._fault_count
+        earlier_fault_count = len(self._faults)
 
         def fault(name: str, message: str) -> None:
-            """Count an error of a field; keep the message of the first errors only."""
-            self._fault_count += 1
-            if len(self._faults) < _MAX_LISTED:
-                self._faults.append(ModelFault(source, line, 1, name, message))
+            """Record an error of a field."""
+            self._faults.append(ModelFault(source, line, 1, name, message))
 
         def nonnegative(name: str) -> float:
             """Return the number in a field; report an error if it is negative or no number."""
@@ -306,7 +303,7 @@ class _Assets:
             self._unmapped[taxonomy] += 1
             return
         # The row is added only if this asset has no error.
-        if self._fault_count == earlier_fault_count:
+        if len(self._faults) == earlier_fault_count:
             location = [values["lon"], values["lat"]]
             tag_cells = [values.get(tag, "") for tag in self._tags]
             cells = [
@@ -344,12 +341,8 @@ class _Assets:
 
     def check(self) -> None:
         """Raise ModelError if an asset has an error, or the mapping table lacks a taxonomy."""
-        if self._fault_count:
-            unlisted = self._fault_count - len(self._faults)
-            lines = [str(fault) for fault in self._faults]
-            if unlisted > 0:
-                lines.append(f"and {unlisted} more errors")
-            raise ModelError("\n".join(lines))
+        if self._faults:
+            raise ModelError(self._faults)
         if self._unmapped:
             listed = ", ".join(
                 f"{name[:60]!r} ({pluralize(count, 'asset')})"
