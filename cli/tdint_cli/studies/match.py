@@ -352,16 +352,15 @@ def _change_warnings(matched: Match) -> list[str]:
     # The components of a pair are compared separately.
     target_pga = matched.target.zero
     for component in matched.parts:
+        subject = f"{component.seed.source} {component.seed.component}".rstrip()
         matched_measures, seed_measures = component.measures
         if target_pga and matched_measures.pga > _MAX_PGA_RATIO * target_pga:
-            subject = f"{component.seed.source} {component.seed.component}".rstrip()
             warnings.append(
                 f"{subject}: the peak ground acceleration of the match is "
                 f"{matched_measures.pga / target_pga:.3g} times that of the target, because the "
                 "match begins at a longer period; begin --range at a shorter period"
             )
         if matched_measures.pgd > _MAX_PGD_RATIO * seed_measures.pgd:
-            subject = f"{component.seed.source} {component.seed.component}".rstrip()
             warnings.append(
                 f"{subject}: matching increases the peak ground displacement to "
                 f"{matched_measures.pgd / seed_measures.pgd:.2g} times its initial value"

@@ -36,7 +36,7 @@ from tdint.ground_motion.record import Record
 from tdint.number_parsing import abbreviate, pluralize
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
 
@@ -169,19 +169,6 @@ class PairRule:
         """Return the demand of a ground motion: the maximum or the mean of the demands of its
         components, depending on the rule. The first axis of `values` is the component."""
         return combine(values, self.demand)
-
-    def groups(self, records: Iterable[int]) -> dict[int, list[int]]:
-        """Group records by motion.
-
-        Returns
-        -------
-        dict of int to list of int
-            Indices in `records` by the number of the motion.
-        """
-        indices: dict[int, list[int]] = {}
-        for index, record in enumerate(records):
-            indices.setdefault(self.motion(record), []).append(index)
-        return indices
 
     def note(self, names: Sequence[str] = (), *, is_default: bool = True) -> str:
         """Return one line that reports how the components of pairs are combined; empty without
