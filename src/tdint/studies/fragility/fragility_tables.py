@@ -176,6 +176,44 @@ def fragility_table(
     return Table.of_results(columns, functions)
 
 
+def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Table:
+    """Return the fitted parameters of fragility functions with their 95 % intervals.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions; their thresholds are drift ratios or other demands.
+    damaged : bool
+        True to list the state of the building before the motion.
+    """
+    unit = functions[0].unit or "1"
+    numbers: list[tuple[str, str | Callable[[Fragility], float]]] = [
+        ("beta", "beta"),
+        ("beta_low", lambda function: function.beta_interval[0]),
+        ("beta_high", lambda function: function.beta_interval[1]),
+    ]
+    if any(function.modeling_dispersion for function in functions):
+        numbers.append(("total_beta", "beta_total"))
+    numbers.append(("motions", lambda function: function.motions or function.runs))
+    # The number of runs is a column only if ground motions have several runs.
+    if any(function.motions and function.runs != function.motions for function in functions):
+        numbers.append(("runs", "runs"))
+    numbers.append(("censored", "censored"))
+    texts = {"threshold": "threshold_text"}
+    if damaged:
+        texts = {"state": "initial_damage"} | texts
+    if any(function.type for function in functions):
+        texts = {"type": "type", "damage_state": "state"} | texts
+    columns = [
+        *(Column(name, TEXT, value, "") for name, value in texts.items()),
+        Column("theta", unit, "theta", ""),
+        Column("theta_low", unit, lambda function: function.theta_interval[0], ""),
+        Column("theta_high", unit, lambda function: function.theta_interval[1], ""),
+        *(Column(name, "1", value, "") for name, value in numbers),
+    ]
+    return Table.of_results(columns, functions)
+
+
 COMPARED = (
     Column.named("im", "intensity measure, as specified", TEXT),
     Column.named("unit", "unit of the intensity measure", TEXT),

@@ -28,8 +28,8 @@ from tdint.studies.fragility.fragility_report import (
     MOST_THRESHOLDS,
     RANK_AND_FIT,
     SOURCES,
-    fit_table_of,
 )
+from tdint.studies.fragility.fragility_tables import fit_table_of
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
 from tdint.studies.ida.ida_tables import limit_capacities, motion_curves
