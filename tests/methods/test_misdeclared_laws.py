@@ -127,9 +127,9 @@ CASES = {
         "tanh",
         {"curved": False, "kinked": True},
         {},
-        "declares `kinked=True`, but has no `switch`",
+        "it has no `switch`",
     ),
-    "kinked-besides-curved": ("tanh", {"kinked": True}, {}, "but has no `switch`"),
+    "kinked-besides-curved": ("tanh", {"kinked": True}, {}, "it has no `switch`"),
     "kinked-missing": ("bilinear", {"kinked": False}, {}, "declare `kinked=True`"),
     "all-of-branches-missing": (
         "bilinear",

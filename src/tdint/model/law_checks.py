@@ -7,9 +7,8 @@ these methods never evaluate its `force`. All other methods evaluate only `force
 the module therefore execute a law in plain Python along a path of drifts, compare the forces of
 both approaches, and name the missing declaration if the forces differ.
 
-At registration, the structure of every law is verified, and the path of laws without branches with
-sampled parameters. Before the first time integration of a story, the path of its law is verified
-with the parameters of the story.
+The path of a law is verified before the first time integration of a story, with the parameters of
+the story.
 """
 
 from __future__ import annotations
@@ -59,12 +58,6 @@ _MAX_SETS = 128
 """Maximum number of parameter sets of a law that are verified in a process. Declarations do not
 depend on the parameters, and a study of 10 000 random buildings would otherwise spend a minute on
 the verification of the same declaration."""
-_STIFFNESS, _FORCE, _LENGTH = 1e7, 1e5, 1e-2
-"""Initial stiffness, N/m, force, N, and length, m, of the stories sampled at registration: a story
-of a small building, which yields at a drift of 10 mm."""
-
-_FACTORS = (0.3, 1.0, 3.0)
-"""Factors of the parameters of the sampled stories."""
 
 Guard = Callable[[Array, str], Array]
 """Function that wraps an array, given its name, to detect the use of undeclared rows."""
@@ -124,43 +117,6 @@ class _PathPoint(NamedTuple):
     is_on_branch: bool
     lower: float
     upper: float
-
-
-def verify_declaration(law: DriftLaw, where: str) -> None:
-    """Verify the declarations `kinked` and `curved` of a law at its registration.
-
-    A law must declare `kinked` if and only if it has branches (`switch`). A law without branches
-    must declare `curved` unless its force is linear, and its tangent must not jump at a reversal.
-
-    Parameters
-    ----------
-    law : DriftLaw
-        The law; its functions are executed in plain Python.
-
-    Raises
-    ------
-    UsageError
-        A declaration is missing or wrong. The message contains its name and the reason.
-    """
-    functions = law.functions()
-    if functions.switch is not None and not law.kinked:
-        raise UsageError(
-            f"{where}: law {law.name} has branches (`switch`), but does not declare `kinked=True`: "
-            "methods would not locate the ends of its branches; declare `kinked=True`"
-        )
-    if functions.switch is None and law.kinked:
-        raise UsageError(
-            f"{where}: law {law.name} declares `kinked=True`, but has no `switch` to change "
-            "its branch; add `switch` and `enter`, or declare only `curved=True`"
-        )
-    if functions.switch is None:
-        # A law without branches that is not declared curved must be linear. Compute its force for
-        # several sets of parameters (columns), and report the first difference. The tangent of a
-        # curved law is compared at reversals only, because sampled parameters may be unusual.
-        find_faults = _reversal_faults if law.curved else path_faults
-        for column in _sampled_columns(law):
-            for fault in _sampled_faults(law, column, find_faults):
-                raise UsageError(f"{where}: {fault}")
 
 
 def verify_laws(law_parameters: Array) -> None:
@@ -527,47 +483,3 @@ def _yield_drift(law: DriftLaw, column: Array) -> float:
     return float(
         law.yield_drift(float(column[rows.STIFFNESS]), column[rows.FIRST_PARAMETER :].tolist())
     )
-
-
-def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
-    """Yield sets of parameters for the verification of a law at registration, within the bounds
-    that the law declares: number of the law (nan, because the law has no number yet), initial
-    stiffness (N/m) and parameters.
-
-    No parameters are generated for laws with lists or points as parameters. The path of such a law
-    is verified with the parameters of the first model that uses it.
-    """
-    if any(parameter.many or parameter.points for parameter in law.parameters):
-        return
-    for factor in _FACTORS:
-        values: list[float] = []
-        for parameter in law.parameters:
-            # `force` and `length` are the exponents of these units in the unit of the parameter.
-            value = factor * _FORCE**parameter.force * _LENGTH**parameter.length
-            low, high = parameter.low, parameter.high
-            if not low < value < high:
-                # A bounded parameter, such as a ratio, gets a value between its bounds.
-                fraction = factor / (1.0 + factor)
-                lowest = low if math.isfinite(low) else high - 1.0
-                highest = high if math.isfinite(high) else low + 1.0
-                value = lowest + fraction * (highest - lowest)
-            values.append(value)
-        stiffness = law.initial_stiffness(values) if law.initial_stiffness else _STIFFNESS
-        if law.fault(stiffness, values) is None:
-            yield np.array([math.nan, stiffness, 0.0, 0.0, *values])
-
-
-def _sampled_faults(
-    law: DriftLaw, column: Array, find_faults: Callable[[DriftLaw, Array], list[str]]
-) -> list[str]:
-    """Return the messages of `find_faults` (such as `path_faults`) for a law with sampled
-    parameters.
-
-    The result is empty if the law cannot be executed with these parameters, because a law may
-    require more than the bounds that it declares. It is verified again with the parameters of the
-    first model that uses it.
-    """
-    try:
-        return find_faults(law, column)
-    except Exception:  # user-defined code may raise any exception for unexpected parameters
-        return []

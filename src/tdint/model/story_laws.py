@@ -65,8 +65,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     Raises
     ------
     UsageError
-        The argument is not a law, its name is invalid or in use, it has no file, or a declaration
-        is missing: the force is not linear, and `curved` and branches are not declared.
+        The argument is not a law, its name is invalid or in use, it has no file, or `kinked` does
+        not agree with its functions.
     """
     if not isinstance(law, DriftLaw):
         raise UsageError(
@@ -81,12 +81,20 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
             f"{where}: the law must be defined in a module file, so that other processes can "
             "import it"
         )
-    # Imported here, because commands without plug-ins do not need these checks.
-    from tdint.kernels.building.sources import OUTSIDE, module_of_law
-    from tdint.model.law_checks import verify_declaration
-
+    # The other declarations are verified before the first run, with the parameters of the model.
     with faults_of(where):
-        verify_declaration(law, where)
+        has_branches = law.functions().switch is not None
+    if has_branches != law.kinked:
+        raise UsageError(
+            f"{where}: law {law.name} must declare `kinked=True` if and only if it has branches; "
+            + (
+                "it has `switch`: declare `kinked=True`"
+                if has_branches
+                else "it has no `switch`: add `switch` and `enter`, or declare only `curved=True`"
+            )
+        )
+    # Imported here, because commands without plug-ins do not need this module.
+    from tdint.kernels.building.sources import OUTSIDE, module_of_law
 
     # The compiling process imports the law from the module in `OUTSIDE`. The number of the
     # law is its index in `_LAWS`.
