@@ -222,40 +222,17 @@ def path_faults(
                     f"{point.tangent:.6g} N/m at drift {point.drift:.6g} m, the slopes before and "
                     f"after it are {slope_before:.6g} and {slope_after:.6g} N/m"
                 ]
-    return _reversal_faults(law, column, yield_drift, guard) or _memory_faults(story, yield_drift)
-
-
-def _reversal_faults(
-    law: DriftLaw,
-    column: Array,
-    yield_drift: float = math.nan,
-    guard: Guard = lambda array, name: array,
-) -> list[str]:
-    """Return a message if the tangent of a law without branches jumps where the drift reverses; the
-    arguments are the same as for `path_faults`.
-
-    Methods of fourth order would be of second order without a message, because they locate the
-    reversals only of laws with branches.
-    """
-    functions = law.functions()
-    if functions.switch is not None:
-        return []
-    is_yielding = 0.0 < yield_drift < math.inf
-    sizes = [yield_drift * ratio for ratio in _YIELD_MULTIPLES[:2]] if is_yielding else _DECADES[:3]
-    for size in sizes:
-        max_tangent = 0.0
-        story = _LawStory(law, functions, column, guard)
-        for point in _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size):
-            max_tangent = max(max_tangent, abs(point.tangent))
+            # Methods locate the reversals only of laws with branches. Otherwise, methods of fourth
+            # order would be of second order without a message.
             below, above = point.tangents_after_commit
-            if abs(above - below) > _TANGENT_TOLERANCE * max_tangent:
+            if story.functions.switch is None and abs(above - below) > tolerance:
                 return [
                     f"law {law.name}: its tangent jumps where the drift reverses: at drift "
                     f"{point.drift:.6g} m it is {below:.6g} N/m towards smaller and {above:.6g} "
                     "N/m towards larger drifts; declare `kinked=True`, and add `enter` and "
                     "`switch`, which end the branch at a reversal (`set_branch`)"
                 ]
-    return []
+    return _memory_faults(story, yield_drift)
 
 
 def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
