@@ -87,20 +87,15 @@ def read_table_forces(
             continue
         file = section.need("file", "give the file of the table, or `points`")
         path = file.file() if file else None
-        found = read_requests(section, count, scale, start)
-        if file is not None and path is not None:
-            requests.setdefault(path, []).extend(replace_value(found, file))
+        found = read_requests(section, file or section.value, count, scale, start)
+        if path is not None:
+            requests.setdefault(path, []).extend(found)
     for path, wanted in requests.items():
         try:
             forces += _read_file(path, wanted, unit.force)
         except ModelError as error:
             wanted[0].value.fault(str(error))
     return tuple(forces)
-
-
-def replace_value(requests: Sequence[_Request], file: Value) -> list[_Request]:
-    """Return requests whose errors are reported at the entry `file` if they have no own entry."""
-    return [item if item.column else replace(item, value=file) for item in requests]
 
 
 def _read_floor(section: Section, count: int | None) -> int:
@@ -110,11 +105,12 @@ def _read_floor(section: Section, count: int | None) -> int:
 
 
 def read_requests(
-    section: Section, count: int | None, scale: float, start: float
+    section: Section, file: Value, count: int | None, scale: float, start: float
 ) -> list[_Request]:
     """Return the columns of the file that act on floors: `floors`, or `floor` and `column`.
 
-    `count` is the number of stories; if it is unknown (None), the floor `roof` is 0.
+    Errors of the only column of forces are reported at the entry `file`. `count` is the number of
+    stories; if it is unknown (None), the floor `roof` is 0.
     """
     floors = section.get("floors")
     if floors is None:
@@ -123,7 +119,7 @@ def read_requests(
         name = column.text() if column else ""
         if name is None:
             return []
-        return [_Request(column or section.value, floor, name, scale, start)]
+        return [_Request(column or file, floor, name, scale, start)]
     section.refuse(("floor", "column"), "cannot be used with `floors`; give one of the two")
     named = floors.named(
         "a mapping of floors to columns, such as {2: roof_kN, 1: 0.6 roof_kN}",
@@ -145,26 +141,14 @@ def read_requests(
 
 def _read_points(points: Value, unit: ModelUnits) -> LoadTable | None:
     """Return the table of `points: [[t, F], ...]`; None after reporting an error."""
-    items = points.items("a list of points [time in s, force]")
-    if items is None:
+    rows = points.read()
+    if rows is None:
         return None
-    if len(items) < 2:
-        points.fault(f"must have at least two points [time in s, force], got {len(items)}")
+    table = np.array(rows) * (1.0, unit.force)
+    for k in _invalid_times(table[:, 0]):
+        (points.items("points") or ())[k].fault(_TIME_ORDER.format(table[k, 0]))
         return None
-    rows = []
-    for item in items:
-        pair = item.items("a point [time in s, force]")
-        if pair is None:
-            return None
-        if len(pair) != 2:
-            item.fault(f"must be a point [time in s, force], got {pluralize(len(pair), 'number')}")
-            return None
-        rows.append((pair[0].number(), pair[1].number(scale=unit.force)))
-    times, values = np.array(rows).T
-    for k in _invalid_times(times):
-        items[k].fault(_TIME_ORDER.format(times[k]))
-        return None
-    return LoadTable("", ("points",), np.column_stack([times, values]))
+    return LoadTable("", ("points",), table)
 
 
 _TIME_ORDER = (

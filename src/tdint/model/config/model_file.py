@@ -201,7 +201,11 @@ _TABLE_FORCE = Keys(
         Key("column", TextLine(), "column of this floor; default: the only column of forces"),
         Key(
             "points",
-            EntriesOf(EntriesOf(ANY, least=2, most=2), least=2),
+            EntriesOf(
+                EntriesOf(ANY, least=2, most=2, description="a point [time in s, force]"),
+                least=2,
+                description="a list of at least two points [time in s, force]",
+            ),
             "points [time in s, force] on this floor, instead of a file",
         ),
         Key("start", ANY, "added to the times, s; default: 0"),
@@ -345,38 +349,23 @@ def _suppression_reason(text: str) -> str:
 _PLAUSIBILITY = TextLine(_suppression_reason)
 
 
-class _LineOrNothing:
-    """Text of a line of a report, which may be empty."""
-
-    def schema(self) -> Schema:
-        """Return the JSON schema of a text, a number or nothing."""
-        return {"type": ["string", "number", "null"]}
+def _lines_of_report(_: Value, lines: dict[str, tuple[Value, Any]]) -> tuple[tuple[str, str], ...]:
+    """Return the names and texts of the lines at the top of a report."""
+    return tuple((name, (text or "").strip()) for name, (_, text) in lines.items())
 
 
 _REPORT_HEAD = Either(
-    (TextLine(parse_head), ByName(_LineOrNothing(), "a mapping of lines", "names no line", dict))
+    (
+        TextLine(parse_head),
+        ByName(
+            TextLine(may_be_empty=True),
+            "NAME: TEXT",
+            "must contain at least one line",
+            _lines_of_report,
+        ),
+    ),
+    "a text or a mapping of lines",
 )
-
-
-def _read_page_head(value: Value | None) -> tuple[tuple[str, str], ...]:
-    """Return the names and texts of the lines at the top of a report, from one text or from a
-    mapping."""
-    if value is None:
-        return ()
-    if not value.is_mapping:
-        text = value.text()
-        try:
-            return parse_head(text) if text else ()
-        except UsageError as error:
-            value.fault(str(error))
-            return ()
-    lines = []
-    entries = value.named("NAME: TEXT", "must contain at least one line") or {}
-    for name, entry in entries.items():
-        if entry.is_list or entry.is_mapping:
-            entry.text()  # reports the error
-        lines.append((name, entry.word.strip()))
-    return tuple(lines)
 
 
 def model_keys() -> Keys:
@@ -565,7 +554,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
         page_units=page_units,
-        page_head=_read_page_head(section.get("report")),
+        page_head=section.read("report") or (),
         damage=_read_damage(section.get("damage")),
         limits=_read_limits(section, unit, stories, attachments, links),
         plausibility_off=section.read("plausibility") or "",

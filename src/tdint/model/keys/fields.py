@@ -118,15 +118,16 @@ class TextLine(NamedTuple):
     """One line of text, which may also be a number without quotation marks.
 
     `parse` converts the text and raises UsageError if the text is invalid. `form` describes the
-    text in messages.
+    text in messages. With `may_be_empty`, a null value is an empty text.
     """
 
     parse: Callable[[str], Any] | None = None
     form: str = "text"
+    may_be_empty: bool = False
 
     def schema(self) -> Schema:
         """Return the JSON schema of a text or a number; `parse` is not part of the schema."""
-        return {"type": ["string", "number"]}
+        return {"type": ["string", "number", *(["null"] if self.may_be_empty else [])]}
 
 
 class PathOf:
@@ -424,6 +425,8 @@ class Value:
 
     def text(self) -> str | None:
         """Return one line of text; None after reporting an error."""
+        if isinstance(self.type, TextLine) and self.type.may_be_empty and self._is_null():
+            return ""
         if not isinstance(self.node, ScalarNode) or not self.node.text.strip() or self._is_null():
             form = self.type.form if isinstance(self.type, TextLine) else "text"
             self.fault(f"must be {form}, got {self._message_text()}")
@@ -483,7 +486,7 @@ class Value:
         # These are the types of a scalar.
         allowed_types: Any = (Bounds, Integer, Choice, PathOf, TextLine)
         if self.is_mapping:
-            allowed_types = Keys
+            allowed_types = Keys | ByName
         elif self.is_list:
             allowed_types = EntriesOf
         for value_type in either.types:
@@ -805,21 +808,15 @@ class Section:
                 similar_key = nearest(key.text, keys)
                 if similar_key:
                     self._misspelled.add(similar_key)
-
-        # Assign the value of a misspelled key to the intended key, so that errors in the value are
-        # also reported. This requires a higher similarity than above, because a value that is
-        # assigned to the wrong key would cause misleading errors.
-        unknown = [
-            (key, entry)
-            for key, entry in node.entries
-            if isinstance(key, ScalarNode) and key.text not in keys
-        ]
-        for key, entry in unknown[:MAX_LISTED_FAULTS]:
-            intended = nearest(key.text, keys, cutoff=_MIN_SIMILARITY)
-            if intended and intended not in self._entries:
-                self._entries[intended] = Value(
-                    entry, self.path(key.text), value.faults, self._types.get(intended)
-                )
+                # Assign the value of a misspelled key to the intended key, unless the mapping also
+                # contains the intended key, so that errors in the value are also reported. This
+                # requires a higher similarity than above, because a value that is assigned to the
+                # wrong key would cause misleading errors.
+                intended = nearest(key.text, keys, cutoff=_MIN_SIMILARITY)
+                if intended and intended not in self._entries:
+                    self._entries[intended] = Value(
+                        entry, path, value.faults, self._types.get(intended)
+                    )
 
     @staticmethod
     def _is_of_kind(node: MappingNode, keys: Collection[str]) -> bool:

@@ -86,7 +86,7 @@ def read_requested_load_cases(value: Value) -> LoadFiles | None:
     from tdint.model.config.load_tables import read_requests
 
     # The number of stories is not known, and the roof is floor 0.
-    requests = read_requests(section, None, scale=1.0, start=0.0)
+    requests = read_requests(section, section.value, None, scale=1.0, start=0.0)
     columns = tuple((item.floor, item.column) for item in requests)
     scale, start = section.number("scale", default=1.0), section.number("start", default=0.0)
     return LoadFiles(paths, columns, scale, start)
