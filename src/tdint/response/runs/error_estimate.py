@@ -49,6 +49,8 @@ from tdint.response.runs.outcome import (
     Response,
     StoryErrors,
     StoryPeaks,
+    each_array,
+    join_arrays,
 )
 from tdint.response.time_steps import Steps, finer
 
@@ -364,18 +366,9 @@ def _with_devices(response: Response) -> Response | _AllPeaks:
     if devices is None:
         return response
     assert devices.interstep_bound is not None
-
-    def joined(values: Any, others: Any) -> dict[str, Array]:
-        """Return all arrays of both objects, joined."""
-        pairs = {field.name: (values, others) for field in fields(values)}
-        return {
-            name: np.concatenate([getattr(first, name), getattr(second, name)])
-            for name, (first, second) in pairs.items()
-        }
-
     return _AllPeaks(
-        StoryPeaks(**joined(response.stories, devices.stories)),
-        StoryErrors(**joined(response.interstep_bound, devices.interstep_bound)),
+        each_array(join_arrays, response.stories, devices.stories),
+        each_array(join_arrays, response.interstep_bound, devices.interstep_bound),
     )
 
 

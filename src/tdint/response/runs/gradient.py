@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,13 @@ from tdint.response.runs.error_estimate import (
     shorter_steps,
 )
 from tdint.response.runs.many_results import HISTORY_FIELDS, SCALE, Runs, RunSpec
-from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
+from tdint.response.runs.outcome import (
+    Gradient,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+    each_array,
+)
 
 SIZE = 1e-4
 """Dimensionless. Distance of a neighbor divided by the value of the parameter. For 13 771 pairs in
@@ -241,9 +248,7 @@ def gradient_of(
     request = RunsRequest((subject,), (label,), (record,), None, None, check, {})
     plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
     # The index None adds the axis of the runs, with a single run.
-    peaks = StoryPeaks(
-        **{field.name: getattr(response.stories, field.name)[None] for field in fields(StoryPeaks)}
-    )
+    peaks = each_array(itemgetter(None), response.stories)
     history = (
         {name: getattr(response.history, field)[None] for name, field in HISTORY_FIELDS.items()}
         if response.history

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import reduce
 from operator import add, sub
 from typing import TypeVar
@@ -28,6 +28,7 @@ from tdint.response.runs.outcome import (
     History,
     StoryErrors,
     StoryPeaks,
+    each_array,
     story_values,
 )
 from tdint.response.runs.prepared import device_energy
@@ -60,8 +61,8 @@ def all_peaks(building: Building, space: Workspace) -> StoryPeaks:
 
 def columns(values: ValuesT, part: slice) -> ValuesT:
     """Return the values of a part of the columns: of the stories, or of attachments and links."""
-    parts = {field.name: getattr(values, field.name)[..., part] for field in fields(values)}
-    return replace(values, **parts)
+    selected: ValuesT = each_array(lambda array: array[..., part], values)
+    return selected
 
 
 def device_peaks(building: Building, space: Workspace, late: float) -> DevicePeaks | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from tdint.response.runs.outcome import (
     StoryErrors,
     StoryPeaks,
     StoryValues,
+    each_array,
 )
 from tdint.response.time_steps import Steps
 from tdint.system import available_memory
@@ -153,11 +155,7 @@ class Runs(Tabular):
         """
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
-        values = {
-            quantity.name: getattr(self.stories, quantity.name)[runs, :n]
-            for quantity in STORY_QUANTITIES
-        }
-        return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
+        return runs, each_array(lambda array: array[runs, :n], self.stories)
 
     def limit_checks(
         self, limit: float | str | None = None
@@ -194,10 +192,7 @@ class Runs(Tabular):
             building = self.models[model]
             n = len(building.stories)
             standing = runs[self.status[runs] == "done"]
-            peaks = {
-                peak.name: getattr(self.stories, peak.name)[standing, :n]
-                for peak in STORY_QUANTITIES
-            }
+            peaks = vars(each_array(itemgetter((standing, slice(n))), self.stories))
             checks[building.name, level] = check_demands(
                 building.limits,
                 limit,

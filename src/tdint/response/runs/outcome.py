@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import reduce
-from operator import add
+from operator import add, itemgetter
 from typing import TYPE_CHECKING, Annotated, Any, Generic, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
@@ -296,18 +296,15 @@ class Gradient(Tabular, StoryValues):
         number : int
             Index of the run, from 0.
         """
-        history = {name: array[number] for name, array in self.history.items()}
-        # Derivatives, kinks and errors have the same names. Without errors, the third result is
-        # None.
-        peaks, kink, errors = (
-            {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
-            if source
-            else None
-            for source in (self, self.kink, self.errors)
+        names = [field.name for field in fields(StoryErrors)]
+        return replace(
+            self,
+            **{name: getattr(self, name)[number] for name in names},
+            values=self.values[number],
+            kink=each_array(itemgetter(number), self.kink),
+            errors=each_array(itemgetter(number), self.errors),
+            history={name: array[number] for name, array in self.history.items()},
         )
-        values: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
-        values["errors"] = StoryErrors(**errors) if errors else None
-        return replace(self, **values, values=self.values[number], history=history)
 
 
 class StepChoice(NamedTuple):
@@ -674,7 +671,7 @@ class History(Tabular):
             Chunks in the order of time.
         """
         parts = list(chunks)
-        return parts[0] if len(parts) == 1 else _joined(parts)
+        return parts[0] if len(parts) == 1 else each_array(join_arrays, *parts)
 
     def every(self, steps: int) -> History:
         """Return every N-th step, from the first, as views of the arrays.
@@ -684,24 +681,35 @@ class History(Tabular):
         steps : int
             Interval of the rows in time steps, N.
         """
-        # `_joined` applies a function to each array of the history, here a slice.
-        thinned: History = _joined([self], lambda arrays: arrays[0][::steps])
+        thinned: History = each_array(lambda array: array[::steps], self)
         return thinned
 
 
-def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
-    """Combine each array of nested dataclasses of one type with the same array of the other
-    dataclasses (`join`).
+def join_arrays(*arrays: Array) -> Array:
+    """Return arrays as a single array, joined along the first axis."""
+    return np.concatenate(arrays)
+
+
+def each_array(function: Callable[..., Array], *parts: Any) -> Any:
+    """Return a dataclass with the results of a function of each array of `parts`.
+
+    Parameters
+    ----------
+    function : callable
+        Function of an array of the first part and of the arrays of the same name of the others.
+    parts
+        Dataclasses of one type. They may contain other dataclasses, None, and tuples of labels,
+        which all parts have in common.
     """
     if parts[0] is None:
         return None
     if isinstance(parts[0], np.ndarray):
-        return join(parts)
-    if isinstance(parts[0], tuple):  # labels, which all parts have in common
+        return function(*parts)
+    if isinstance(parts[0], tuple):
         return parts[0]
     names = [member.name for member in fields(parts[0])]
     return type(parts[0])(
-        **{name: _joined([getattr(part, name) for part in parts], join) for name in names}
+        **{name: each_array(function, *(getattr(part, name) for part in parts)) for name in names}
     )
 
 
@@ -877,10 +885,7 @@ class Response(Tabular):
         from tdint.model.limits import check_demands
 
         stories = self.stories
-        peaks = {
-            quantity.name: getattr(stories, quantity.name)[np.newaxis]
-            for quantity in STORY_QUANTITIES
-        }
+        peaks = dict(vars(each_array(itemgetter(np.newaxis), stories)))
         if self.devices is not None:
             peaks |= self.devices.demands(len(self.model.attachments))
         return check_demands(
