@@ -27,7 +27,7 @@ from tdint.model.damping import (
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import Attachment, Force, Link, Model
 from tdint.model.modes import ComplexModes, FreeVibration, Modes, solve_complex_modes
-from tdint.model.story import POWER, Story, column_name, story_numbers
+from tdint.model.story import Story, column_name
 from tdint.model.story_laws import CODES, LAWS, Law
 from tdint.model.topology import incidence, springs_of, store_ends
 from tdint.number_parsing import abbreviate
@@ -636,7 +636,7 @@ def assemble(model: Model) -> Building:
     for i, story in enumerate(stories):
         linear_terms[rows.DAMPER_FACTOR, i] = story.damper_factor
         if story.power_dashpot is not None:
-            for row, number in dashpot_rows(story, *story_numbers(story)[POWER]):
+            for row, number in dashpot_rows(story.power_dashpot, story.damper_factor):
                 linear_terms[row, i] = number
         if _can_stiffen(story):
             linear_terms[rows.STIFFENING, i] = rows.UNLIMITED

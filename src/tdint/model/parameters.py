@@ -1,10 +1,11 @@
-"""Parameters of a building that can be changed by name, in a model or in arrays of many models."""
+"""Parameters of a building that can be changed by name."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from tdint.errors import UsageError, did_you_mean, nearest
@@ -174,6 +175,7 @@ def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
     return changes | set_law
 
 
+@lru_cache(maxsize=64)  # all samples of a study change the same parameters
 def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Change]:
     """Return the changes of the values of stories that a parameter causes; empty for `damping`.
 

@@ -55,17 +55,21 @@ class RunsRequest:
         return {name: values for name, values in self.vary.items() if name != SCALE}
 
     def varied(self, model: int, draw: int) -> Subject:
-        """Return the building with index `model` and the parameter values of sample `draw`."""
+        """Return the building with index `model` and the parameter values of sample `draw`.
+
+        UsageError is raised, with the number of the sample, if this building is invalid.
+        """
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
         # A value of nan does not change the parameter: neighbors of a run
         # (`gradient.neighbor_samples`) each differ in a single parameter.
-        return Subject(
-            subject.model.changed(
-                {name: number for name, number in numbers.items() if not math.isnan(number)}
-            ),
-            subject.method,
-        )
+        numbers = {name: number for name, number in numbers.items() if not math.isnan(number)}
+        try:
+            varied = Subject(subject.model.changed(numbers), subject.method)
+            _ = varied.prepared
+        except (UsageError, ModelError) as error:
+            raise UsageError(f"{error} (sample {draw + 1})") from None
+        return varied
 
     def individual_sample(self, run: RunSpec, history: bool) -> int:
         """Return the sample of a run if its building must be assembled individually, otherwise -1.
@@ -117,13 +121,13 @@ class RunsRequest:
             try:
                 for name, values in self.building_parameters.items():
                     check_value(name, float(values[draw]))
-                _ = self.varied(model, draw).prepared
+                _ = self.varied(model, draw)
                 scale = float(self.vary.get(SCALE, np.ones(self.draws))[draw])
                 if not (math.isfinite(scale) and scale):
                     raise UsageError(
                         f"vary: {SCALE} must be a number other than zero, got {scale!r}"
                     )
-            except (UsageError, ModelError) as error:
+            except UsageError as error:
                 invalid[model, draw] = str(error)
         return invalid
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,9 +56,6 @@ from tdint.response.runs.prepared import (
     PreparedBuilding,
 )
 from tdint.response.time_steps import Steps
-
-if TYPE_CHECKING:
-    from tdint.model.building_samples import DrawnBuildings
 
 _parse_cached = lru_cache(maxsize=64)(parse)
 """`parse` with a cache, because thousands of buildings may have the same method."""
@@ -350,20 +347,15 @@ def run_batch(
 def run_sampled(
     subject: Subject,
     motions: Motions,
-    runs: Sequence[tuple[int, RunOfMotion]],
-    drawn: DrawnBuildings,
-    subjects: Sequence[Callable[[], Subject]],
+    runs: Sequence[tuple[Subject, RunOfMotion]],
 ) -> Outcomes:
     """Integrate runs of buildings that differ in parameter values, with one time step.
 
     Parameters
     ----------
-    runs : sequence of (int, (int, float, Steps))
-        Index of the sampled building, and the number of the ground motion, scale factor and time
-        steps, of each run.
-    subjects : sequence of callable
-        One function without arguments for each sample, which assembles its building. It is called
-        for runs that collapse or fail.
+    runs : sequence of (Subject, (int, float, Steps))
+        Sampled building, and the number of the ground motion, scale factor and time steps, of each
+        run.
 
     Raises
     ------
@@ -372,13 +364,28 @@ def run_sampled(
     """
     _, (_, _, first_steps) = runs[0]
     h = first_steps.h  # all runs have the same time step
-    samples = [sample for sample, _ in runs]
-    specs = [(sample, motions.run_spec(*run)) for sample, run in runs]
-    batch = subject.prepared.integrate_sampled(subject.integrator, h, motions.samples, specs, drawn)
-    outcomes = Outcomes.of(drawn.combine_runs(samples), batch, False)
+    subject.model.require_springs("a varied parameter")
+    prepared = subject.prepared
+    buildings = [sampled.prepared.building for sampled, _ in runs]
+    specs = [
+        (building, motions.run_spec(*run))
+        for building, (_, run) in zip(buildings, runs, strict=True)
+    ]
+    batch = prepared.integrate_sampled(subject.integrator, h, motions.samples, specs)
+    # The second axis of the tables, and the first axis of the other arrays, is the run.
+    tables: dict[str, Any] = {
+        name: np.stack([getattr(building, name) for building in buildings], axis=axis)
+        for name, axis in (
+            ("linear_terms", 1),
+            ("law_parameters", 1),
+            ("heights", 0),
+            ("yield_drift", 0),
+        )
+    }
+    outcomes = Outcomes.of(replace(prepared.building, **tables), batch, False)
     for i in np.flatnonzero(needs_review(batch)).tolist():
-        sample, (number, scale, steps) = runs[i]
-        case = subjects[sample]().case(motions.records[number], scale)
+        sampled, (number, scale, steps) = runs[i]
+        case = sampled.case(motions.records[number], scale)
         outcomes.replace(i, partial(_evaluate, case, steps, batch, i, to_rest=False, history=False))
     return outcomes
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,9 +49,6 @@ from tdint.response.runs.compiled_steps import (
     validate_plugin_step,
 )
 from tdint.response.time_steps import Steps
-
-if TYPE_CHECKING:
-    from tdint.model.building_samples import DrawnBuildings
 
 # Dimensionless. Upper bound of omega dt of the highest mode: up to this bound, the time step is
 # considered to resolve all modes.
@@ -590,8 +587,7 @@ class PreparedBuilding:
         integrator: Integrator,
         h: float,
         samples: Array,
-        runs: Sequence[tuple[int, RunSpec]],
-        drawn: DrawnBuildings,
+        runs: Sequence[tuple[Building, RunSpec]],
     ) -> BatchResult:
         """Integrate runs of buildings that differ from this building in parameter values.
 
@@ -600,40 +596,32 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        runs : sequence of (int, RunSpec)
-            Index of the building in `drawn`, and ground motion, scale factor and time steps, of
-            each run.
-        drawn : DrawnBuildings
-            Sampled buildings. The coefficients of the method must not depend on their values.
+        runs : sequence of (Building, RunSpec)
+            Sampled building, and ground motion, scale factor and time steps, of each run. The
+            coefficients of the method must not depend on the varied values.
         """
         result = BatchResult.empty(len(runs), self.building)
         size = max(spec.size for _, spec in runs)
         varied_arrays = ("linear_terms", "law_parameters", "modal")
-        _verify_laws(drawn.law_parameters)
-        is_unresolved = drawn.fastest * h > MAX_RESOLVED_OMEGA_DT
-        has_dashpots = drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
-        for i, (sample, spec) in enumerate(runs):
+        for i, (building, spec) in enumerate(runs):
+            _verify_laws(building.law_parameters)
             # Buildings share arrays and a compiled function if both have dashpots or neither,
             # because this determines the kernels, and if they have the same number of rows of modal
             # damping, which determines the shapes of the arrays.
-            key = has_dashpots[sample], len(drawn.modal[sample])
+            key = building.damped_by_devices, len(building.modal)
             if key not in shared:
-                building = replace(
-                    self.building,
-                    **{name: getattr(drawn, name)[sample].copy() for name in varied_arrays},
-                )
-                prepared = replace(self, building=building)
+                copies = {name: getattr(building, name).copy() for name in varied_arrays}
+                prepared = replace(self, building=replace(self.building, **copies))
                 space = prepared._loaded_arrays(integrator, h)
                 function = prepared._repeatable(integrator, h, size, space)
                 shared[key] = prepared, space, function
             prepared, space, integrate_run = shared[key]
             # The compiled function reads these arrays, so that it integrates the sampled building.
             for name in varied_arrays:
-                getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
-            space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
-            sampled = replace(prepared.building, heights=drawn.heights[sample])
-            space.limits[...] = collapse_limits(sampled, self.collapse_drift)
+                getattr(prepared.building, name)[...] = getattr(building, name)
+            space.flags[rows.UNRESOLVED_MODES] = building.is_faster_than(MAX_RESOLVED_OMEGA_DT, h)
+            space.limits[...] = collapse_limits(building, self.collapse_drift)
             integrate_run(samples[spec.start : spec.start + spec.size], spec, result, i)
         return result
 

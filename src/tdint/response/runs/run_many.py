@@ -18,7 +18,6 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.record import JoinedRecord
 from tdint.methods.catalogue import method_of
-from tdint.model.building_samples import draw_buildings
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.response.arguments import (
     AnyModel,
@@ -172,9 +171,8 @@ def run_many(
         `strength_factor`; for story 3 (counted from 1; without a number, for all stories)
         `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
         `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the
-        three factors; and `record.scale`, a factor on the scales. Each building is assembled one
-        time and its arrays are changed from run to run. `Runs.varied` contains the values of each
-        run.
+        three factors; and `record.scale`, a factor on the scales. `Runs.varied` contains the values
+        of each run.
     product : bool, default False
         Use all combinations of the values of `vary`, with the last name varying fastest, instead of
         samples.
@@ -492,23 +490,11 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
         # If parameters vary, the arrays of one building are changed from run to run, except for
         # runs that need an individually assembled building (`individual_sample`).
         if request.building_parameters and individual < 0:
-            sample_indices = {
-                draw: index for index, draw in enumerate(dict.fromkeys(run.draw for run in runs))
-            }
-            values = {
-                name: column[list(sample_indices)]
-                for name, column in request.building_parameters.items()
-            }
-            drawn = draw_buildings(
-                subject.model, subject.prepared.building, values, list(sample_indices)
-            )
+            samples = {draw: request.varied(model, draw) for draw in {run.draw for run in runs}}
             sampled_runs = [
-                (sample_indices[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
+                (samples[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
             ]
-            sampled_subjects = [
-                functools.partial(request.varied, model, draw) for draw in sample_indices
-            ]
-            outcomes = run_sampled(subject, motions, sampled_runs, drawn, sampled_subjects)
+            outcomes = run_sampled(subject, motions, sampled_runs)
         else:
             subject = (
                 request.varied(model, runs[0].draw) if request.building_parameters else subject
