@@ -339,35 +339,33 @@ class Building:
     def fastest(self) -> float:
         """Upper bound of the circular frequencies of the initial stiffness, rad/s.
 
-        The bound exceeds the highest frequency by 1 to 2 %. Let K be the stiffness matrix
-        with the absolute values of its entries; it has the same frequencies. For any vector x with
-        positive entries, the largest eigenvalue of M^-1 K is at most the maximum of (M^-1 K x)_i /
-        x_i over the floors i (Collatz 1942). The bound decreases as x approaches the mode.
+        The bound exceeds the highest frequency by 1 to 2 %. Let K be the stiffness matrix with the
+        absolute values of its entries; it has the same frequencies. For any vector x with positive
+        entries, the largest eigenvalue of M^-1 K is at most the maximum of (M^-1 K x)_i / x_i over
+        the floors i (Collatz 1942). The bound decreases as x approaches the mode: x is multiplied
+        repeatedly by M^-1 K (power iteration).
         """
         if self.system is not None:
             return float(self.modes().omega[-1])
         if self.branched:
             return self.frequency_bound(self.initial_stiffness)
-        return float(
-            highest_frequency_bound(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass)
-        )
-
-    def is_faster_than(self, limit: float, h: float) -> bool:
-        """Return True if `fastest` times the time step h (s) exceeds a limit.
-
-        Further iterations only decrease the bound of the first iteration. If this first bound is
-        within the limit, as for most buildings, `fastest` does not have to be computed.
-        """
-        if self._first_bound * h <= limit:
-            return False
-        return self.fastest * h > limit
-
-    @cached_property
-    def _first_bound(self) -> float:
-        """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s."""
-        if self.system is not None:
-            return self.fastest
-        return self.frequency_bound(self.initial_stiffness)
+        # Row i of K has the entry `below` for the floor below and `above` for the floor above. The
+        # last spring is above the roof and has no stiffness.
+        springs = np.append(np.abs(self.initial_stiffness), 0.0)
+        link = self.linear_terms[rows.LINK]
+        below, above = link[:-1] * springs[:-1], link[1:] * springs[1:]
+        shape, bound = np.ones(self.stories), math.inf
+        for _ in range(_BOUND_ITERATIONS):
+            product = (springs[:-1] + above) * shape
+            product[1:] += below[1:] * shape[:-1]
+            product[:-1] += above[:-1] * shape[1:]
+            product /= self.mass
+            bound = min(bound, float(np.max(product / shape)))
+            if bound == 0.0:  # no story has stiffness
+                break
+            # The small number keeps all entries of x positive, as the bound requires.
+            shape = product / np.max(product) + _SMALL_ORDINATE
+        return math.sqrt(bound)
 
     def frequency_bound(self, stiffness: Array) -> float:
         """Return an upper bound of the circular frequencies with these stiffnesses of the stories
@@ -542,45 +540,6 @@ class Building:
 def period(omega: float) -> float:
     """Return the period of a circular frequency (rad/s), s; infinite for 0."""
     return 2.0 * math.pi / omega if omega else math.inf
-
-
-def highest_frequency_bound(
-    stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
-) -> Array:
-    """Return an upper bound of the circular frequencies of each building (leading axes of
-    `stiffness`), rad/s.
-
-    Power iteration: a vector x with positive entries is multiplied repeatedly by M^-1 K, where K is
-    the stiffness matrix with absolute values of its entries. In each iteration, the maximum of
-    (M^-1 K x)_i / x_i over the floors i is an upper bound of the squared frequencies (Collatz
-    1942).
-
-    `link` is 1 for a story on the floor below, 0 for a story on the ground, and an additional last
-    element.
-    """
-    # The last column is the fictitious story above the roof, which has no stiffness. Row i of K has
-    # the entry `stiffness_below` for the floor below and `stiffness_above` for the floor above.
-    story_stiffness = np.concatenate(
-        [np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1
-    )
-    stiffness_below, stiffness_above = (
-        link[:-1] * story_stiffness[..., :-1],
-        link[1:] * story_stiffness[..., 1:],
-    )
-    shape = np.ones(stiffness.shape)
-    bound = np.full(stiffness.shape[:-1], math.inf)
-    for _ in range(iterations):
-        stiffness_times_shape = (story_stiffness[..., :-1] + stiffness_above) * shape
-        stiffness_times_shape[..., 1:] += stiffness_below[..., 1:] * shape[..., :-1]
-        stiffness_times_shape[..., :-1] += stiffness_above[..., :-1] * shape[..., 1:]
-        stiffness_times_shape /= mass
-        bound = np.minimum(bound, np.max(stiffness_times_shape / shape, axis=-1))
-        # The small number keeps all entries of x positive, as the bound requires.
-        shape = (
-            stiffness_times_shape / np.max(stiffness_times_shape, axis=-1, keepdims=True)
-            + _SMALL_ORDINATE
-        )
-    return np.asarray(np.sqrt(bound))
 
 
 def _tridiagonal(springs: Array, link: Array) -> Array:

@@ -45,17 +45,17 @@ class UsualRange(NamedTuple):
         Name of the property in warnings.
     low, high : float
         Minimum and maximum usual value, SI units.
-    form : str
-        Format string for a value with its unit.
     reason : str
         Examples of values, and the items that the user should check.
+    form : str
+        Format string for a value with its unit.
     """
 
     name: str
     low: float
     high: float
-    form: str
     reason: str
+    form: str = "{:.3g}"
 
     def text(self, value: float) -> str:
         """Return a value as text with its unit."""
@@ -91,15 +91,14 @@ PERIOD = UsualRange(
     "fundamental period",
     0.03,
     12.0,
-    _SECONDS,
     "a one-story masonry house has 0.05 s, the tallest towers have 10 s; check the units of mass "
     "and stiffness",
+    form=_SECONDS,
 )
 DAMPING = UsualRange(
     "damping ratio of the first mode",
     0.005,
     0.20,
-    "{:.3g}",
     "buildings have 0.01 to 0.07, with dampers up to 0.2; write a percentage as 5% or 0.05, and "
     "check that the damping includes the mode of the isolators",
 )
@@ -111,24 +110,26 @@ HEIGHT = UsualRange(
     "story height",
     1.5,
     15.0,
-    _METERS,
     "offices have 3 to 5 m, tall halls have 15 m; check the unit of length",
+    form=_METERS,
 )
 BUILDING_HEIGHT = UsualRange(
     "height of the building",
     0.0,
     1000.0,
-    "{:.4g} m",
     "the tallest tower has 828 m; check the heights and the number of stories",
+    form="{:.4g} m",
 )
 FLOOR = UsualRange(
-    "mass of a floor", 1e3, 1e8, "{:.3g} kg",
+    "mass of a floor", 1e3, 1e8,
     "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg; check the unit of mass",
+    form="{:.3g} kg",
 )  # fmt: skip
 MASS_PER_HEIGHT = UsualRange(
-    "mass of a floor over the story height", 200.0, 5e6, "{:.3g} kg/m",
+    "mass of a floor over the story height", 200.0, 5e6,
     "a house has 1000 kg/m, a floor of 100 m by 100 m has 3e6 kg/m; check the units of mass and "
     "height",
+    form="{:.3g} kg/m",
 )  # fmt: skip
 _MIN_TOWER_MASS = 0.16
 """Minimum mass per story height over the square of the height of the building, kg/m^3: a building
@@ -139,7 +140,6 @@ STIFFNESS_RATIO = UsualRange(
     "ratio of the stiffness of neighboring stories",
     0.0,
     9.5,
-    "{:.3g}",
     "a ground floor without infill has a ratio of 3 to 7; check the number of digits and the unit "
     "of the stiffness",
 )
@@ -147,7 +147,6 @@ YIELD_DRIFT = UsualRange(
     "ratio of the yield drift to the story height",
     0.0,
     0.1,
-    "{:.3g}",
     "frames yield at 0.003 to 0.02; check the units of the yield force, the stiffness and the "
     "height",
 )
@@ -155,16 +154,15 @@ ULTIMATE_DRIFT = UsualRange(
     "ratio of the ultimate drift to the story height",
     0.0,
     1.0,
-    "{:.3g}",
     "tests of stories end at 0.03 to 0.15; the ultimate drift is a length in the unit of the file",
 )
 DETERIORATION = UsualRange(
     "ratio of deterioration to plastic_drift",
     2.0,
     200.0,
-    "{:.4g}",
     "deterioration is a length, lambda times plastic_drift, in the unit of the file; omit it for a "
     "story without deterioration",
+    form="{:.4g}",
 )
 """The lambda of tests of steel and concrete members is 10 to 200. A lambda that is entered as a
 length in meters is above the range, and in millimeters below it."""
@@ -173,7 +171,6 @@ DAMPER = UsualRange(
     "ratio of the damper coefficient to the critical coefficient",
     5e-4,
     1.0,
-    "{:.3g}",
     "dampers have 0.05 to 0.4, at a drift ratio of 1 % if the exponent is not 1; check the unit of "
     "the coefficient, force (s/length)^exponent",
 )
@@ -186,49 +183,45 @@ BRACE = UsualRange(
     "part of the damper force that the brace transmits",
     0.1,
     1.0,
-    "{:.3g}",
     "a soft brace deforms instead of the damper; check the unit of `brace`, force/length",
 )
 ANGLE = UsualRange(
     "angle of a device",
     3.0,
     80.0,
-    "{:.3g} degrees",
     "diagonals have 20 to 60 degrees; an angle is in degrees, not in radians",
+    form="{:.3g} degrees",
 )
 ISOLATOR_STRENGTH = UsualRange(
     "ratio of the yield force of the isolator to the weight above",
     0.005,
     0.5,
-    "{:.3g}",
     "isolators have 0.02 to 0.2; a stronger isolator does not yield before the building",
 )
 ISOLATOR_PERIOD = UsualRange(
     "period of the rigid building on the isolator after yield",
     0.5,
     10.0,
-    _SECONDS,
     "isolators have 1.5 to 5 s; check the units of the stiffness and of hardening",
+    form=_SECONDS,
 )
 GAP = UsualRange(
     "clearance of a gap",
     1e-4,
     2.0,
-    _METERS,
     "moats have 0.3 to 0.8 m, clearances of bolts 0.001 m; check the unit of length",
+    form=_METERS,
 )
 WIDE_GAP = UsualRange(
     "ratio of the gap to the story height",
     1e-5,
     0.2,
-    "{:.3g}",
     "a wider gap never closes; check the unit of length",
 )
 ELEMENT = UsualRange(
     "part of an element in the stiffness of its story",
     1e-3,
     1.0,
-    "{:.3g}",
     "such an element has no effect; check the unit of its stiffness, force/length",
 )
 
@@ -236,22 +229,20 @@ ATTACHED_MASS = UsualRange(
     "ratio of an attached mass to the mass of its floor",
     1e-6,
     10.0,
-    "{:.3g}",
     "absorbers and tanks have 0.01 to 0.5; check the unit of mass",
 )
 ATTACHED_PERIOD = UsualRange(
     "period of an attachment on a rigid floor",
     0.01,
     20.0,
-    _SECONDS,
     "equipment has 0.03 to 0.5 s, the liquid of a tank up to 10 s; check the units of mass and "
     "stiffness",
+    form=_SECONDS,
 )
 STRENGTH = UsualRange(
     "ratio of the yield force to the weight above",
     0.005,
     3.0,
-    "{:.3g}",
     "with smaller values a building yields in wind, codes require 0.03 to 0.3, low walls have 2; "
     "check the units of force and mass",
 )
@@ -259,7 +250,6 @@ BASE_STRENGTH = UsualRange(
     "ratio of the base shear at yield to the weight",
     0.03,
     3.0,
-    "{:.3g}",
     "codes require 0.03 to 0.3; check that the stiffness and the yield force fit the number of "
     "stories",
 )
@@ -267,25 +257,22 @@ STEP = UsualRange(
     "number of time steps in the fundamental period",
     10.0,
     math.inf,
-    "{:.3g}",
     "with ten steps, peaks have errors of several percent; use a smaller analysis.dt",
 )
 COLLAPSE = UsualRange(
     "collapse_drift",
     0.0,
     0.20,
-    "{:.3g}",
     "tests of stories end at 0.03 to 0.15; write a percentage as 10% or 0.1",
 )
 DUCTILITY = UsualRange(
-    "ductility", 0.0, 50.0, "{:.3g}",
+    "ductility", 0.0, 50.0,
     "tests of stories end below 20; check the yield force and the units of the record",
 )  # fmt: skip
 PEAK_DRIFT = UsualRange(
     "peak drift ratio",
     0.0,
     0.2,
-    "{:.3g}",
     "tests of stories end at 0.03 to 0.15; check the units of the load, the stiffness and the "
     "initial displacement",
 )
@@ -293,7 +280,6 @@ RESIDUAL_DRIFT = UsualRange(
     "peak drift ratio at the end of the run",
     0.0,
     0.03,
-    "{:.3g}",
     "the story drifts away and does not come back; check P-delta, the strength and the baseline of "
     "the record",
 )

@@ -270,6 +270,7 @@ def run_batch(
     history: bool = False,
     integrate: Callable[[], BatchResult] | None = None,
     status_only: bool = False,
+    sampled: Sequence[Subject] = (),
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
@@ -288,6 +289,9 @@ def run_batch(
     status_only : bool, default False
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
+    sampled : sequence of Subject, optional
+        Building of each run, which differs from `subject` in parameter values, for runs without
+        error estimates and histories.
 
     Raises
     ------
@@ -301,7 +305,7 @@ def run_batch(
     def case(i: int) -> Case:
         """Return the case of run `i`."""
         number, scale, _ = runs[i]
-        return subject.case(motions.records[number], scale)
+        return (sampled[i] if sampled else subject).case(motions.records[number], scale)
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
@@ -324,13 +328,20 @@ def run_batch(
                 ),
             )
         return outcomes
+    building, specs = prepared.building, [motions.run_spec(*run) for run in runs]
     if integrate:
         batch = integrate()
+    elif sampled:
+        subject.model.require_springs("a varied parameter")
+        buildings = [item.prepared.building for item in sampled]
+        building = _of_runs(building, buildings)
+        batch = prepared.integrate_sampled(
+            subject.integrator, h, motions.samples, list(zip(buildings, specs, strict=True))
+        )
     else:
-        specs = [motions.run_spec(*run) for run in runs]
         criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
         batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
-    outcomes = Outcomes.of(prepared.building, batch, to_rest)
+    outcomes = Outcomes.of(building, batch, to_rest)
     # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():
         run_case, steps = case(i), runs[i][2]
@@ -344,35 +355,9 @@ def run_batch(
     return outcomes
 
 
-def run_sampled(
-    subject: Subject,
-    motions: Motions,
-    runs: Sequence[tuple[Subject, RunOfMotion]],
-) -> Outcomes:
-    """Integrate runs of buildings that differ in parameter values, with one time step.
-
-    Parameters
-    ----------
-    runs : sequence of (Subject, (int, float, Steps))
-        Sampled building, and the number of the ground motion, scale factor and time steps, of each
-        run.
-
-    Raises
-    ------
-    AnalysisError
-        The method does not support these buildings.
-    """
-    _, (_, _, first_steps) = runs[0]
-    h = first_steps.h  # all runs have the same time step
-    subject.model.require_springs("a varied parameter")
-    prepared = subject.prepared
-    buildings = [sampled.prepared.building for sampled, _ in runs]
-    specs = [
-        (building, motions.run_spec(*run))
-        for building, (_, run) in zip(buildings, runs, strict=True)
-    ]
-    batch = prepared.integrate_sampled(subject.integrator, h, motions.samples, specs)
-    # The second axis of the tables, and the first axis of the other arrays, is the run.
+def _of_runs(base: Building, buildings: Sequence[Building]) -> Building:
+    """Return the tables of the buildings of many runs; the second axis of the tables of the
+    kernels, and the first axis of the other arrays, is the run."""
     tables: dict[str, Any] = {
         name: np.stack([getattr(building, name) for building in buildings], axis=axis)
         for name, axis in (
@@ -382,12 +367,7 @@ def run_sampled(
             ("yield_drift", 0),
         )
     }
-    outcomes = Outcomes.of(replace(prepared.building, **tables), batch, False)
-    for i in np.flatnonzero(needs_review(batch)).tolist():
-        sampled, (number, scale, steps) = runs[i]
-        case = sampled.case(motions.records[number], scale)
-        outcomes.replace(i, partial(_evaluate, case, steps, batch, i, to_rest=False, history=False))
-    return outcomes
+    return replace(base, **tables)
 
 
 def _evaluate(

@@ -620,7 +620,7 @@ class PreparedBuilding:
             # The compiled function reads these arrays, so that it integrates the sampled building.
             for name in varied_arrays:
                 getattr(prepared.building, name)[...] = getattr(building, name)
-            space.flags[rows.UNRESOLVED_MODES] = building.is_faster_than(MAX_RESOLVED_OMEGA_DT, h)
+            space.flags[rows.UNRESOLVED_MODES] = building.fastest * h > MAX_RESOLVED_OMEGA_DT
             space.limits[...] = collapse_limits(building, self.collapse_drift)
             integrate_run(samples[spec.start : spec.start + spec.size], spec, result, i)
         return result
@@ -788,7 +788,7 @@ class PreparedBuilding:
         space = workspace(self.building, integrator, row_count, self.collapse_drift, forces)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
-        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(MAX_RESOLVED_OMEGA_DT, h)
+        space.flags[rows.UNRESOLVED_MODES] = self.building.fastest * h > MAX_RESOLVED_OMEGA_DT
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:

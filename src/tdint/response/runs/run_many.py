@@ -31,7 +31,7 @@ from tdint.response.arguments import (
 )
 from tdint.response.run_plan import RunsRequest, plan_runs
 from tdint.response.runs import loop_results
-from tdint.response.runs.batch import Subject, run_batch, run_sampled, samples_of
+from tdint.response.runs.batch import Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
 from tdint.response.runs.many_results import (
     HISTORY_FIELDS,
@@ -488,29 +488,24 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
         motions = Motions({run.record: request.records[run.record] for run in runs})
         specs = [(run.record, run.scale, run.steps) for run in runs]
         # If parameters vary, the arrays of one building are changed from run to run, except for
-        # runs that need an individually assembled building (`individual_sample`).
+        # runs that need an individual building (`individual_sample`).
+        sampled: list[Subject] = []
         if request.building_parameters and individual < 0:
             samples = {draw: request.varied(model, draw) for draw in {run.draw for run in runs}}
-            sampled_runs = [
-                (samples[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
-            ]
-            outcomes = run_sampled(subject, motions, sampled_runs)
-        else:
-            subject = (
-                request.varied(model, runs[0].draw) if request.building_parameters else subject
-            )
-            outcomes = run_batch(
-                subject,
-                motions,
-                specs,
-                check=request.check,
-                history=bool(result.history),
-                integrate=functools.partial(
-                    _integrate_with_histories, subject, request, result, runs
-                )
-                if result.history
-                else None,
-            )
+            sampled = [samples[run.draw] for run in runs]
+        elif request.building_parameters:
+            subject = request.varied(model, individual)
+        outcomes = run_batch(
+            subject,
+            motions,
+            specs,
+            check=request.check,
+            history=bool(result.history),
+            integrate=functools.partial(_integrate_with_histories, subject, request, result, runs)
+            if result.history
+            else None,
+            sampled=sampled,
+        )
         result.status[numbers] = "done"
         store_values(result.stories, numbers, outcomes.stories)
         result.energy_error[numbers] = outcomes.energy_error
