@@ -8,10 +8,9 @@ export).
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import (
     CLOCK,
     Series,
@@ -40,9 +39,10 @@ _EARTHQUAKE = re.compile(
 _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
 
-def is_afad(file: Any, **_: Any) -> bool:
+@recognizer
+def is_afad(lines: list[str]) -> object:
     """Return True if a file starts with the title of the Turkish network (AFAD)."""
-    return recognizes(file, lambda lines: _TITLE.match(lines[0]))
+    return _TITLE.match(lines[0])
 
 
 @reader

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizer
 from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
 from tdint.ground_motion.origin import MotionOrigin, header_statement, stated_origin
 from tdint.ground_motion.record import Record
@@ -42,9 +42,15 @@ _ORIGIN = "; ORIGIN "
 """Separator of `_WRITTEN_HERE` and the origin of a motion in the first line."""
 
 
-def is_at2(file: Any, **_: Any) -> bool:
+@recognizer
+def is_at2(lines: list[str]) -> object:
     """Return True if a file has a line with NPTS and DT, followed by numbers."""
-    return recognizes(file, _matches)
+    indices = [index for index, line in enumerate(lines) if _count_and_step(line)]
+    if not indices:
+        return False
+    # Like `read_at2`, this check uses the last of several lines with NPTS and DT.
+    next_line = next((line for line in lines[indices[-1] + 1 :] if line.strip()), None)
+    return is_row_of_numbers(next_line)
 
 
 @reader
@@ -129,16 +135,6 @@ def at2_text(record: Record, origin: MotionOrigin | None = None) -> str:
     head = (title, ", ".join(names), "ACCELERATION TIME SERIES IN UNITS OF G")
     rows = ["".join(numbers[i : i + 5]) for i in range(0, samples.size, 5)]
     return "\n".join((*head, f"NPTS= {samples.size}, DT= {record.dt!r} SEC", *rows, ""))
-
-
-def _matches(lines: list[str]) -> bool:
-    """Return True if a line states NPTS and DT and the next non-blank line contains numbers."""
-    indices = [index for index, line in enumerate(lines) if _count_and_step(line)]
-    if not indices:
-        return False
-    # Like `read_at2`, this check uses the last of several lines with NPTS and DT.
-    next_line = next((line for line in lines[indices[-1] + 1 :] if line.strip()), None)
-    return is_row_of_numbers(next_line)
 
 
 def _count_and_step(line: str) -> tuple[int, float] | None:

@@ -10,7 +10,6 @@ are cut off after 70 characters, so the last numbers in these lines are incomple
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import (
@@ -18,7 +17,7 @@ from tdint.ground_motion.formats.lines import (
     NUMBER,
     Lines,
     is_row_of_numbers,
-    recognizes,
+    recognizer,
     row_of_numbers,
 )
 from tdint.ground_motion.formats.series import (
@@ -57,12 +56,11 @@ _INTEGER_WIDTH, _REAL_WIDTH = 5, 13
 _END = "/&"  # start of the line after the samples of a component
 
 
-def is_bhrc(file: Any, **_: Any) -> bool:
+@recognizer
+def is_bhrc(lines: list[str]) -> object:
     """Return True if a file starts with the title of a BHRC file and names a component within 20
     lines."""
-    return recognizes(
-        file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20])
-    )
+    return _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20])
 
 
 @by_parts

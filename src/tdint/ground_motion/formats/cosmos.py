@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     by_parts,
@@ -82,9 +82,10 @@ _DURATION_TOLERANCE = 0.05
 """Fraction of the stated duration; permitted difference from the samples, in addition to 1 s."""
 
 
-def is_cosmos(file: Any, **_: Any) -> bool:
+@recognizer
+def is_cosmos(lines: list[str]) -> object:
     """Return True if the first line names the COSMOS format, version 1."""
-    return recognizes(file, lambda lines: _TITLE.search(lines[0]))
+    return _TITLE.search(lines[0])
 
 
 @by_parts

@@ -24,7 +24,7 @@ from tdint.ground_motion.formats.lines import (
     NUMBER,
     Lines,
     at_equal_steps,
-    recognizes,
+    recognizer,
 )
 from tdint.ground_motion.formats.series import (
     Series,
@@ -159,12 +159,11 @@ _REALS_VOLUME_2 = 100  # number of real numbers in the header of volume 2
 _END = "/&"  # start of the line after the last block of a channel
 
 
-def is_csmip(file: Any, **_: Any) -> bool:
+@recognizer
+def is_csmip(lines: list[str]) -> object:
     """Return True if a file starts with the title of a CSMIP file and names a channel within 25
     lines."""
-    return recognizes(
-        file, lambda lines: _TITLE.match(lines[0]) and first_match(CHANNEL, lines[1:25])
-    )
+    return _TITLE.match(lines[0]) and first_match(CHANNEL, lines[1:25])
 
 
 @by_parts

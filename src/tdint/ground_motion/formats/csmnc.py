@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import re
 from datetime import timedelta
-from typing import Any
 
 from tdint.ground_motion.formats.lines import (
     COUNT,
     NUMBER,
     Lines,
     is_row_of_numbers,
-    recognizes,
+    recognizer,
 )
 from tdint.ground_motion.formats.series import (
     CLOCK,
@@ -53,15 +52,11 @@ _HEADER = 40  # maximum number of lines of a header
 _VALUE_WIDTH = 10  # characters of a sample in files with samples that fill their fields
 
 
-def is_csmnc(file: Any, **_: Any) -> bool:
+@recognizer
+def is_csmnc(lines: list[str]) -> object:
     """Return True if the first lines of a file state station, component, and number of samples in
     the wording of CSMNC."""
-    return recognizes(
-        file,
-        lambda lines: all(
-            first_match(pattern, lines[:_HEADER]) for pattern in (_STATION, _COMPONENT, _POINTS)
-        ),
-    )
+    return all(first_match(pattern, lines[:_HEADER]) for pattern in (_STATION, _COMPONENT, _POINTS))
 
 
 @reader

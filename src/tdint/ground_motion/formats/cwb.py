@@ -8,7 +8,6 @@ follow (CWB free-field strong-motion data, TSMIP).
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from tdint.ground_motion.formats.lines import (
     Lines,
     equal_steps,
     is_row_of_numbers,
-    recognizes,
+    recognizer,
 )
 from tdint.ground_motion.formats.series import (
     CLOCK,
@@ -56,15 +55,11 @@ _MAX_STATED_SAMPLES = 1e12
 _NAME = re.compile(r"(\w+)\s*\(\+\)")
 
 
-def is_cwb(file: Any, **_: Any) -> bool:
+@recognizer
+def is_cwb(lines: list[str]) -> object:
     """Return True if the comment lines (#) at the start of a file state the station, the sampling
     rate and the order of the columns, as in a CWB file."""
-    return recognizes(
-        file,
-        lambda lines: all(
-            first_match(pattern, lines[:60]) for pattern in (_STATION, _RATE, _SEQUENCE)
-        ),
-    )
+    return all(first_match(pattern, lines[:60]) for pattern in (_STATION, _RATE, _SEQUENCE))
 
 
 @reader

@@ -7,10 +7,9 @@ DYNA 1.0 to 1.2).
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
+from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     moment_in,
@@ -31,16 +30,12 @@ _TIME = re.compile(
 )
 
 
-def is_esm(file: Any, **_: Any) -> bool:
+@recognizer
+def is_esm(lines: list[str]) -> object:
     """Return True if a file starts with the header of an ESM file: an event name, and later the
     sampling interval."""
-    return recognizes(
-        file,
-        lambda lines: (
-            lines[0].startswith("EVENT_NAME:")
-            and any(line.startswith(f"{_STEP}:") for line in lines)
-        ),
-    )
+    has_step = any(line.startswith(f"{_STEP}:") for line in lines)
+    return lines[0].startswith("EVENT_NAME:") and has_step
 
 
 def _event(header: dict[str, str]) -> str:

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import re
 from math import inf, isclose
-from typing import Any
 
 import numpy as np
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
+from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     by_parts,
@@ -53,9 +52,10 @@ _STEP = 25  # index of the sampling interval in the reals of the header
 _MILLI = 1e-3  # velocity is in mm/s, displacement in mm
 
 
-def is_geonet(file: Any, **_: Any) -> bool:
+@recognizer
+def is_geonet(lines: list[str]) -> object:
     """Return True if a file starts with the title of a GeoNet file and the name of the site."""
-    return recognizes(file, lambda lines: _TITLE.match(lines[0]) and _SITE.match(lines[1]))
+    return _TITLE.match(lines[0]) and _SITE.match(lines[1])
 
 
 @by_parts

@@ -9,6 +9,7 @@ import warnings
 from array import array
 from collections.abc import Callable
 from copy import copy
+from functools import wraps
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -510,6 +511,12 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         return bool(check(list(map(_beginning, lines))))
     except Exception:  # A check that fails on the bytes of another format has not recognized them.
         return False
+
+
+def recognizer(check: Callable[[list[str]], object]) -> Callable[..., bool]:
+    """Decorate a check of the first complete lines of a file; return the function
+    `is_<format>(file)` of the format, which accepts the arguments of ObsPy (`recognizes`)."""
+    return wraps(check)(lambda file, **_: recognizes(file, check))
 
 
 def _is_binary(data: bytes) -> bool:

@@ -14,7 +14,7 @@ from io import BytesIO
 from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import read_lines, recognizes, row_of_numbers
+from tdint.ground_motion.formats.lines import read_lines, recognizer, row_of_numbers
 from tdint.ground_motion.header_checks import look_at_sac, sac_statements
 from tdint.ground_motion.messages import one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import compare
@@ -28,14 +28,10 @@ _VERSION, _SIZE = 6, 9
 _VERSIONS = (6, 7)
 
 
-def is_sac_text(file: Any, **_: Any) -> bool:
+@recognizer
+def is_sac_text(lines: list[str]) -> object:
     """Return True if a file starts with the reals and integers of a SAC header, with the version of
     the header."""
-    return recognizes(file, _matches)
-
-
-def _matches(lines: list[str]) -> bool:
-    """Return True if lines contain five numbers each, and the integers state the version."""
     rows = [row_of_numbers(line, _REAL_WIDTH) for line in lines[:_REAL_ROWS]]
     end = _REAL_ROWS + _INTEGER_ROWS
     integers = [row_of_numbers(line, _INTEGER_WIDTH) for line in lines[_REAL_ROWS:end]]

@@ -41,7 +41,7 @@ from tdint.ground_motion.formats.header_statements import (
     named_spectra,
     statements,
 )
-from tdint.ground_motion.formats.lines import Lines, read_lines, recognizes
+from tdint.ground_motion.formats.lines import Lines, read_lines, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     to_stream,
@@ -149,21 +149,13 @@ class TextTable:
         return to_stream(self.series, headonly=headonly)
 
 
-def is_text(file: Any, **_: Any) -> bool:
+@recognizer
+def is_text(lines: list[str]) -> object:
     """Return True if a file starts with declarations, names of columns and rows of numbers.
 
     `find_table` reads more tables; this check is for `obspy.read`, which tries formats in any
     order.
     """
-    return recognizes(file, _starts_with_declarations)
-
-
-_OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
-"""Pattern of a comment that identifies another format (CWB)."""
-
-
-def _starts_with_declarations(lines: list[str]) -> bool:
-    """Return True if the first lines of a file are a table under declarations."""
     text = table_text(Lines("\n".join(lines)))
     if not text.blocks or len(text.blocks[0].lines) < 2:
         return False
@@ -179,6 +171,10 @@ def _starts_with_declarations(lines: list[str]) -> bool:
         and not _OTHER_FORMAT.match(line)
         for line in text.blocks[0].above
     )
+
+
+_OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
+"""Pattern of a comment that identifies another format (CWB)."""
 
 
 def read_text(

@@ -11,13 +11,12 @@ from __future__ import annotations
 import re
 import warnings
 from datetime import datetime
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizes, row_of_numbers
+from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizer, row_of_numbers
 from tdint.ground_motion.formats.series import (
     Series,
     code,
@@ -53,9 +52,10 @@ _FIRST = re.compile(
 _GAL = "gal"  # unit of the peaks in the header
 
 
-def is_unam(file: Any, **_: Any) -> bool:
+@recognizer
+def is_unam(lines: list[str]) -> object:
     """Return True if the first 20 lines of a file contain the title of an ASA file."""
-    return recognizes(file, lambda lines: any(map(_TITLE.match, lines[:20])))
+    return any(map(_TITLE.match, lines[:20]))
 
 
 @reader

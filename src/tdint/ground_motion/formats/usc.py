@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from itertools import accumulate
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from tdint.ground_motion.formats.csmip import (
     read_pairs,
     text_header,
 )
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizes
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     code,
@@ -74,19 +73,13 @@ both."""
 _HEADER_TEXT = 60  # maximum number of lines that contain the text of a header
 
 
-def is_usc(file: Any, **_: Any) -> bool:
+@recognizer
+def is_usc(lines: list[str]) -> object:
     """Return True if the first line is the title of volume 1, or if the first lines name volume 2
     and state the number of accelerations, and no line names a channel as in CSMIP files."""
-    return recognizes(
-        file,
-        lambda lines: (
-            _TITLE.match(lines[0])
-            or (
-                all(first_match(pattern, lines[:_HEADER_TEXT]) for pattern in (_TITLE_2, _BLOCK))
-                and not first_match(CHANNEL, lines[:_HEADER_TEXT])
-            )
-        ),
-    )
+    header = lines[:_HEADER_TEXT]
+    is_volume_2 = first_match(_TITLE_2, header) and first_match(_BLOCK, header)
+    return _TITLE.match(lines[0]) or (is_volume_2 and not first_match(CHANNEL, header))
 
 
 @reader

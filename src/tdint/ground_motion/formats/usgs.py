@@ -13,13 +13,12 @@ from __future__ import annotations
 import math
 import re
 from datetime import datetime, timedelta
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizes
+from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizer
 from tdint.ground_motion.formats.series import (
     Series,
     StatedPeak,
@@ -66,14 +65,10 @@ _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 """Indices in the reals: sampling rate (1/s), maximum and minimum sample."""
 
 
-def is_smc(file: Any, **_: Any) -> bool:
+@recognizer
+def is_smc(lines: list[str]) -> object:
     """Return True if a file has the header of an SMC file: a type of series in line 1 and eight
     integers in line 12."""
-    return recognizes(file, _matches)
-
-
-def _matches(lines: list[str]) -> bool:
-    """Return True if the first line states a type of series and line 12 contains eight integers."""
     title, integers = (line.removeprefix(_COMMENT) for line in (lines[0], lines[_TEXTS]))
     return bool(_QUANTITY.match(title) and _ROW_OF_INTEGERS.fullmatch(integers))
 

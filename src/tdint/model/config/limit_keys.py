@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from tdint.errors import UsageError, did_you_mean
+from tdint.errors import did_you_mean
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import Attachment, Link
 from tdint.model.keys.fields import (
@@ -330,21 +330,14 @@ def _limit_reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
         return lambda value: value.number(DRIFT_BOUNDS)
     if quantity == LINK_FORCE:
         return lambda value: value.number(POSITIVE, unit.force)
-    unit_quantity, example = _LIMIT_UNITS[quantity]
-
-    def parse_positive(text: str) -> float:
-        """Return a number with a unit, such as `500 mm`, in SI units."""
-        number = parse_with_unit(text, unit_quantity, example)
-        if not (math.isfinite(number) and number > 0.0):
-            raise UsageError(f"must be positive, got {text!r}")
-        return number
+    example = _LIMIT_UNITS[quantity]
 
     def read_limit(value: Value) -> float:
         """Return a limit with a unit, or a number in the units of the file, in SI units."""
         # A letter that is not the exponent of a number, such as in 1e3, belongs to a unit.
         without_exponent = re.sub(r"[eE][+-]?\d", "", value.word)
         if re.search(r"[A-Za-z%]", without_exponent):
-            return value.parsed(parse_positive) or math.nan
+            return value.parsed(lambda text: parse_with_unit(text, *example)) or math.nan
         return value.number(POSITIVE, unit.length)
 
     return read_limit
