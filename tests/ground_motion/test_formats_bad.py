@@ -18,9 +18,9 @@ from ground_motion.samples import SAMPLES
 from selection import every
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import is_row_of_numbers
-from tdint.ground_motion.reading.contents import plugins, read_contents
+from tdint.ground_motion.reading.contents import OBSPY_FORMATS, plugins, read_contents
 
-OWN = [plugin for plugin in plugins() if plugin.is_own]
+OWN = [plugin for plugin in plugins() if plugin.name not in OBSPY_FORMATS]
 READERS = {plugin.name: plugin.read_format.load() for plugin in OWN}
 CASES = [(name, make().encode()) for name, makes in SAMPLES.items() for make in makes]
 LARGEST = 100e6  # bytes

@@ -10,12 +10,14 @@ from ground_motion.files import trace, wave, write
 from ground_motion.samples import SAMPLES
 from selection import every
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.reading.contents import plugins
+from tdint.ground_motion.reading.contents import OBSPY_FORMATS, plugins
 
 with quiet_import():
     import obspy
 
-CHECKS = {plugin.name: plugin.is_format.load() for plugin in plugins() if plugin.is_own}
+CHECKS = {
+    plugin.name: plugin.is_format.load() for plugin in plugins() if plugin.name not in OBSPY_FORMATS
+}
 
 
 def claims(file):

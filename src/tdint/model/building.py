@@ -419,27 +419,6 @@ class Building:
         """
         return self._first_mode
 
-    @cached_property
-    def approximate_first_mode(self) -> tuple[float, float]:
-        """Circular frequency (rad/s) and damping ratio of the first mode, without a new solution
-        if possible.
-
-        The value has one of three sources:
-
-        1. the result of `first_mode`, if it has already been computed
-        2. the first of all modes, if all modes have already been computed
-        3. otherwise a new computation of the first mode (`first_mode`)
-
-        Sources 1 and 2 are computed by different algorithms and differ in the last digits.
-        Therefore this property is only for comparisons and rounded values.
-        """
-        # A cached property is in `vars` after it has been computed. The condition covers sources 1
-        # and 3: `_first_mode` returns the stored result or computes it.
-        if "_first_mode" in vars(self) or "modes" not in vars(self.vibration):
-            return self._first_mode
-        modes = self.vibration.modes
-        return self._with_damping_ratio(float(modes.omega[0]), modes.shapes[:, 0])
-
     @property
     def first_period(self) -> float:
         """Period of the first mode, s; infinite if a story has no stiffness."""
@@ -447,16 +426,13 @@ class Building:
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
-        """Result of `first_mode`."""
-        return self._with_damping_ratio(*self.vibration.first)
+        """Result of `first_mode`.
 
-    def _with_damping_ratio(self, omega: float, shape: Array) -> tuple[float, float]:
-        """Return the circular frequency `omega` (rad/s) and the damping ratio of a mode.
-
-        The ratio is phi^T C phi / (2 omega) for a shape phi with the modal mass 1. The damping
-        matrix C consists of dampers in the stories, dampers from the floors to the ground, and the
-        modal damping.
+        The damping ratio is phi^T C phi / (2 omega) for a shape phi with the modal mass 1. The
+        damping matrix C consists of dampers in the stories, dampers from the floors to the ground,
+        and the modal damping.
         """
+        omega, shape = self.vibration.first
         if self.system is not None:
             return omega, float(shape @ self.system.damping @ shape / (2.0 * omega))
         if self.branched:

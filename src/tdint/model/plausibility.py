@@ -337,9 +337,9 @@ def plausibility_warnings(
     model, building = _without_devices(model, building)
     warnings = unusual_values(model, building, pga)
     if complete_model.devices and not model.plausibility_off:
-        warnings += _unusual_attached(complete_model, building.approximate_first_mode[0])
+        warnings += _unusual_attached(complete_model, building.first_mode()[0])
     warnings += _damped_attached_stories(model)
-    if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
+    if has_motion and not model.plausibility_off and building.first_mode()[1] <= 0.0:
         warnings.append(UNDAMPED)
     if not model.plausibility_off:
         warnings += negative_damping(building)
@@ -423,7 +423,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     if model.plausibility_off or model.rows:
         return [*peak_warnings(pga)]
     model, building = _without_devices(model, building)
-    omega, damping = building.approximate_first_mode
+    omega, damping = building.first_mode()
     first_period = period(omega)
     # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
     # positive ratio indicates damping that does not act on the first mode.
@@ -787,7 +787,7 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     list of str
         The warning; empty if the time step is short enough, or unknown.
     """
-    first_period = period(building.approximate_first_mode[0])
+    first_period = period(building.first_mode()[0])
     step = dt or interval
     if step is None or STEP.contains(first_period / step):
         return []

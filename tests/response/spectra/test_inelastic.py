@@ -253,8 +253,8 @@ def test_too_short_periods_are_refused():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"periods": [0.0]}, "periods of inelastic spectra must be positive"),
-        ({"periods": []}, "periods of inelastic spectra must be positive"),
+        ({"periods": [0.0]}, "periods must be positive"),
+        ({"periods": []}, "periods must be positive"),
         ({"damping": 1.0}, "damping must be a ratio"),
         ({"hardening": 1.0}, "hardening must be a ratio"),
         ({"hardening": -0.1}, "hardening must be a ratio"),

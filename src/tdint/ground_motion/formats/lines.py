@@ -10,7 +10,7 @@ from array import array
 from collections.abc import Callable
 from copy import copy
 from functools import wraps
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -124,19 +124,6 @@ class Lines:
                 return _beginning(line)
             self._next += 1
         return None
-
-    def preview(self, count: int) -> list[str]:
-        """Return the starts of the next non-blank lines without reading these lines.
-
-        Parameters
-        ----------
-        count : int
-            Maximum number of lines.
-        """
-        lines = islice(
-            (line for line in islice(self._lines, self._next, None) if line.strip()), count
-        )
-        return list(map(_beginning, lines))
 
     def remaining(self) -> list[str]:
         """Read all lines up to the end of the file, including blank and very long lines."""

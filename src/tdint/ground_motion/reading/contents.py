@@ -252,11 +252,6 @@ class Plugin(NamedTuple):
     is_format: EntryPoint
     read_format: EntryPoint
 
-    @property
-    def is_own(self) -> bool:
-        """True for a format of tdint, False for a format of ObsPy."""
-        return self.name not in OBSPY_FORMATS
-
 
 class _Recognized(NamedTuple):
     """File whose format has been recognized.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from tdint.errors import UsageError
 from tdint.model.damage_states import DEMANDS, DamageStates
@@ -15,7 +14,7 @@ from tdint.model.keys.fields import (
     Either,
     Key,
     Keys,
-    Schema,
+    NamedEntries,
     Section,
     TextLine,
     Value,
@@ -30,22 +29,12 @@ _THRESHOLD_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "1
 """Quantity of a threshold and an example for messages, by the SI unit of the demand."""
 
 
-@dataclass(frozen=True)
-class ByState:
-    """Mapping from the names of damage states, from the lightest, to values."""
-
-    type: ValueType
-
-    def schema(self) -> Schema:
-        """Return the JSON schema of the mapping."""
-        return {
-            "type": "object",
-            "patternProperties": {_STATE_NAME: self.type.schema()},
-            "additionalProperties": False,
-        }
+def by_state(value_type: ValueType) -> NamedEntries:
+    """Return the type of a mapping from damage states, from the lightest, to values."""
+    return NamedEntries(value_type, _STATE_NAME)
 
 
-THRESHOLDS = ByState(Either((DRIFT_BOUNDS, TextLine())))
+THRESHOLDS = by_state(Either((DRIFT_BOUNDS, TextLine())))
 DEMAND = Key(
     "demand",
     Choice(tuple(DEMANDS), "demand"),
@@ -64,7 +53,7 @@ DAMAGE = Keys(
             "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
         ),
         DISPERSION,
-        Key("losses", ByState(LOSS), _LOSSES_MEANING),
+        Key("losses", by_state(LOSS), _LOSSES_MEANING),
     )
 )
 """Keys of the section `damage` of a model file."""

@@ -23,7 +23,7 @@ from tdint.model.keys.fields import (
     Either,
     Key,
     Keys,
-    Schema,
+    NamedEntries,
     Section,
     TextLine,
     Value,
@@ -52,83 +52,60 @@ _NAMES = "^.+$"
 _NAME_MAPPING = f"a mapping from names to limits, such as {{tank: ..., {OTHERS}: ...}}"
 
 
-@dataclass(frozen=True)
-class _ByStory:
-    """One value for all stories, or a mapping from stories or types of laws to values; of
-    attachments and links, a mapping from names (`keys` is then any text)."""
-
-    type: ValueType
-    keys: str = _STORY_KEYS
-
-    def schema(self) -> Schema:
-        """Return the JSON schema: a single value, or a mapping with at least one entry."""
-        value = self.type.schema()
-        return {
-            "anyOf": [
-                value,
-                {
-                    "type": "object",
-                    "patternProperties": {self.keys: value},
-                    "additionalProperties": False,
-                    "minProperties": 1,
-                },
-            ]
-        }
+def _by_story(value_type: ValueType, names: str = _STORY_KEYS) -> Either:
+    """Return the type of one value for all stories, or of a mapping from stories or types of laws
+    to values; of attachments and links, of a mapping from names (any text)."""
+    return Either((value_type, NamedEntries(value_type, names, least=1)))
 
 
 _LENGTH = Either((POSITIVE, TextLine()))
 _LIMITS = (
-    Key(DRIFT_RATIO, _ByStory(DRIFT_BOUNDS), "drift ratio of the stories: 2% or 0.02"),
+    Key(DRIFT_RATIO, _by_story(DRIFT_BOUNDS), "drift ratio of the stories: 2% or 0.02"),
     Key(
         RESIDUAL,
-        _ByStory(DRIFT_BOUNDS),
+        _by_story(DRIFT_BOUNDS),
         "absolute drift ratio of the stories at the end of the run",
     ),
     Key(
         ISOLATOR,
-        _ByStory(_LENGTH),
+        _by_story(_LENGTH),
         "displacement of the stories with `isolator: true`, in the unit of length of the file or "
         "with a unit: 500 mm",
     ),
     Key(
         ACCELERATION,
-        _ByStory(_LENGTH),
+        _by_story(_LENGTH),
         "absolute acceleration of the floors, in the unit of length of the file over s^2 or with "
         "a unit: 0.4 g",
     ),
     Key(
         STROKE,
-        _ByStory(_LENGTH, _NAMES),
+        _by_story(_LENGTH, _NAMES),
         "displacement of attachments relative to their floors, in the unit of length of the file "
         "or with a unit: 300 mm",
     ),
     Key(
         LINK_DEFORMATION,
-        _ByStory(_LENGTH, _NAMES),
+        _by_story(_LENGTH, _NAMES),
         "deformation of links, in the unit of length of the file or with a unit: 50 mm",
     ),
     Key(
         LINK_FORCE,
-        _ByStory(POSITIVE, _NAMES),
+        _by_story(POSITIVE, _NAMES),
         "force of the spring and of the dashpot of links, in the unit of force of the file",
     ),
 )
 _QUANTITIES = Keys(_LIMITS)
 
 
-@dataclass(frozen=True)
-class _LevelsType:
-    """Mapping from the names of performance levels to their limits."""
-
-    def schema(self) -> Schema:
-        """Return the JSON schema: any names with mappings from quantities to limits."""
-        return {"type": "object", "additionalProperties": _QUANTITIES.schema(), "minProperties": 1}
-
-
 LIMITS = Keys(
     (
         *_LIMITS,
-        Key("levels", _LevelsType(), "limits of performance levels, by the name of the level"),
+        Key(
+            "levels",
+            NamedEntries(_QUANTITIES, least=1),
+            "limits of performance levels, by the name of the level",
+        ),
     )
 )
 """Keys of the section `limits` of a model file."""

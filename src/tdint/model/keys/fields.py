@@ -201,6 +201,23 @@ class ByName(NamedTuple):
         return {"type": "object", "additionalProperties": self.type.schema()}
 
 
+class NamedEntries(NamedTuple):
+    """Mapping with names of a pattern, or with any names, that a function in `tdint.model.config`
+    reads; `least` is the minimum number of entries."""
+
+    type: ValueType
+    pattern: str = ""
+    least: int = 0
+
+    def schema(self) -> Schema:
+        """Return the JSON schema of the mapping."""
+        result: Schema = {"type": "object", "additionalProperties": self.type.schema()}
+        if self.pattern:
+            names = {self.pattern: self.type.schema()}
+            result = {"type": "object", "patternProperties": names, "additionalProperties": False}
+        return result | ({"minProperties": self.least} if self.least else {})
+
+
 class Either(NamedTuple):
     """One of several types; `description` describes them in messages."""
 

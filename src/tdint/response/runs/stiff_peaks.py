@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdint.model.building import Building
+from tdint.model.building import Building, law_column
 from tdint.model.definition import Model
 from tdint.model.law_checks import tangent_at
-from tdint.model.story_laws import CODES, LAWS
+from tdint.model.story_laws import LAWS
 from tdint.response.runs.outcome import Response
 from tdint.response.runs.prepared import MAX_RESOLVED_OMEGA_DT
 
@@ -25,9 +25,7 @@ def stiff_peak_warnings(model: Model, building: Building, response: Response) ->
         for spring in story.springs:
             law = LAWS[spring.law.name]
             if law.stiffens(spring.law.parameters) and not law.kinked:
-                column = np.array(
-                    [CODES[law.name], spring.stiffness, 0.0, 0.0, *spring.law.parameters]
-                )
+                column = np.array(law_column(spring.law, spring.stiffness))
                 peak = float(response.stories.peak_drift[i])
                 tangent = max(tangent_at(law, column, side * peak) for side in (1.0, -1.0))
                 stiffness[i] += max(tangent - spring.stiffness, 0.0)

@@ -21,9 +21,14 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
 from tdint.number_parsing import pluralize
-from tdint.response.arguments import AnyRecord, damping_of, numbers_of, record_of
+from tdint.response.arguments import AnyRecord, damping_of, record_of
 from tdint.response.defaults import HEIGHT_PERIOD, STORY_HEIGHT
-from tdint.response.spectra.elastic import DampingRatio, check_shortest, recursion_table
+from tdint.response.spectra.elastic import (
+    DampingRatio,
+    check_shortest,
+    checked_periods,
+    recursion_table,
+)
 from tdint.response.spectra.inelastic import SHORTEST
 from tdint.tabular import Tabular
 from tdint.units import Quantity
@@ -194,11 +199,7 @@ def drift_spectrum(
         A period is too short or, for a beam, too long for the sampling interval of the record.
     """
     record, damping = record_of(record), damping_of(damping)
-    periods = numbers_of(periods, "periods")
-    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
-        raise UsageError(
-            f"periods must be positive numbers of seconds, got {' '.join(str(periods).split()):.60}"
-        )
+    periods = checked_periods(periods, zero=False)
     check_shortest(periods, record.dt, SHORTEST)
     heights = height_period.height(periods)
     pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))

@@ -496,16 +496,15 @@ LONGEST_PERIOD = 1e6
 """Maximum period, s. Squares of longer periods could exceed the range of floating-point numbers."""
 
 
-def checked_periods(periods: Numbers) -> Array:
+def checked_periods(periods: Numbers, *, zero: bool = True) -> Array:
     """Return periods (s) as an array, shape (k,); raise UsageError if one is negative, not finite,
-    or above `LONGEST_PERIOD`.
+    above `LONGEST_PERIOD`, or zero without `zero`.
     """
     periods = numbers_of(periods, "periods")
-    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
-        raise UsageError(
-            "periods must be numbers of seconds, 0 or positive, got "
-            f"{' '.join(str(periods).split()):.60}"
-        )
+    is_allowed = np.isfinite(periods) & (periods >= 0.0 if zero else periods > 0.0)
+    if periods.size == 0 or not np.all(is_allowed):
+        allowed = "numbers of seconds, 0 or positive" if zero else "positive numbers of seconds"
+        raise UsageError(f"periods must be {allowed}, got {' '.join(str(periods).split()):.60}")
     if np.max(periods) > LONGEST_PERIOD:
         raise UsageError(
             f"periods must be at most {LONGEST_PERIOD:.0e} s, got {np.max(periods):.3g} s"

@@ -15,7 +15,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
 from tdint.number_parsing import pluralize
-from tdint.response.arguments import AnyRecord, damping_of, numbers_of, record_of
+from tdint.response.arguments import AnyRecord, damping_of, record_of
 from tdint.response.defaults import MOST_DUCTILE
 from tdint.response.spectra.elastic import DampingRatio, check_shortest, checked_periods
 from tdint.tabular import Tabular
@@ -279,13 +279,7 @@ def _oscillators(
     the field of `InelasticSpectrum`, and the oscillator of each period.
     """
     record, damping = record_of(record), damping_of(damping)
-    periods = numbers_of(periods, "periods")
-    if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
-        raise UsageError(
-            "periods of inelastic spectra must be positive numbers of seconds, got "
-            f"{' '.join(str(periods).split()):.60}"
-        )
-    periods = checked_periods(periods)
+    periods = checked_periods(periods, zero=False)
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
     check_shortest(periods, record.dt, SHORTEST)

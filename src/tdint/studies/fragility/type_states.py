@@ -43,7 +43,7 @@ _THRESHOLD_SOURCES = (
 )
 _THRESHOLDS, _LOSSES = (
     Either((damage.THRESHOLDS, TextLine())),
-    Either((damage.ByState(damage.LOSS), TextLine())),
+    Either((damage.by_state(damage.LOSS), TextLine())),
 )
 _NAMES = EntriesOf(
     TextLine(), 1, description="a list of names, from the lightest", distinct="different names"
