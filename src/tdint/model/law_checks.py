@@ -62,25 +62,14 @@ the verification of the same declaration."""
 Guard = Callable[[Array, str], Array]
 """Function that wraps an array, given its name, to detect the use of undeclared rows."""
 
+
+def _no_guard(array: Array, name: str) -> Array:
+    """Return the array unchanged."""
+    return array
+
+
 _verified: dict[int, tuple[DriftLaw, set[bytes]]] = {}
 """Parameter sets that this process has verified, by the number of the law."""
-
-
-class _LawStory(NamedTuple):
-    """Story with a law.
-
-    Attributes
-    ----------
-    column : ndarray, shape (rows,)
-        Number of the law, initial stiffness and parameters, as in `law_parameters`.
-    guard : Guard
-        Function that wraps an array to detect the use of undeclared rows.
-    """
-
-    law: DriftLaw
-    functions: LawFunctions
-    column: Array
-    guard: Guard
 
 
 class _PathPoint(NamedTuple):
@@ -101,10 +90,6 @@ class _PathPoint(NamedTuple):
     tangents_after_commit : tuple of float
         Tangents slightly below and slightly above the drift, from the committed state, N/m: of a
         smooth law they are equal, whether the path continues or reverses.
-    is_on_branch : bool
-        True if the drift is on the same branch as the previous drift of the path.
-    lower, upper : float
-        Ends of the branch, m.
     """
 
     drift: float
@@ -114,9 +99,6 @@ class _PathPoint(NamedTuple):
     slopes: tuple[float, float]
     force_after_commit: float
     tangents_after_commit: tuple[float, float]
-    is_on_branch: bool
-    lower: float
-    upper: float
 
 
 def verify_laws(law_parameters: Array) -> None:
@@ -165,7 +147,7 @@ def path_faults(
     law: DriftLaw,
     column: Array,
     yield_drift: float = math.nan,
-    guard: Guard = lambda array, name: array,
+    guard: Guard = _no_guard,
 ) -> list[str]:
     """Compare the force of a law with its declarations along paths of drifts.
 
@@ -184,7 +166,7 @@ def path_faults(
     list of str
         Message about the first difference; empty if there is no difference.
     """
-    story = _LawStory(law, law.functions(), column, guard)
+    has_branches = law.functions().switch is not None
     yield_sizes = []
     if 0.0 < yield_drift < math.inf:
         yield_sizes = [yield_drift * multiple for multiple in _YIELD_MULTIPLES]
@@ -195,7 +177,7 @@ def path_faults(
     short_sizes = (yield_sizes[:2] or _DECADES[:3]) if law.curved else sizes
     for size in sizes if law.kinked else short_sizes:
         max_force = max_slope = 0.0
-        for point in _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size):
+        for point in _follow(law, column, guard, _path_drifts(size), _SLOPE_INCREMENT * size):
             max_force = max(max_force, abs(point.force))
             max_slope = max(max_slope, *map(abs, point.slopes))
             tolerance = _FORCE_TOLERANCE * max_force
@@ -203,7 +185,7 @@ def path_faults(
             # branches with a finite slope.
             is_on_curve = law.curved and not math.isfinite(point.branch_force)
             if not (is_on_curve or abs(point.branch_force - point.force) <= tolerance):
-                return [_branch_force_fault(story, point)]
+                return [_branch_force_fault(law, point)]
             if not abs(point.force_after_commit - point.force) <= tolerance:
                 return [
                     f"law {law.name}: its force at drift {point.drift:.6g} m is "
@@ -225,53 +207,45 @@ def path_faults(
             # Methods locate the reversals only of laws with branches. Otherwise, methods of fourth
             # order would be of second order without a message.
             below, above = point.tangents_after_commit
-            if story.functions.switch is None and abs(above - below) > tolerance:
+            if not has_branches and abs(above - below) > tolerance:
                 return [
                     f"law {law.name}: its tangent jumps where the drift reverses: at drift "
                     f"{point.drift:.6g} m it is {below:.6g} N/m towards smaller and {above:.6g} "
                     "N/m towards larger drifts; declare `kinked=True`, and add `enter` and "
                     "`switch`, which end the branch at a reversal (`set_branch`)"
                 ]
-    return _memory_faults(story, yield_drift)
+    return _memory_faults(law, column, guard, yield_drift)
 
 
-def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
+def _branch_force_fault(law: DriftLaw, point: _PathPoint) -> str:
     """Return the message, with the remedy, about a law with a force that differs from the force on
     its branch.
     """
-    law, functions = story.law, story.functions
     forces = (
         f"{point.branch_force:.6g} N at drift {point.drift:.6g} m, but `force` returns "
         f"{point.force:.6g} N"
     )
-    if functions.switch is None:
+    if law.functions().switch is None:
         return (
             f"law {law.name}: its tangent is not constant, but it declares neither `curved=True` "
             f"nor branches. Its initial stiffness gives {forces}; declare `curved=True`, or add "
             "`enter` and `switch` and declare `kinked=True`"
         )
-    if point.is_on_branch:
-        curved = "set row SLOPE to infinity on this branch"
-        remedy = curved if law.curved else "declare `curved=True`"
-        return (
-            f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
-            f"{point.upper:.6g} m. The slope of this branch (row SLOPE) gives {forces}; {remedy}, "
-            "or set the ends of the branch (rows LOWER, UPPER, TURN) in `enter` and `switch` "
-            "(`set_branch` sets all required rows)"
-        )
+    curved = "set row SLOPE to infinity on this branch" if law.curved else "declare `curved=True`"
     return (
-        f"law {law.name}: its branches (`enter`, `switch`, `advance`) give {forces}; "
-        "set all required rows in `switch` (`set_branch` does this)"
+        f"law {law.name}: its branches (`enter`, `switch`, `advance`) give {forces}; set the ends "
+        "of the branch (rows LOWER, UPPER, TURN) and all other rows in `enter` and `switch` "
+        f"(`set_branch` does this), or, if the force is not linear on the branch, {curved}"
     )
 
 
-def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
+def _memory_faults(law: DriftLaw, column: Array, guard: Guard, yield_drift: float) -> list[str]:
     """Return a message if a law dissipates energy but has no function that computes this energy. A
     law dissipates energy if its force at a drift is different after a larger drift.
 
     Fixed path sizes are used if the drift at first yield is not positive and finite.
     """
-    law, functions = story.law, story.functions
+    functions = law.functions()
     if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:
         return []
     path_sizes = (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]
@@ -279,7 +253,8 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
         # Load to 0.4 of the path size, continue to 1.5, and return to 0.4.
         relative_drifts = [0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4]
         drifts = path_size * np.array(relative_drifts)
-        forces = [point.force for point in _follow(story, drifts, _SLOPE_INCREMENT * path_size)]
+        points = _follow(law, column, guard, drifts, _SLOPE_INCREMENT * path_size)
+        forces = [point.force for point in points]
         first_index = relative_drifts.index(0.4)
         drift, force_before, force_after = drifts[first_index], forces[first_index], forces[-1]
         if not abs(force_after - force_before) <= _FORCE_TOLERANCE * max(map(abs, forces)):
@@ -300,14 +275,13 @@ def falls_on_path(law: DriftLaw, column: Array) -> bool:
 
     `column` contains number, initial stiffness and parameters, as in `law_parameters`.
     """
-    story = _LawStory(law, law.functions(), column, lambda array, name: array)
     yield_drift = _yield_drift(law, column)
     sizes: tuple[float, ...] = _DECADES
     if 0.0 < yield_drift < math.inf:
         sizes = tuple(yield_drift * multiple for multiple in _YIELD_MULTIPLES)
     limit = -_TANGENT_TOLERANCE * column[rows.STIFFNESS]
     for size in sizes:
-        points = _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size)
+        points = _follow(law, column, _no_guard, _path_drifts(size), _SLOPE_INCREMENT * size)
         # A law may be undefined at large drifts (overflow).
         with suppress(ArithmeticError, ValueError):
             if any(min(point.tangent, *point.slopes) < limit for point in points):
@@ -344,13 +318,15 @@ def _path_drifts(size: float) -> Array:
     )
 
 
-def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_PathPoint]:
-    """Evaluate a story at each drift of a path, and commit its state after each evaluation.
+def _follow(
+    law: DriftLaw, column: Array, guard: Guard, drifts: Array, increment: float
+) -> Iterator[_PathPoint]:
+    """Evaluate a law at each drift of a path, and commit its state after each evaluation.
 
     The functions of the law are called directly, because the law may not have a number yet.
     `increment` is the increment of drift of the finite differences for slopes, m.
     """
-    law, functions, column, guard = story
+    functions = law.functions()
     # The table of a building of one story has a second, empty column.
     table = guard(np.column_stack([column, np.zeros_like(column)]), "law_parameters")
     row_count = rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * law.extra_rows
@@ -361,9 +337,6 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
         _evaluate(functions, table, law_state, 0.0)
         _commit(law, functions, table, law_state)
         for drift in drifts.tolist():
-            previous_drift = law_state[rows.DRIFT, 0]
-            lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
-            is_reversal = law_state[rows.RATE_SIGN, 0] * (drift - previous_drift) < 0.0
             branch_force = math.nan
             if law_state[rows.SLOPE, 0] < math.inf:
                 follow_branches(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
@@ -379,7 +352,6 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
                 for change in (-increment, increment)
             )
             slopes = (force - force_below) / increment, (force_above - force) / increment
-            is_on_branch = lower <= drift <= upper and not is_reversal
             yield _PathPoint(
                 drift,
                 force,
@@ -388,9 +360,6 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
                 slopes,
                 force_after_commit,
                 (tangent_below, tangent_above),
-                is_on_branch,
-                lower,
-                upper,
             )
 
 
