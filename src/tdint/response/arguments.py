@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import parse_ratio
+from tdint.tabular import ResultList
 from tdint.units import DriftSize, parse_drift
 
 if TYPE_CHECKING:
@@ -267,6 +268,20 @@ def drift_of(argument: Any) -> DriftSize:
 def is_list(argument: Any) -> bool:
     """Return True for a list, a tuple or an array with at least one axis."""
     return isinstance(argument, list | tuple) or getattr(argument, "ndim", 0) > 0
+
+
+def for_each_method(function: Callable[..., Any], arguments: dict[str, Any]) -> ResultList[Any]:
+    """Return the results of a function for each method with each time step.
+
+    Parameters
+    ----------
+    arguments : dict
+        Arguments of the function. One of `method` and `dt`, or both, are a list.
+    """
+    method, dt = arguments.pop("method"), arguments.pop("dt")
+    methods = method if isinstance(method, list | tuple) else (method,)
+    steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
+    return ResultList(function(**arguments, method=name, dt=h) for name in methods for h in steps)
 
 
 def _type_name(argument: Any) -> str:

@@ -14,10 +14,10 @@ from tdint.methods.catalogue import method_of, parse
 from tdint.response.arguments import (
     AnyModel,
     AnyRecord,
+    for_each_method,
     is_list,
     model_of,
     model_record,
-    numbers_of,
     ratio_of,
     record_of,
 )
@@ -150,13 +150,7 @@ def run(
         converge, or no time step meets the tolerance (`FailedRun`).
     """
     if is_list(method) or is_list(dt):
-        options = locals()
-        method, dt = options.pop("method"), options.pop("dt")
-        methods = method if isinstance(method, list | tuple) else (method,)
-        steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
-        return ResultList(
-            cast("Response", run(**options, method=name, dt=h)) for name in methods for h in steps
-        )
+        return for_each_method(run, locals())
     if not isinstance(history, bool | np.bool_):
         raise UsageError(
             f"history must be True or False, got {history!r:.60}: run keeps all quantities, and "

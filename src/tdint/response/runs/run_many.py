@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 from itertools import groupby
 from pathlib import Path
 from threading import Event, Semaphore
-from typing import Any, TypedDict, Unpack, cast, overload
+from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,10 @@ from tdint.response.arguments import (
     AnyModel,
     AnyRecord,
     as_sequence,
+    for_each_method,
     is_list,
     model_of,
     number_of,
-    numbers_of,
     record_of,
 )
 from tdint.response.run_plan import RunsRequest, plan_runs
@@ -206,7 +206,12 @@ def run_many(
         A method does not support a building, or the memory is too small for the histories.
     """
     if is_list(method) or is_list(dt):
-        return _run_each_method(locals())
+        if out is not None:
+            raise UsageError(
+                "run_many: out cannot be used with a list of methods or time steps; omit out, or "
+                "call run_many for each method and time step"
+            )
+        return for_each_method(run_many, locals())
     if not isinstance(method, str | None):
         raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     try:
@@ -240,28 +245,6 @@ def run_many(
     if file:
         runs.to_parquet(file)
     return runs
-
-
-def _run_each_method(arguments: dict[str, Any]) -> ResultList[Runs]:
-    """Return the runs of each method with each time step, one result for each combination; `method`
-    and `dt` are removed from `arguments`.
-
-    Raises
-    ------
-    UsageError
-        `out` is specified: one array cannot store several results.
-    """
-    if arguments["out"] is not None:
-        raise UsageError(
-            "run_many: out cannot be used with a list of methods or time steps; omit out, or call "
-            "run_many for each method and time step"
-        )
-    method, dt = arguments.pop("method"), arguments.pop("dt")
-    methods = method if isinstance(method, list | tuple) else (method,)
-    steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
-    return ResultList(
-        cast("Runs", run_many(**arguments, method=name, dt=h)) for name in methods for h in steps
-    )
 
 
 def _requested(
