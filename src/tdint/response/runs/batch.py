@@ -268,7 +268,8 @@ def run_batch(
     check: bool = False,
     to_rest: bool = False,
     history: bool = False,
-    integrate: Callable[[], BatchResult] | None = None,
+    every: int = 1,
+    on_history: Callable[[int, Array], None] | None = None,
     status_only: bool = False,
     sampled: Sequence[Subject] = (),
 ) -> Outcomes:
@@ -283,9 +284,8 @@ def run_batch(
         Continue with the ground at rest until free vibration has decayed.
     history : bool, default False
         Keep the histories of runs that are integrated individually.
-    integrate : callable, optional
-        Function without arguments that integrates the runs and returns a `BatchResult`; by default
-        one compiled call without histories.
+    every, on_history : optional
+        As for `PreparedBuilding.integrate_batch`.
     status_only : bool, default False
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
@@ -329,9 +329,7 @@ def run_batch(
             )
         return outcomes
     building, specs = prepared.building, [motions.run_spec(*run) for run in runs]
-    if integrate:
-        batch = integrate()
-    elif sampled:
+    if sampled:
         subject.model.require_springs("a varied parameter")
         buildings = [item.prepared.building for item in sampled]
         building = _of_runs(building, buildings)
@@ -340,7 +338,15 @@ def run_batch(
         )
     else:
         criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
-        batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
+        batch = prepared.integrate_batch(
+            subject.integrator,
+            h,
+            motions.samples,
+            specs,
+            criterion,
+            every=every,
+            on_history=on_history,
+        )
     outcomes = Outcomes.of(building, batch, to_rest)
     # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():

@@ -567,6 +567,9 @@ class PreparedBuilding:
         samples: Array,
         runs: Sequence[RunSpec],
         criterion: RestCriterion = NO_FREE_VIBRATION,
+        *,
+        every: int = 1,
+        on_history: Callable[[int, Array], None] | None = None,
     ) -> BatchResult:
         """Integrate many runs with one time step. Each run equals that of `integrate`.
 
@@ -574,12 +577,25 @@ class PreparedBuilding:
         ----------
         samples : ndarray
             Concatenated ground accelerations of all runs, m/s^2.
+        every : int
+            Number of steps between two rows of a history.
+        on_history : callable, optional
+            Function that receives the index of a run and the completed rows of its history (view,
+            shape (rows, width)). The next run overwrites these rows. By default, histories are not
+            kept.
         """
-        space = self._loaded_arrays(integrator, h)
+        row_count = max(run.steps.count for run in runs) // every + 1 if on_history else 0
+        space = self._loaded_arrays(integrator, h, row_count)
+        space.steps_per_row = every
         result = BatchResult.empty(len(runs), self.building)
         integrate_run = self._repeatable(integrator, h, max(run.size for run in runs), space)
         for i, run in enumerate(runs):
             integrate_run(samples[run.start : run.start + run.size], run, result, i, criterion)
+            if on_history:
+                reached = int(space.totals[rows.STEPS_REACHED])
+                result.ends[i, STEPS_COMPLETED] = reached
+                # The history ends with the record, also if the run has continued.
+                on_history(i, space.history[: min(reached, run.steps.count) // every + 1])
         return result
 
     def integrate_sampled(
@@ -675,48 +691,6 @@ class PreparedBuilding:
                 result.device_energy[i] = device_energy(self.building, space)
 
         return integrate_run
-
-    def integrate_with_histories(
-        self,
-        integrator: Integrator,
-        h: float,
-        motions: Sequence[tuple[Array, float, Steps]],
-        *,
-        every: int,
-        on_history: Callable[[int, Array], None],
-    ) -> BatchResult:
-        """Integrate many runs with one time step and pass their histories to a function.
-
-        Each run equals that of `integrate`.
-
-        Parameters
-        ----------
-        motions : sequence of (ndarray, float, Steps)
-            Ground acceleration (m/s^2), scale factor and time steps of each run.
-        every : int
-            Number of steps between two rows of a history.
-        on_history : callable
-            Function that receives the index of a run and the completed rows of its history (view,
-            shape (rows, width)). The next run overwrites these rows.
-
-        Returns
-        -------
-        BatchResult
-            Results in the order of `motions`; the column of rest is 1.
-        """
-        row_count = max(steps.count for _, _, steps in motions) // every + 1
-        space = self._loaded_arrays(integrator, h, row_count)
-        space.steps_per_row = every
-        size = max(len(acceleration) for acceleration, _, _ in motions)
-        integrate_run = self._repeatable(integrator, h, size, space)
-        result = BatchResult.empty(len(motions), self.building)
-        for i, (acceleration, scale, steps) in enumerate(motions):
-            integrate_run(acceleration, RunSpec(0, len(acceleration), scale, steps), result, i)
-            reached = int(space.totals[rows.STEPS_REACHED])
-            result.ends[i, STEPS_COMPLETED] = reached
-            # The history ends with the record, also if the run has continued.
-            on_history(i, space.history[: min(reached, steps.count) // every + 1])
-        return result
 
     def _continue_while_growing(
         self, integrator: Integrator, steps: Steps, ground: Array, space: Workspace

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import groupby
 from pathlib import Path
@@ -43,7 +43,7 @@ from tdint.response.runs.many_results import (
     store_values,
 )
 from tdint.response.runs.outcome import StoryErrors, StoryPeaks
-from tdint.response.runs.prepared import BatchResult, Motions
+from tdint.response.runs.prepared import Motions
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
@@ -484,9 +484,8 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             specs,
             check=request.check,
             history=bool(result.history),
-            integrate=functools.partial(_integrate_with_histories, subject, request, result, runs)
-            if result.history
-            else None,
+            every=result.every,
+            on_history=_history_writer(subject, result, runs) if result.history else None,
             sampled=sampled,
         )
         result.status[numbers] = "done"
@@ -505,11 +504,11 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             result.failures[numbers[i]] = str(failure)
 
 
-def _integrate_with_histories(
-    subject: Subject, request: RunsRequest, result: Runs, runs: Sequence[RunSpec]
-) -> BatchResult:
-    """Integrate runs of one building with one time step, and write the requested histories to
-    `result`; return the peaks and energies.
+def _history_writer(
+    subject: Subject, result: Runs, runs: Sequence[RunSpec]
+) -> Callable[[int, Array], None]:
+    """Return the function that writes the requested histories of runs of one building with one
+    time step to `result`.
     """
     prepared, h = subject.prepared, runs[0].steps.h
     time = (
@@ -531,10 +530,4 @@ def _integrate_with_histories(
             if len(rows) < array.shape[1] or n < array.shape[2]:
                 history[len(rows) :] = history[:, n:] = math.nan
 
-    return prepared.integrate_with_histories(
-        subject.integrator,
-        h,
-        [(request.records[run.record].acceleration, run.scale, run.steps) for run in runs],
-        every=result.every,
-        on_history=on_history,
-    )
+    return on_history
