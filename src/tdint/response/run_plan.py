@@ -62,7 +62,7 @@ class RunsRequest:
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
         # A value of nan does not change the parameter: neighbors of a run
-        # (`gradient.neighbor_samples`) each differ in a single parameter.
+        # (`gradient._neighbor_runs`) each differ in a single parameter.
         numbers = {name: number for name, number in numbers.items() if not math.isnan(number)}
         try:
             varied = Subject(subject.model.changed(numbers), subject.method)

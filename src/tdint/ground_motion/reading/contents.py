@@ -140,12 +140,22 @@ def is_zip(data: bytes) -> bool:
     return data.startswith(_ZIP_SIGNATURE)
 
 
-def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
+def archive_files(
+    data: bytes, source: str, budget: list[int] | None = None, depth: int = 1
+) -> Iterator[tuple[str, bytes]]:
     """Yield the names and contents of the files in a zip file and in zip files inside it.
 
     Names have the form `archive.zip/directory/file`. The checksum of each file is verified. The
     uncompressed bytes are counted while they are read, because the sizes stated in an archive may
-    be wrong. Hidden and empty files are skipped.
+    be wrong. Hidden and empty files are skipped. A zip file in the archive is replaced by its files
+    down to `_MAX_ARCHIVE_DEPTH` levels. A zip file at a lower level is yielded as a file.
+
+    Parameters
+    ----------
+    budget : list of int, optional
+        Remaining number of uncompressed bytes, in a list so that all nested archives share it.
+    depth : int
+        Level of the archive, from 1.
 
     Raises
     ------
@@ -153,20 +163,9 @@ def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
         The archive is corrupt or encrypted, contains more than 2000 files, or its total
         uncompressed size exceeds 256 MiB.
     """
-    return _archive_files(data, source, budget=[MAX_FILE_BYTES], depth=1)
-
-
-def _archive_files(
-    data: bytes, source: str, budget: list[int], depth: int
-) -> Iterator[tuple[str, bytes]]:
-    """Yield the names (starting with that of the archive) and contents of the files in a zip file.
-
-    A zip file in the archive is replaced by its files down to `_MAX_ARCHIVE_DEPTH` levels. A zip
-    file at a lower level is yielded as a file. `budget` is the remaining number of uncompressed
-    bytes, in a list so that all nested archives share it.
-    """
     import zipfile  # imported late: needed only for archives
 
+    budget = [MAX_FILE_BYTES] if budget is None else budget
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             files = [entry for entry in archive.infolist() if _is_visible_file(entry)]
@@ -179,7 +178,7 @@ def _archive_files(
                 name = "/".join([source, *_parts(entry)])[: len(source) + _MAX_NAME_LENGTH]
                 content = _read_archive_file(archive, entry, name, budget)
                 if is_zip(content) and depth < _MAX_ARCHIVE_DEPTH:
-                    yield from _archive_files(content, name, budget, depth + 1)
+                    yield from archive_files(content, name, budget, depth + 1)
                 elif content:
                     yield name, content
     except RecordError:

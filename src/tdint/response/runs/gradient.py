@@ -187,33 +187,6 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     )
 
 
-def neighbor_samples(
-    near: Mapping[tuple[int, int], Sequence[tuple[float, float]]],
-    names: Sequence[str],
-    parameters: Mapping[str, Array],
-) -> tuple[dict[tuple[tuple[int, int], int, int], int], dict[str, Array]]:
-    """Return samples in which one parameter at a time has a neighboring value (`near`, by the
-    indices of building and sample).
-
-    All other parameters have the values of the original sample, or nan for the value of the model.
-    The keys of the first result are ((building, original sample), parameter, neighbor 0 or 1), its
-    values the index of the new sample; the second result contains the values of each parameter of
-    buildings in the new samples, without the factor on the record.
-    """
-    draws = {item: draw for draw, item in enumerate(product(near, range(len(names)), range(2)))}
-    origin = [draw for (_, draw), _, _ in draws]  # original sample of each new sample
-    columns = {name: column[origin] for name, column in parameters.items()}
-    columns |= {
-        name: np.full(len(draws), math.nan)
-        for name in names
-        if name not in columns and name != SCALE
-    }
-    for (key, i, side), draw in draws.items():
-        if names[i] != SCALE:
-            columns[names[i]][draw] = near[key][i][side]
-    return draws, columns
-
-
 # ---- Derivatives of completed runs: two neighboring runs for each parameter, as additional samples
 
 Integrate = Callable[[RunsRequest, Sequence[RunSpec], int, tuple[str, ...]], Runs]
@@ -387,9 +360,21 @@ def _neighbor_runs(
     """Return a request with the samples of the neighbors, without error estimates, and the
     neighboring runs, in the order of `plan`, then of the parameters, then of the two neighbors.
 
-    `numbers` contains the values of the parameters, by the indices of building and sample.
+    `numbers` contains the values of the parameters, by the indices of building and sample. A new
+    sample differs from its original sample in one parameter. Other parameters that are not varied
+    are nan, for the value of the model.
     """
-    draws, columns = neighbor_samples(near, names, request.building_parameters)
+    # The keys are ((building, original sample), parameter, neighbor 0 or 1), and the values the
+    # indices of the new samples.
+    draws = {item: draw for draw, item in enumerate(product(near, range(len(names)), range(2)))}
+    origin = [draw for (_, draw), _, _ in draws]
+    columns = {name: column[origin] for name, column in request.building_parameters.items()}
+    for name in names:
+        if name != SCALE:
+            columns.setdefault(name, np.full(len(draws), math.nan))
+    for (key, i, side), draw in draws.items():
+        if names[i] != SCALE:
+            columns[names[i]][draw] = near[key][i][side]
     # A neighbor of the factor on the ground motion changes the scale of the run, not the building.
     neighbor_plan = list[RunSpec]()
     for run, i, side in product(plan, range(len(names)), range(2)):

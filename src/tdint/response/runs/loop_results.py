@@ -55,8 +55,7 @@ def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
 def all_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """Return the peaks of stories, attachments and links at the end of a time integration."""
     drift = space.law_state[rows.DRIFT, : building.stories].copy()
-    values = story_values(building, space.peaks.copy(), drift)
-    return StoryPeaks(height=building.heights, **values)
+    return named_peaks(building, space.peaks.copy(), drift)
 
 
 def columns(values: ValuesT, part: slice) -> ValuesT:
