@@ -267,9 +267,7 @@ def run_batch(
     *,
     check: bool = False,
     to_rest: bool = False,
-    history: bool = False,
-    every: int = 1,
-    on_history: Callable[[int, Array], None] | None = None,
+    histories: tuple[int, Callable[[int, Array], None]] | None = None,
     status_only: bool = False,
     sampled: Sequence[Subject] = (),
 ) -> Outcomes:
@@ -282,10 +280,9 @@ def run_batch(
         Number of the ground motion, scale factor and time steps of each run.
     to_rest : bool, default False
         Continue with the ground at rest until free vibration has decayed.
-    history : bool, default False
-        Keep the histories of runs that are integrated individually.
-    every, on_history : optional
-        As for `PreparedBuilding.integrate_batch`.
+    histories : tuple of (int, callable), optional
+        Arguments `every` and `on_history` of `PreparedBuilding.integrate_batch`. The histories of
+        runs that are integrated individually are then part of their responses.
     status_only : bool, default False
         Failures contain only the status, so that a failed run is not integrated again for the
         details of its message.
@@ -300,7 +297,7 @@ def run_batch(
     """
     prepared = subject.prepared
     _, _, first_steps = runs[0]
-    h = first_steps.h
+    h, has_history = first_steps.h, histories is not None
 
     def case(i: int) -> Case:
         """Return the case of run `i`."""
@@ -324,7 +321,7 @@ def run_batch(
                     steps,
                     check=check,
                     to_rest=to_rest,
-                    history=history,
+                    history=has_history,
                 ),
             )
         return outcomes
@@ -338,6 +335,7 @@ def run_batch(
         )
     else:
         criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
+        every, on_history = histories or (1, None)
         batch = prepared.integrate_batch(
             subject.integrator,
             h,
@@ -356,7 +354,8 @@ def run_batch(
             outcomes.fail(i, failure)
         else:
             outcomes.replace(
-                i, partial(_evaluate, run_case, steps, batch, i, to_rest=to_rest, history=history)
+                i,
+                partial(_evaluate, run_case, steps, batch, i, to_rest=to_rest, history=has_history),
             )
     return outcomes
 

@@ -483,9 +483,9 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             motions,
             specs,
             check=request.check,
-            history=bool(result.history),
-            every=result.every,
-            on_history=_history_writer(subject, result, runs) if result.history else None,
+            histories=(result.every, _history_writer(subject, result, runs))
+            if result.history
+            else None,
             sampled=sampled,
         )
         result.status[numbers] = "done"
