@@ -471,7 +471,7 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
     )
     with suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, process.pid, _LOW_PRIORITY)
-        # Linux can share the time equally between sessions, whatever the priorities in each of them.
+        # Linux can share its time between sessions, whatever the priorities in each of them.
         Path(f"/proc/{process.pid}/autogroup").write_text(f"{_LOW_PRIORITY}\n")
     # A return code prevents the warning of `subprocess` that the process is still running.
     process.returncode = 0
