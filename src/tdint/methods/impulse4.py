@@ -941,6 +941,7 @@ METHODS = (
         coefficients=coefficients,
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
+        estimated_by="moment4",
         braces=True,
         tangent_damping=lambda *values: True,
         variants=("rho_inf=0.5", "rho_inf=0"),

@@ -186,6 +186,9 @@ class Method:
         Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
         (`tdint.response.runs.error_estimate`); None by default.
+    estimated_by : str, optional
+        Method of the run that estimates errors of the method in buildings whose forces change
+        abruptly; empty by default, for the method of most estimates.
     """
 
     name: str
@@ -199,6 +202,7 @@ class Method:
     stability_limit: Callable[..., float] = lambda *values: math.inf
     variants: tuple[str, ...] = ()
     estimating_coefficients: Callable[..., tuple[float, ...]] | None = None
+    estimated_by: str = ""
     braces: bool = False
     tangent_damping: Callable[..., bool] = lambda *values: False
 

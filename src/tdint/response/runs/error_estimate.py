@@ -57,9 +57,6 @@ from tdint.response.time_steps import Steps, finer
 REFERENCE = parse(DEFAULT_METHOD)
 """Method of the additional run that estimates the errors of most methods."""
 
-_OTHER_REFERENCE = parse("moment4")
-"""Method of the additional run of `REFERENCE` in buildings whose forces change abruptly."""
-
 _MIN_ORDER = 4
 """Minimum order of a method that estimates its errors itself. The rates were measured only for
 `moment4` without numerical dissipation, which has order 4.
@@ -207,12 +204,10 @@ def reference_method(case: Case) -> Integrator:
     """
     method, building = case.method.method, case.building
     has_abrupt_forces = building.power_damped or building.braced or building.tangent_damped
-    if (
-        has_abrupt_forces
-        and method.name == REFERENCE.method.name
-        and not unsupported_reason(_OTHER_REFERENCE, building)
-    ):
-        return _OTHER_REFERENCE
+    if method.estimated_by and has_abrupt_forces:
+        other = parse(method.estimated_by)
+        if not unsupported_reason(other, building):
+            return other
     is_curved = building.power_damped or building.braced or not building.piecewise_linear
     if (
         method.estimating_coefficients is not None
