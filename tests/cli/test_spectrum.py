@@ -156,7 +156,7 @@ def test_a_clash_of_names_is_found_before_the_computation(folder, tdint):
             "--ductility and --strength cannot be used together",
         ),
         (["--ductility", "2", "--hardening", "1"], "--hardening"),
-        (["--strength", "1", "--period", "0"], "periods of inelastic spectra must be positive"),
+        (["--strength", "1", "--period", "0"], "periods must be positive"),
     ],
 )
 def test_usage_errors(folder, tdint, arguments, message):
