@@ -18,9 +18,9 @@ from selection import every
 from tdint import plugin
 from tdint.assessment.chart.problem import pose
 from tdint.assessment.order.order import check_law, check_method
-from tdint.kernels.oscillators.exact_step import oscillator
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
+from tdint.methods.exact_step import oscillator
 from tdint.model.plugins import peers
 from tdint.output.tables.spectra import info_table, record_info
 from tdint.studies.fragility.measures import run_measure

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.linear_terms import below, count_masses, finite, force_value, tie
-from tdint.kernels.oscillators.exact_step import oscillator, van_loan
 from tdint.kernels.stepping import STEP
 from tdint.kernels.stories.law_state import commit, restoring_force
+from tdint.methods.exact_step import oscillator, van_loan
 from tdint.methods.method import Family, Method
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from tdint.arrays import Array
 from tdint.assessment.stability.stability import critical_step, false_limit, stability
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
-from tdint.kernels.oscillators.exact_step import oscillator
 from tdint.methods.catalogue import parse
+from tdint.methods.exact_step import oscillator
 from tdint.methods.method import Integrator
 from tdint.methods.step_check import (
     GuardedArray,

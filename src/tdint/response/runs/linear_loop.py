@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.kernels import layout as rows
-from tdint.kernels.oscillators.exact_step import oscillator
 from tdint.kernels.time_loop.loop import RUNAWAY
+from tdint.methods.exact_step import oscillator
 from tdint.methods.workspace import (
     BASE_DISPLACEMENT,
     BASE_ROTATION,

@@ -29,7 +29,7 @@ from tdint.kernels.oscillators.between_steps import (
     Vibration,
     largest_afterwards,
 )
-from tdint.kernels.oscillators.exact_step import oscillator
+from tdint.methods.exact_step import oscillator
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyRecord, damping_of, numbers_of, record_of
 from tdint.response.defaults import STEPS_PER_PERIOD
