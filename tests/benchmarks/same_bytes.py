@@ -240,15 +240,17 @@ def _rows(path: Path) -> list[str]:
         ]
         # The second value of a row of table_info is the name of the column.
         columns_by_table = {
-            name: [row[1] for row in database.execute(f"PRAGMA table_info({name})")]
+            name: [
+                f"[{row[1]}]"  # columns such as `from` are words of SQL
+                for row in database.execute(f"PRAGMA table_info({name})")
+                if row[1] not in MASKED_COLUMNS
+            ]
             for name in names
         }
         rows = [
             (name, row)
             for name, columns in columns_by_table.items()
-            for row in database.execute(
-                f"SELECT {', '.join(c for c in columns if c not in MASKED_COLUMNS)} FROM {name}"
-            )
+            for row in database.execute(f"SELECT {', '.join(columns)} FROM {name}")
         ]
     texts = (
         f"{name} {[value.hex() if isinstance(value, float) else value for value in row]}"
