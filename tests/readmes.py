@@ -291,9 +291,9 @@ def columns():
         "measures.csv of tdint campaign": campaign.measure_columns(
             list(map(run_measure, MEASURES))
         ),
-        "tdint scale": studies.motions.scaling_tables.FACTORS,
-        "tdint ida": studies.ida.ida_tables.CAPACITIES,
-        "ida.csv of tdint ida": studies.ida.ida_tables.IDA,
+        "tdint scale": studies.scaling_tables.FACTORS,
+        "tdint ida": studies.ida_tables.CAPACITIES,
+        "ida.csv of tdint ida": studies.ida_tables.IDA,
         "tdint fragility": (*functions.FRAGILITY, functions.FRAGILITY_TOTAL, *functions.COUNTED),
         "tdint fragility --im sa,pga": (*functions.COMPARED, *functions.DEPENDENCE),
         "tdint methods": methods.METHOD,

@@ -120,7 +120,7 @@ class Profiles:
         from tdint.studies.campaign.variants import ratios
 
         self._require_profiles("--baseline")
-        return studies.campaign.campaign_tables.ratio_table(
+        return studies.campaign_tables.ratio_table(
             self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
         )
 
@@ -128,7 +128,7 @@ class Profiles:
         """Write the table of the runs to standard output."""
         from tdint.output.tables.table import Table
 
-        table = Table.of(*studies.campaign.campaign_tables.run_table(self.store))
+        table = Table.of(*studies.campaign_tables.run_table(self.store))
         emit_table(table.in_units(self.units))
 
     def draw(self, file: Path) -> Content:
@@ -146,7 +146,7 @@ class Profiles:
         """
         self._require_profiles("--plot")
         draw = partial(
-            studies.campaign.suite_figures.profile_picture,
+            studies.suite_figures.profile_picture,
             self.profiles,
             self.units,
             limit=self.limits.drift_line,
@@ -782,7 +782,7 @@ def _suite_contents(
         from tdint.studies.fragility.measures import measured, run_measure
 
         measures = [run_measure(name) for name in request.im]
-        columns = studies.campaign.campaign_tables.measure_columns(measures)
+        columns = studies.campaign_tables.measure_columns(measures)
         table = Table.of(columns, measured(plan, store, measures))
         contents[MEASURES] = table.in_units(profiles.units).csv()
     return contents
@@ -848,7 +848,7 @@ def _exports(
     from tdint.studies.regions import maps as map_tables
     from tdint.studies.store import schema
 
-    tables, damages = studies.campaign.campaign_tables, studies.fragility.damage_tables
+    tables, damages = studies.campaign_tables, studies.damage_tables
     maps, by = maps or MapRequest(), profiles.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     write_parquet = partial(exports.write_parquet, store)
@@ -910,7 +910,7 @@ def _write(
     from tdint.studies.store.schema import PART_TABLES
 
     request, store, units = profiles.request, profiles.store, profiles.units
-    tables = studies.campaign.campaign_tables
+    tables = studies.campaign_tables
     # Write runs.csv, unless the campaign selects only other tables.
     files: dict[str, Content] = {}
     if store.is_requested("runs"):
@@ -949,7 +949,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         return {}
     from tdint.studies.fragility.building_damage import has_losses
 
-    tables = studies.fragility.damage_tables
+    tables = studies.damage_tables
     writers: dict[str, Content] = {}
     if store.is_requested("damage"):
         writers[DAMAGE] = lambda stream: tables.damage_table(store).write(stream, units)

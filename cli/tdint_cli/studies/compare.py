@@ -235,7 +235,7 @@ def _write(
 
     def draw(units: OutputUnits) -> Figure:
         """Return the figure of the comparisons; its first use imports matplotlib."""
-        return studies.recordings.comparison_figures.comparison_picture(
+        return studies.comparison_figures.comparison_picture(
             comparisons, periods, request.damping, units
         )
 

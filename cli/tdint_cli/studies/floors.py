@@ -55,13 +55,13 @@ def suite_spectra(
     oscillators = wanted.chosen_periods(), wanted.floor_damping
     floors = run_floors(plan, store, wanted.floors, *oscillators, jobs or processors())
     suites = list(floor_suites(store, floors))
-    tables = studies.campaign.campaign_tables
+    tables = studies.campaign_tables
     contents: dict[str, Content] = {
         SPECTRA: tables.run_floor_table(store, floors).in_units(units).csv(),
         SPECTRA_MEAN: tables.floor_suite_table(store, suites).in_units(units).csv(),
     }
     if plot and suites:
         periods = store.first_periods()  # marked by the figure
-        draw = partial(studies.campaign.suite_figures.floor_suite_picture, suites, units, periods)
+        draw = partial(studies.suite_figures.floor_suite_picture, suites, units, periods)
         contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
     return contents, suites

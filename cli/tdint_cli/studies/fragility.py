@@ -191,7 +191,7 @@ def _compare(request: Request) -> None:
     from tdint.studies.fragility.measure_comparison import compare_measures
 
     fits = compare_measures(request.table, request.im or (), request.sufficiency)
-    request.outputs.deliver(studies.fragility.fragility_tables.comparison_of_measures(fits))
+    request.outputs.deliver(studies.fragility_tables.comparison_of_measures(fits))
     best = fits[0]
     say(
         f"{best.im} predicts the drift best: standard deviation of ln drift about the "
@@ -270,17 +270,17 @@ def _fit(request: Request) -> None:
     def draw(functions: Sequence[Fragility]) -> Figure:
         """Return the figure of the functions: with --by, a panel for each type."""
         # The first use of the module of figures imports matplotlib, which is not needed earlier.
-        module = studies.fragility.fragility_figures
+        module = studies.fragility_figures
         return module.types_picture(functions) if by else module.fragility_picture(functions)
 
     # The functions are already in the output units; without units, they are not converted again.
     replace(outputs, units=None).deliver(
-        studies.fragility.fragility_tables.fragility_table(
+        studies.fragility_tables.fragility_table(
             functions,
             total=request.modeling_dispersion > 0.0,
-            states=studies.fragility.fragility_tables.FRAGILITY_BUILDING
+            states=studies.fragility_tables.FRAGILITY_BUILDING
             if by == "building"
-            else studies.fragility.fragility_tables.FRAGILITY_STATES,
+            else studies.fragility_tables.FRAGILITY_STATES,
         ),
         lambda: draw(functions),
         page=lambda: _page(request, result, functions, draw),

@@ -255,7 +255,7 @@ def command(request: IdaRequest) -> None:
     _report_pairs(request, study)
     shown_study = study.in_units(units)
     if folder is None:
-        emit_table(studies.ida.ida_tables.capacity_table(shown_study))
+        emit_table(studies.ida_tables.capacity_table(shown_study))
     unused = [str(error) for error in suite.failures]
     _write(request, study, shown_study, settings, units, unused)
     _report(shown_study, request.precision)
@@ -347,8 +347,8 @@ def _write(
 
     files: dict[Path, Content] = {}
     if request.output:
-        runs_table = studies.ida.ida_tables.ida_table(shown)
-        capacities_table = studies.ida.ida_tables.capacity_table(shown)
+        runs_table = studies.ida_tables.ida_table(shown)
+        capacities_table = studies.ida_tables.capacity_table(shown)
         files[Path(request.output) / RUNS] = runs_table.in_units(units).csv()
         files[Path(request.output) / CAPACITIES] = capacities_table.in_units(units).csv()
         summary_settings = {
@@ -373,7 +373,7 @@ def _write(
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
         files[picture] = figures.style.picture(
-            picture.suffix, lambda: studies.ida.ida_figures.ida_picture(shown)
+            picture.suffix, lambda: studies.ida_figures.ida_picture(shown)
         )
     if request.report:
         files[Path(request.report)] = _page(request, study, settings, unused)
@@ -518,7 +518,7 @@ def _limit_medians(study: IdaStudy) -> list[str]:
         return []
     curves = study.states[0].motion_curves
     capacities = [
-        studies.ida.ida_tables.limit_capacities(study, curve) for curve in curves if curve.stable
+        studies.ida_tables.limit_capacities(study, curve) for curve in curves if curve.stable
     ]
     return [
         _median_text(

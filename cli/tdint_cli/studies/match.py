@@ -165,7 +165,7 @@ def command(request: MatchRequest) -> None:
             )
         else:
             matches = _match_each(suite.motions, targets, matching_options, show_progress)
-    table = studies.motions.matching_tables.match_table(matches)
+    table = studies.matching_tables.match_table(matches)
 
     origins = _origins(request, matches)
     contents, notes = motion_contents(
@@ -178,7 +178,7 @@ def command(request: MatchRequest) -> None:
     note(*notes)
     outputs.deliver(
         table,
-        lambda: studies.motions.matching_figures.match_picture(matches[0]),
+        lambda: studies.matching_figures.match_picture(matches[0]),
         lambda: _summary(request, suite.records, written, table),
         more=dict(zip(files, contents, strict=True)),
     )

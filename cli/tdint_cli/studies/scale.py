@@ -297,7 +297,7 @@ def command(request: ScaleRequest) -> None:
             f"factors larger than --max-factor {request.max_factor:g}: {factors}; remove these "
             "ground motions from the suite"
         )
-    table = studies.motions.scaling_tables.factor_table(scaling)
+    table = studies.scaling_tables.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
         """Return the content of the JSON file.
@@ -311,10 +311,10 @@ def command(request: ScaleRequest) -> None:
             "factors_sha256": sha256(table.csv()).hexdigest(),
         }
 
-    spectra_table = studies.motions.scaling_tables.scaled_table
+    spectra_table = studies.scaling_tables.scaled_table
     outputs.deliver(
         table,
-        lambda: studies.motions.scaling_figures.suite_picture(scaling, units),
+        lambda: studies.scaling_figures.suite_picture(scaling, units),
         summarize,
         more={file: spectra_table(scaling).in_units(units).csv() for file in spectra},
     )

@@ -166,9 +166,7 @@ def _one_at_a_time(request: Request) -> None:
     outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(
         parameter_effect_table(effects, outputs.shown_units),
-        lambda: studies.sensitivity.sensitivity_figures.sensitivity_picture(
-            effects, outputs.shown_units
-        ),
+        lambda: studies.sensitivity_figures.sensitivity_picture(effects, outputs.shown_units),
     )
     # The table starts with the effects on the peak drift ratio, in descending order.
     largest = effects[0]

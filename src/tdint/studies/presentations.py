@@ -28,81 +28,63 @@ def _comparison_picture(comparisons: Sequence[Any], units: OutputUnits) -> Figur
     # interpolation between samples.
     shortest = max(shortest, 2.0 * comparisons[0].event.base.dt)
     periods = np.geomspace(shortest, longest, count)
-    return studies.recordings.comparison_figures.comparison_picture(
-        comparisons, periods, SA_DAMPING, units
-    )
+    return studies.comparison_figures.comparison_picture(comparisons, periods, SA_DAMPING, units)
 
 
 PRESENTATIONS: dict[str, Presentation] = {
-    "CampaignRuns": Presentation(
-        lambda result: studies.campaign.campaign_tables.stored_columns(result)
-    ),
+    "CampaignRuns": Presentation(lambda result: studies.campaign_tables.stored_columns(result)),
     "Comparison": Presentation(
-        lambda result: studies.recordings.comparison_tables.comparison_table([result]),
+        lambda result: studies.comparison_tables.comparison_table([result]),
         picture=_comparison_picture,
     ),
     "Fragility": Presentation(
-        rows=lambda results, _: studies.fragility.fragility_tables.fragility_table(results),
-        picture=lambda results, _: studies.fragility.fragility_figures.fragility_picture(results),
-        on_axes=lambda ax, results, _: studies.fragility.fragility_figures.draw_functions(
-            ax, results
-        ),
+        rows=lambda results, _: studies.fragility_tables.fragility_table(results),
+        picture=lambda results, _: studies.fragility_figures.fragility_picture(results),
+        on_axes=lambda ax, results, _: studies.fragility_figures.draw_functions(ax, results),
     ),
     "FragilityResult": Presentation(
-        lambda result: studies.fragility.fragility_tables.fragility_table(result.functions),
-        picture=lambda result, _: studies.fragility.fragility_figures.fragility_picture(
-            result.functions
-        ),
-        on_axes=lambda ax, result, _: studies.fragility.fragility_figures.draw_functions(
+        lambda result: studies.fragility_tables.fragility_table(result.functions),
+        picture=lambda result, _: studies.fragility_figures.fragility_picture(result.functions),
+        on_axes=lambda ax, result, _: studies.fragility_figures.draw_functions(
             ax, result.functions
         ),
         alone=True,
     ),
     "Gradient": Presentation(
         columns=lambda result: tables.responses.gradient_columns(result),
-        picture=lambda result, units: studies.campaign.many_run_figures.gradient_picture(
-            result, units
-        ),
+        picture=lambda result, units: studies.many_run_figures.gradient_picture(result, units),
         alone=True,
         only_si="derivatives are in SI units: units cannot be selected for a gradient",
     ),
     "IdaStudy": Presentation(
-        lambda result: studies.ida.ida_tables.ida_table(result),
-        picture=lambda result, units: studies.ida.ida_figures.ida_picture(result.in_units(units)),
-        on_axes=lambda ax, result, units: studies.ida.ida_figures.draw_ida(
-            ax, result.in_units(units)
-        ),
+        lambda result: studies.ida_tables.ida_table(result),
+        picture=lambda result, units: studies.ida_figures.ida_picture(result.in_units(units)),
+        on_axes=lambda ax, result, units: studies.ida_figures.draw_ida(ax, result.in_units(units)),
         alone=True,
     ),
     "Match": Presentation(
-        lambda result: studies.motions.matching_tables.match_table([result]),
-        picture=lambda result, units: studies.motions.matching_figures.match_picture(result, units),
-        on_axes=lambda ax, result, units: studies.motions.matching_figures.draw_match(
-            ax, result, units
-        ),
+        lambda result: studies.matching_tables.match_table([result]),
+        picture=lambda result, units: studies.matching_figures.match_picture(result, units),
+        on_axes=lambda ax, result, units: studies.matching_figures.draw_match(ax, result, units),
         alone=True,
     ),
     "Runs": Presentation(
         lambda result: tables.values.runs_columns(result),
-        picture=lambda result, units: studies.campaign.many_run_figures.runs_picture(result, units),
-        on_axes=lambda ax, result, units: studies.campaign.many_run_figures.draw_runs(
-            ax, result, units
-        ),
+        picture=lambda result, units: studies.many_run_figures.runs_picture(result, units),
+        on_axes=lambda ax, result, units: studies.many_run_figures.draw_runs(ax, result, units),
         alone=True,
     ),
     "Scaling": Presentation(
-        lambda result: studies.motions.scaling_tables.factor_table(result),
-        picture=lambda result, units: studies.motions.scaling_figures.suite_picture(result, units),
-        on_axes=lambda ax, result, units: studies.motions.scaling_figures.draw_suite(
-            ax, result, units
-        ),
+        lambda result: studies.scaling_tables.factor_table(result),
+        picture=lambda result, units: studies.scaling_figures.suite_picture(result, units),
+        on_axes=lambda ax, result, units: studies.scaling_figures.draw_suite(ax, result, units),
         alone=True,
     ),
     "ParameterEffect": Presentation(
-        rows=lambda results, units: studies.sensitivity.sensitivity_tables.parameter_effect_table(
+        rows=lambda results, units: studies.sensitivity_tables.parameter_effect_table(
             results, units
         ),
-        picture=lambda results, units: studies.sensitivity.sensitivity_figures.sensitivity_picture(
+        picture=lambda results, units: studies.sensitivity_figures.sensitivity_picture(
             results, units
         ),
     ),

@@ -190,9 +190,9 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
     """The pairs were scaled as pairs and are run as separate files."""
 
     drawn = []
-    draw = studies.motions.scaling_figures.suite_picture
+    draw = studies.scaling_figures.suite_picture
     monkeypatch.setattr(
-        studies.motions.scaling_figures,
+        studies.scaling_figures,
         "suite_picture",
         lambda *arguments: drawn.append(arguments[0]) or draw(*arguments),
     )
