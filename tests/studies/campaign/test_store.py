@@ -1,9 +1,5 @@
 """Allowed locations of a store, and the division of campaigns into chunks."""
 
-import os
-import sqlite3
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +20,6 @@ from tdint.studies.campaign.buildings import model_buildings
 from tdint.studies.campaign.chunks import CampaignSettings, spectral_accelerations
 from tdint.studies.campaign.execute import Advance, merge
 from tdint.studies.campaign.plan import Plan
-from tdint.studies.store import schema
 from tdint.studies.store.opening import open_store
 from tdint.studies.store.schema import refuse_network
 
@@ -158,23 +153,3 @@ def test_too_short_period_does_not_affect_other_periods() -> None:
     assert together == [spectral_accelerations(record, [period])[0] for period in periods]
     assert [value is None for value in together] == [False, True, False, True]
     assert together[0] == pytest.approx(spectrum(record, np.array([1.0]), 0.05).psa[0], rel=1e-12)
-
-
-def test_copies_of_killed_processes_are_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Copies of running processes and of other machines are kept."""
-    monkeypatch.setattr(schema, "gettempdir", lambda: str(tmp_path))
-    own, host = f"{os.getpid()}-{system.process_start(os.getpid())}", system.this_host()
-    killed = subprocess.Popen([sys.executable, "-c", ""])
-    killed.wait()
-    names = [f"{host}-{own}-a_b", f"other.1234-{killed.pid}-7-ab", f"{host}-{killed.pid}-7-ab"]
-    for name in names:
-        (tmp_path / f"tdint-store-{name}").mkdir()
-        (tmp_path / f"tdint-store-{name}" / "campaign.sqlite").touch()
-    with sqlite3.connect(tmp_path / "s.sqlite") as connection:
-        connection.execute("CREATE TABLE runs (run)")
-    connection.close()
-    schema._read_copy(tmp_path / "s.sqlite", "s.sqlite", ()).close()
-    left = sorted(folder.name for folder in tmp_path.glob("tdint-store-*"))
-    assert left == sorted(f"tdint-store-{name}" for name in names[:2])

@@ -13,11 +13,11 @@ import os
 import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import TemporaryDirectory
 from typing import Any, Self
 
 from tdint.errors import OutputError
@@ -33,15 +33,7 @@ from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column, names
 from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import RunRow
-from tdint.system import (
-    file_system,
-    is_at,
-    is_running,
-    is_special,
-    lock_failure,
-    process_start,
-    this_host,
-)
+from tdint.system import file_system, is_at, is_special, lock_failure
 from tdint.units import Quantity
 
 # ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
@@ -184,17 +176,11 @@ def _is_empty(file: Path) -> bool:
     return not is_there(file) or not file.stat().st_size
 
 
-def _begin_reading(
-    file: Path, name: str, mode: str, connection_type: type[sqlite3.Connection] = sqlite3.Connection
-) -> sqlite3.Connection:
+def _begin_reading(file: Path, name: str, mode: str) -> sqlite3.Connection:
     """Open a file with the parameter `mode` of SQLite, and begin a transaction for reading. `name`
     is the path for messages."""
     connection = sqlite3.connect(
-        f"{file.as_uri()}?{mode}",
-        timeout=0.0,
-        uri=True,
-        isolation_level=None,
-        factory=connection_type,
+        f"{file.as_uri()}?{mode}", timeout=0.0, uri=True, isolation_level=None
     )
     with closed_on_failure(connection):
         _protect(connection)
@@ -204,32 +190,11 @@ def _begin_reading(
     return connection
 
 
-_COPY = "tdint-store"  # start of the names of temporary directories with a copy
-
-
-class _Copy(sqlite3.Connection):
-    """Connection to a file in a temporary directory, which is removed with the connection."""
-
-    folder: TemporaryDirectory[str] | None = None
-
-    def close(self) -> None:
-        """Close the connection and remove the directory."""
-        super().close()
-        if self.folder:
-            self.folder.cleanup()
-
-
-def _remove_abandoned_copies() -> None:
-    """Remove the copies of processes of this machine that were killed."""
-    for folder in Path(gettempdir()).glob(f"{_COPY}-{this_host()}-*-*-*"):
-        process, start = folder.name.split("-")[-3:-1]
-        if process.isdecimal() and start.isdecimal() and not is_running(int(process), int(start)):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
 def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Connection:
-    """Copy a store with its additional files, the logs, to a temporary directory, and open it for
-    reading.
+    """Return a connection for reading to a copy of a store in memory.
+
+    The store and its additional files, the logs, are first copied to a temporary directory, in
+    which SQLite can complete or reverse the last transaction.
 
     Raises
     ------
@@ -238,33 +203,28 @@ def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Con
     """
     logs = [path for path in additional if not _is_empty(path)]
     files = [file, *logs]
-    _remove_abandoned_copies()
-    process = os.getpid()
-    writer = f"{this_host()}-{process}-{process_start(process)}"
-    folder = TemporaryDirectory(prefix=f"{_COPY}-{writer}-")
 
     def states() -> list[tuple[int, int]]:
         """Return the modification time, ns, and the size of each file."""
         return [(status.st_mtime_ns, status.st_size) for status in map(Path.stat, files)]
 
-    try:
-        before = states()
-        for path in files:
-            shutil.copyfile(path, Path(folder.name, path.name))
-        is_changed = states() != before
-    except OSError as error:
-        folder.cleanup()
-        raise OutputError(f"{name}: cannot be read: {error.strerror or error}") from None
-    try:
+    with TemporaryDirectory(prefix="tdint-store-") as folder:
+        try:
+            before = states()
+            for path in files:
+                shutil.copyfile(path, Path(folder, path.name))
+            is_changed = states() != before
+        except OSError as error:
+            raise OutputError(f"{name}: cannot be read: {error.strerror or error}") from None
         if is_changed:
             raise OutputError(f"{name}: another process is changing the file; try again")
         mode = "mode=rw" if logs else "immutable=1"
-        connection = _begin_reading(Path(folder.name, file.name), name, mode, _Copy)
-    except BaseException:
-        folder.cleanup()
-        raise
-    assert isinstance(connection, _Copy)
-    connection.folder = folder
+        with closing(_begin_reading(Path(folder, file.name), name, mode)) as copied:
+            connection = sqlite3.connect(":memory:", isolation_level=None)
+            with closed_on_failure(connection):
+                copied.backup(connection)
+                _protect(connection)
+                connection.execute("PRAGMA query_only=ON")
     return connection
 
 
