@@ -76,6 +76,12 @@ class SuiteRequest:
     pair_demand : str | None
         Treatment of the two components of a recording: larger, mean or separate; None for the
         default.
+    geojson : bool
+        Write the GeoJSON map of the buildings and, with `by`, the map of the districts.
+    event : tuple of str | None
+        Events on the maps; None for all.
+    polygons : str | None
+        GeoJSON file with the polygons of the districts; by default their buildings are points.
     """
 
     output: str | None
@@ -93,6 +99,9 @@ class SuiteRequest:
     by: str | None = None
     report_head: tuple[tuple[str, str], ...] | None = None
     pair_demand: str | None = None
+    geojson: bool = False
+    event: tuple[str, ...] | None = None
+    polygons: str | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
         """Return the file of the figure; None if no figure is requested.

@@ -29,7 +29,6 @@ from tdint_cli.studies.campaign_files import (
     finish,
     refuse_foreign,
 )
-from tdint_cli.studies.maps import MapRequest
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ class CampaignRequest(SuiteRequest):
         "with their demands, damage, losses and average annual losses, for maps; with --by COLUMN "
         "also districts.geojson, the losses by the values of that column.",
     )
-    event: tuple[str, ...] = options.output.option(
+    event: tuple[str, ...] | None = options.output.option(
         type=ListOf(Name()),
         needs="--geojson",
         rare=True,
@@ -284,8 +283,7 @@ def _export(request: CampaignRequest) -> None:
         profiles = Profiles(store, request)
         if request.polygons is not None and request.by is None:
             raise UsageError("--polygons requires --by COLUMN, the column of the districts")
-        maps = MapRequest(request.geojson, request.event or (), request.polygons)
-        export(profiles, folder, simcenter=request.simcenter, maps=maps)
+        export(profiles, folder, simcenter=request.simcenter)
         if unmet_limits := profiles.report_results():
             raise Failures(unmet_limits)
 

@@ -21,7 +21,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.floors import suite_spectra
-from tdint_cli.studies.maps import MapRequest, check_map
+from tdint_cli.studies.maps import check_map, polygons_of_districts
 from tdint_cli.terminal import (
     Failures,
     current,
@@ -788,7 +788,7 @@ def _suite_contents(
     return contents
 
 
-def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapRequest) -> None:
+def export(profiles: Profiles, folder: Path, *, simcenter: bool) -> None:
     """Write all tables of a campaign again from its store (`tdint campaign export`).
 
     Parquet files are written also if pyarrow is installed. They and the SimCenter file use SI
@@ -802,18 +802,17 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     """
     from tdint.output.summary import files_read, merged_inputs, stored_summary
 
-    store, by = profiles.store, profiles.by
-    if maps.is_requested:
-        check_map(store, maps, by, complete=is_complete(store))
-    districts = maps.is_requested and by is not None
-    optional = {SIMCENTER: simcenter, GEOJSON: maps.is_requested, DISTRICTS: districts}
+    store, by, has_map = profiles.store, profiles.by, profiles.request.geojson
+    if has_map:
+        check_map(store, profiles.request.event or (), by, complete=is_complete(store))
+    optional = {SIMCENTER: simcenter, GEOJSON: has_map, DISTRICTS: has_map and by is not None}
     # Files that an earlier call has written are updated also, because outdated files could be
     # mistaken for the current state.
     exported = {*PARQUET}
     for name, is_requested in optional.items():
         if is_requested or store.is_ours(folder / name):
             exported.add(name)
-    writers = _exports(profiles, exported, maps)
+    writers = _exports(profiles, exported)
     # A map of districts that this call does not write again would show an earlier state of the
     # campaign, so that it is removed.
     if DISTRICTS in exported and not writers[DISTRICTS]:
@@ -833,14 +832,8 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     _write(profiles, folder, None, writers, inputs=inputs, provenance=provenance)
 
 
-def _exports(
-    profiles: Profiles, names: Collection[str], maps: MapRequest | None = None
-) -> dict[str, Writer | None]:
-    """Return the writer of each named optional file; None if this call cannot write the file.
-
-    `maps` contains the options of maps; by default the maps contain all events, and districts have
-    no polygons.
-    """
+def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | None]:
+    """Return the writer of each named optional file; None if this call cannot write the file."""
     if not names:
         return {}
     from tdint.studies.campaign import exports
@@ -849,9 +842,16 @@ def _exports(
     from tdint.studies.store import schema
 
     tables, damages = studies.campaign_tables, studies.damage_tables
-    maps, by = maps or MapRequest(), profiles.by
+    by, events = profiles.by, profiles.request.event or ()
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     write_parquet = partial(exports.write_parquet, store)
+    can_map = is_complete(store) and map_tables.is_mapped(store)
+    districts: Writer | None = None
+    if by is not None and DISTRICTS in names:
+        polygons = polygons_of_districts(store, profiles.request.polygons, by)
+        features = map_tables.district_features(store, by, polygons, events)
+        districts = partial(map_tables.write_geojson, features)
+    buildings = map_tables.building_features(store, profiles.units, events)
     # Each entry contains True if this call can write the file, and the function that writes it.
     runs, stories, damage, losses = PARQUET
     writers: dict[str, tuple[bool, Writer | None]] = {
@@ -872,14 +872,8 @@ def _exports(
             lambda stream: write_parquet(damages.loss_table(store, by), stream),
         ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
-        GEOJSON: (
-            is_complete(store) and map_tables.is_mapped(store),
-            partial(map_tables.write_geojson, store, units=profiles.units, events=maps.events),
-        ),
-        DISTRICTS: (
-            is_complete(store) and map_tables.is_mapped(store),
-            maps.districts(store, by) if by is not None else None,
-        ),
+        GEOJSON: (can_map, partial(map_tables.write_geojson, buildings)),
+        DISTRICTS: (can_map, districts),
     }
     return {
         name: writer if can_write else None

@@ -1,11 +1,9 @@
-"""Options and checks of the maps of a campaign."""
+"""Polygons and checks of the maps of a campaign."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, BinaryIO
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
 
 from tdint.errors import UsageError
 
@@ -13,54 +11,34 @@ if TYPE_CHECKING:
     from tdint.studies.store.result_store import Store
 
 
-@dataclass(frozen=True)
-class MapRequest:
-    """Options of maps.
+def polygons_of_districts(
+    store: Store, file: str | None, by: str
+) -> dict[str, dict[str, Any]] | None:
+    """Return the polygon of each district from a GeoJSON file; None without a file.
 
-    Attributes
+    Parameters
     ----------
-    is_requested : bool
-        Write the GeoJSON map of the buildings and, with `--by`, the map of the districts.
-    events : tuple of str
-        Events on the maps; all if empty.
-    polygons : str | None
-        GeoJSON file with the polygons of the districts; by default their buildings are points.
+    by : str
+        Column of the inventory; buildings with the same value form a district. The column exists,
+        because the options have been checked.
+
+    Raises
+    ------
+    UsageError
+        The polygons cannot be read, or the polygon of a district is missing.
     """
+    from tdint.studies.regions.maps import read_polygons
 
-    is_requested: bool = False
-    events: tuple[str, ...] = ()
-    polygons: str | None = None
-
-    def districts(self, store: Store, by: str) -> Callable[[BinaryIO], None]:
-        """Return a function that writes the map of districts to a binary stream.
-
-        Polygons, if there are any, are read and compared with the districts before the function is
-        returned, so that errors are reported before any file is written.
-
-        Parameters
-        ----------
-        by : str
-            Column of the inventory; buildings with the same value form a district.
-
-        Raises
-        ------
-        UsageError
-            The polygons cannot be read, or the polygon of a district is missing.
-        """
-        from tdint.studies.regions.maps import read_polygons, write_districts
-
-        polygons = None
-        if self.polygons is not None:
-            # The column `by` exists, because the options have been checked. Upper and lower case of
-            # column names are equivalent. The cells that the store keeps for a building are in the
-            # order of these columns.
-            column = [title.lower() for title in store.inventory_columns()].index(by.lower())
-            districts = {store.copied_cells(number)[column] for number in store.buildings()}
-            polygons = read_polygons(self.polygons, by, sorted(districts))
-        return partial(write_districts, store, by=by, polygons=polygons, events=self.events)
+    if file is None:
+        return None
+    # Upper and lower case of column names are equivalent. The cells that the store keeps for a
+    # building are in the order of these columns.
+    column = [title.lower() for title in store.inventory_columns()].index(by.lower())
+    districts = {store.copied_cells(number)[column] for number in store.buildings()}
+    return read_polygons(file, by, sorted(districts))
 
 
-def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool) -> None:
+def check_map(store: Store, events: Collection[str], by: str | None, *, complete: bool) -> None:
     """Raise UsageError if a requested map cannot be written from a store.
 
     A map requires coordinates of the buildings, the results of all runs, and known events. A map of
@@ -87,7 +65,7 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
             f"{store.name}: not all runs are completed, and a map requires the results of all "
             "ground motions; run `tdint campaign` again first"
         )
-    check_events(store, maps.events)
+    check_events(store, events)
     if by is not None:
         check_column(store, by)
         if not has_losses(store):

@@ -48,37 +48,7 @@ _PROPERTIES = (
 Feature = dict[str, Any]
 
 
-def write_geojson(
-    store: Store, stream: BinaryIO, units: OutputUnits = SI, events: Collection[str] = ()
-) -> None:
-    """Write a GeoJSON FeatureCollection of points.
-
-    Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
-    location. Each building, event and level of intensity has a point with these properties:
-
-    - the columns of the inventory;
-    - `event`, if the campaign has ground motion fields of events;
-    - `scale` (scale factor) and `level` (intensity or number of the level), as in profiles.csv;
-    - the numbers of ground motions, collapses and failed runs;
-    - mean and maximum of the demands over the other runs;
-    - `pair_demand`, if there are pairs of components: the rule for the demand of a pair;
-    - with damage states: the mean probability of each state, and the mean loss ratio;
-    - with costs: `value` and the mean `loss`, in the unit of the costs;
-    - with rates of the events: `annual_loss` (rate times loss of the event) and
-      `average_annual_loss` (sum of `annual_loss` over all events). Without costs these losses are
-      fractions of the value of the building.
-
-    Unknown values are null. The inventory must have locations (`is_mapped`).
-
-    Parameters
-    ----------
-    events : collection of str
-        Events to write; all by default. The average annual loss includes all events.
-    """
-    _write_collection(_features(store, units, events), stream)
-
-
-def _write_collection(features: Iterable[Feature], stream: BinaryIO) -> None:
+def write_geojson(features: Iterable[Feature], stream: BinaryIO) -> None:
     """Write a GeoJSON FeatureCollection of the features to a stream, one feature per line."""
     stream.write(b'{"type": "FeatureCollection", "features": [')
     separator = b"\n"
@@ -87,6 +57,14 @@ def _write_collection(features: Iterable[Feature], stream: BinaryIO) -> None:
         stream.write(separator + text.encode("utf-8", "replace"))
         separator = b",\n"
     stream.write(b"\n]}\n")
+
+
+def _in_json(properties: Feature) -> Feature:
+    """Return computed properties with 12 digits of each number, and None for nan."""
+    return {
+        name: (None if math.isnan(value) else digits(value)) if isinstance(value, float) else value
+        for name, value in properties.items()
+    }
 
 
 def is_mapped(store: Store) -> bool:
@@ -105,11 +83,32 @@ def check_events(store: Store, requested: Collection[str]) -> None:
             raise UsageError(f"--event {name}: {store.name} has no such event; {reason}")
 
 
-def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> Iterator[Feature]:
-    """Yield the feature of each building, event and level, with the properties that
-    `write_geojson` describes.
+def building_features(
+    store: Store, units: OutputUnits = SI, requested: Collection[str] = ()
+) -> Iterator[Feature]:
+    """Yield a GeoJSON point for each building, event and level of intensity.
 
-    `requested` contains the events to write; all if empty.
+    Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
+    location. Each point has these properties:
+
+    - the columns of the inventory;
+    - `event`, if the campaign has ground motion fields of events;
+    - `scale` (scale factor) and `level` (intensity or number of the level), as in profiles.csv;
+    - the numbers of ground motions, collapses and failed runs;
+    - mean and maximum of the demands over the other runs;
+    - `pair_demand`, if there are pairs of components: the rule for the demand of a pair;
+    - with damage states: the mean probability of each state, and the mean loss ratio;
+    - with costs: `value` and the mean `loss`, in the unit of the costs;
+    - with rates of the events: `annual_loss` (rate times loss of the event) and
+      `average_annual_loss` (sum of `annual_loss` over all events). Without costs these losses are
+      fractions of the value of the building.
+
+    Unknown values are null. The inventory must have locations (`is_mapped`).
+
+    Parameters
+    ----------
+    requested : collection of str
+        Events to write; all by default. The average annual loss includes all events.
     """
     from tdint.studies.campaign.chunks import Run
     from tdint.studies.campaign.story_profiles import SuiteRules
@@ -155,7 +154,7 @@ def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> I
                 if level.pair_demand:
                     results["pair_demand"] = level.pair_demand
                 demands = _level_properties(level, runs_of_event, units)
-                properties = head | demands | results | inventory_properties
+                properties = _in_json(head | demands | results) | inventory_properties
                 yield {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
@@ -230,30 +229,27 @@ def _losses(
     """
     if LOSS.name not in results:
         return {}
-    loss_ratio, properties = results[LOSS.name], Feature()
-    has_value = not math.isnan(value)
+    properties, has_value = Feature(), not math.isnan(value)
     if has_value:
-        properties[_VALUE] = digits(value)
-        properties[_LOSS] = None if loss_ratio is None else digits(value * loss_ratio)
+        properties |= {_VALUE: value, _LOSS: value * results[LOSS.name]}
     if annual_losses:
         unit = value if has_value else 1.0
-        event_loss = annual_losses.get((rank, event))
         total_loss = math.fsum(
             loss for (level_rank, _), loss in annual_losses.items() if level_rank == rank
         )
-        properties[_ANNUAL] = None if event_loss is None else digits(unit * event_loss)
-        properties[_AVERAGE] = digits(unit * total_loss)
+        properties[_ANNUAL] = unit * annual_losses.get((rank, event), math.nan)
+        properties[_AVERAGE] = unit * total_loss
     return properties
 
 
-def write_districts(
+def district_features(
     store: Store,
-    stream: BinaryIO,
     by: str,
     polygons: Mapping[str, Feature] | None = None,
-    events: Collection[str] = (),
-) -> None:
-    """Write a GeoJSON FeatureCollection of the losses of all buildings with each value of a column.
+    requested: Collection[str] = (),
+) -> Iterator[Feature]:
+    """Yield a GeoJSON feature with the losses of all buildings with the same value of a column, for
+    each value, event and level.
 
     The properties are the value of the column, the level, the event, the numbers of buildings, runs
     and failed runs, the mean loss ratio and, with costs, `value`, `loss` and its standard error;
@@ -265,16 +261,8 @@ def write_districts(
     ----------
     polygons : mapping, optional
         Geometries by value of the column (`read_polygons`).
-    """
-    _write_collection(_districts(store, by, polygons, events), stream)
-
-
-def _districts(
-    store: Store, by: str, polygons: Mapping[str, Feature] | None, requested: Collection[str]
-) -> Iterator[Feature]:
-    """Yield a GeoJSON feature for each district (value of the column `by`), event and level.
-
-    Without requested events, all are written.
+    requested : collection of str
+        Events to write; all by default.
     """
     positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
     groups = list(group_damages(store, by=by))
@@ -285,10 +273,6 @@ def _districts(
         the mean loss ratio."""
         return float((group.money if costs else group.loss).value[0])
 
-    def cell(value: float) -> float | None:
-        """Return a number with 12 digits; None for NaN, which JSON does not have."""
-        return None if math.isnan(value) else digits(value)
-
     annual_losses: dict[tuple[str, float], list[float]] = {}
     for group in groups:
         if rates and not math.isnan(mean_loss(group)):
@@ -298,29 +282,27 @@ def _districts(
     for group in groups:
         if requested and group.event not in requested:
             continue
-        properties: Feature = {by: group.inventory_entry} | (
-            {"event": group.event} if group.event else {}
-        )
+        properties: Feature = {by: group.inventory_entry}
+        properties |= {"event": group.event} if group.event else {}
         properties |= {
-            "level": digits(group.level),
+            "level": group.level,
             "buildings": group.buildings,
             "runs": group.runs,
+            "failed": group.failed,
+            LOSS.name: float(group.loss.value[0]),
         }
-        properties |= {"failed": group.failed, LOSS.name: cell(float(group.loss.value[0]))}
         if costs:
-            properties |= {_VALUE: cell(group.value), _LOSS: cell(float(group.money.value[0]))}
-            properties[f"{_LOSS}_error"] = cell(float(group.money.error[0]))
+            properties |= {_VALUE: group.value, _LOSS: float(group.money.value[0])}
+            properties[f"{_LOSS}_error"] = float(group.money.error[0])
         if rates:
             losses_of_events = annual_losses.get((group.inventory_entry, group.level), [])
-            properties |= {
-                _ANNUAL: cell(rates[group.event] * mean_loss(group)),
-                _AVERAGE: cell(math.fsum(losses_of_events) if losses_of_events else math.nan),
-            }
+            properties[_ANNUAL] = rates[group.event] * mean_loss(group)
+            properties[_AVERAGE] = math.fsum(losses_of_events) if losses_of_events else math.nan
         properties |= {"pair_demand": pair_demand} if pair_demand else {}
         points = positions.get(group.inventory_entry, [])
         geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
         geometry = geometry if polygons is None else polygons.get(group.inventory_entry)
-        yield {"type": "Feature", "geometry": geometry, "properties": properties}
+        yield {"type": "Feature", "geometry": geometry, "properties": _in_json(properties)}
 
 
 def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]]:
@@ -405,13 +387,13 @@ def _level_properties(
     level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits
 ) -> Feature:
     """Return the properties of a building on a map at an intensity level: the scale factor or the
-    level, the numbers of ground motions, and the mean and maximum of each demand. A demand is None
+    level, the numbers of ground motions, and the mean and maximum of each demand. A demand is nan
     without completed runs, or if it is undefined (no drift ratio without height).
     """
     properties: Feature = {}
     for name, number in (("scale", level.scale), ("level", level.level)):
         if not math.isnan(number):
-            properties[name] = digits(number)
+            properties[name] = number
     properties |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
     for demand, column_index in zip(_DEMANDS, _DEMAND_INDICES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
@@ -422,15 +404,15 @@ def _level_properties(
             if None not in component_values:
                 value = float(combine(np.abs(component_values), level.pair_demand))
                 values.append(value / factor)
-        properties[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
-        properties[f"max_{column}"] = digits(max(values)) if values else None
+        properties[f"mean_{column}"] = math.fsum(values) / len(values) if values else math.nan
+        properties[f"max_{column}"] = max(values, default=math.nan)
     return properties
 
 
 def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
     """Return the properties of a building on a map that describe its damage.
 
-    They are the mean probability of each outcome and the mean loss ratio; None without results.
+    They are the mean probability of each outcome and the mean loss ratio; nan without results.
 
     `event` is the number of the event; 0 for the runs of all events.
     """
@@ -441,7 +423,7 @@ def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
     if damage.states.losses:
         property_names.append(LOSS.name)
     if not is_used.any():
-        return dict.fromkeys(property_names)
+        return dict.fromkeys(property_names, math.nan)
     means = damage.probability[is_used].mean(axis=0).tolist()
     if damage.states.losses:
         means.append(float(damage.loss[is_used].mean()))
