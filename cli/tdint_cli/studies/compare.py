@@ -292,7 +292,7 @@ def _page(
     """
     from tdint.output.page import PageText, page_units
     from tdint.output.summary import files_read
-    from tdint.studies.recordings.compare import absolute_displacements, unmet
+    from tdint.studies.recordings.compare import unmet
     from tdint.studies.recordings.comparison_report import comparison_page
     from tdint.studies.recordings.comparison_tables import fitted_table
 
@@ -309,14 +309,10 @@ def _page(
     sentences = [_motion_sentence(item, units) for item in comparisons]
     sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
     # The report repeats the notes of the terminal, such as removed offsets and disabled checks.
-    notes = [text for item in comparisons for text in (*item.event.notes, *item.response.notes)]
+    notes = [text for item in comparisons for text in item.notes]
     notes += fitted.notes if fitted else ()
     sentences += [f"Note: {text}." for text in dict.fromkeys(notes)]
-    warnings = [
-        text
-        for item in comparisons
-        for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
-    ]
+    warnings = [text for item in comparisons for text in item.warnings]
     page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
     fitted_values = fitted_table(fitted.values, units) if fitted else None
     return comparison_page(comparisons, partial(draw, units), page_text, fitted_values, units)
@@ -360,12 +356,11 @@ def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
 
     `fitted` contains the fitted values of the model; None without --fit.
     """
-    from tdint.studies.recordings.compare import absolute_displacements
     from tdint.studies.recordings.comparison_tables import fitted_in
 
     for item in comparisons:
         say(_motion_sentence(item, units))
-        warn(*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
+        warn(*item.warnings)
     # Show only the first values, because a building with many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
@@ -380,9 +375,5 @@ def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
             f"Fitted to {source} in {pluralize(fitted.runs, 'run')}: "
             f"{abbreviate(changes, _LISTED)}."
         )
-    note(
-        *dict.fromkeys(
-            text for item in comparisons for text in (*item.event.notes, *item.response.notes)
-        )
-    )
+    note(*dict.fromkeys(text for item in comparisons for text in item.notes))
     note(*(fitted.notes if fitted else ()))

@@ -133,16 +133,14 @@ class Event:
             )
             floors.append(RecordedFloor(number, centered.with_samples(samples), first))
         all_signals = [*base_signals, *(signal for signals in floor_signals for signal in signals)]
-        reader_notes, warnings = dict[str, None](), dict[str, None]()
-        for signal in all_signals:
-            reader_notes |= dict.fromkeys(_with_label(signal, signal.notes))
-            warnings |= dict.fromkeys(_with_label(signal, signal.warnings))
+        reader_notes = [f"{item.label}: {text}" for item in all_signals for text in item.notes]
+        warnings = [f"{item.label}: {text}" for item in all_signals for text in item.warnings]
         return cls(
             recording,
             base,
             tuple(floors),
-            notes=(*reader_notes, *notes),
-            warnings=tuple(warnings),
+            notes=tuple(dict.fromkeys([*reader_notes, *notes])),
+            warnings=tuple(dict.fromkeys(warnings)),
             inputs=tuple(dict.fromkeys(signal.input for signal in all_signals)),
         )
 
@@ -190,23 +188,17 @@ class Event:
             Fewer than 10 samples remain.
         """
         start, end = self.recording.window or (0.0, self.base.duration)
-        available_samples = np.flatnonzero(np.isfinite(recorded))
-        # A recording without samples leads to an empty range, which is rejected below. The value
-        # 1e-6 allows for rounding errors of the times, in samples.
-        first = max(
-            math.ceil(start / self.base.dt - 1e-6),
-            int(available_samples[0]) if available_samples.size else self.count,
-        )
-        last = min(
-            math.floor(end / self.base.dt + 1e-6),
-            int(available_samples[-1]) if available_samples.size else 0,
-        )
-        if last - first + 1 < _MIN_SAMPLES:
+        index, dt = np.arange(self.count), self.base.dt
+        # The value 1e-6 allows for rounding errors of the times, in samples. Samples outside the
+        # recording are at its ends, so that the remaining samples are successive.
+        is_in_window = (index >= start / dt - 1e-6) & (index <= end / dt + 1e-6)
+        used = np.flatnonzero(is_in_window & np.isfinite(recorded))
+        if used.size < _MIN_SAMPLES:
             raise RecordError(
                 f"{label}: has fewer than {_MIN_SAMPLES} samples in the window from {start:g} to "
                 f"{end:g} s; use a longer window"
             )
-        return slice(first, last + 1)
+        return slice(used[0], used[-1] + 1)
 
 
 def _read(sensor: Sensor) -> Signal:
@@ -331,11 +323,6 @@ def _start_offset(signal: Signal, reference: Signal, notes: dict[str, None]) -> 
     return signal.start - reference.start
 
 
-def _with_label(signal: Signal, texts: Sequence[str]) -> list[str]:
-    """Return the texts with the label of a signal before each text."""
-    return [f"{signal.label}: {text}" for text in texts]
-
-
 # ---- Comparison of the computed with the recorded motions
 
 _LONGEST_SHIFT = 10.0
@@ -453,6 +440,38 @@ class Comparison(Tabular):
             f"{smallest_correlation:.3f} and more"
         )
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes of the readers and of the run."""
+        return (*self.event.notes, *self.response.notes)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings of the readers and of the run, and a warning for each floor with a recorded
+        displacement that probably is absolute.
+
+        Displacements are compared relative to the base. A recorded displacement is probably
+        absolute if subtracting the displacement of the base improves the agreement considerably.
+        """
+        event, messages = self.event, [*self.event.warnings, *self.response.warnings]
+        for floor in self.floors:
+            if floor.quantity != "displacement":
+                continue
+            first_sample = round(floor.time[0] / event.base.dt)
+            samples = slice(first_sample, first_sample + floor.time.size)
+            relative = replace(floor, recorded=floor.recorded - event.base_displacement[samples])
+            if (
+                relative.correlation > floor.correlation + _CORRELATION_GAIN
+                and relative.rms_difference < floor.rms_difference
+            ):
+                messages.append(
+                    f"floor {floor.floor}: the recorded displacement probably is absolute, but "
+                    "displacements are compared relative to the base. If the displacement of the "
+                    f"base is subtracted, the correlation is {relative.correlation:.3f} instead of "
+                    f"{floor.correlation:.3f}; subtract the displacement of the base in the file"
+                )
+        return messages
+
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
         """Return response spectra of the computed and of the recorded absolute floor accelerations.
 
@@ -485,32 +504,6 @@ class Comparison(Tabular):
             )
             for floor in self.floors
         )
-
-
-def absolute_displacements(comparison: Comparison) -> list[str]:
-    """Return a warning for each floor with a recorded displacement that probably is absolute.
-
-    Displacements are compared relative to the base. A recorded displacement is probably absolute if
-    subtracting the displacement of the base improves the agreement considerably.
-    """
-    event, messages = comparison.event, []
-    for floor in comparison.floors:
-        if floor.quantity != "displacement":
-            continue
-        first_sample = round(floor.time[0] / event.base.dt)
-        base_displacement = event.base_displacement[first_sample : first_sample + floor.time.size]
-        relative = replace(floor, recorded=floor.recorded - base_displacement)
-        if (
-            relative.correlation > floor.correlation + _CORRELATION_GAIN
-            and relative.rms_difference < floor.rms_difference
-        ):
-            messages.append(
-                f"floor {floor.floor}: the recorded displacement probably is absolute, but "
-                "displacements are compared relative to the base. If the displacement of the base "
-                f"is subtracted, the correlation is {relative.correlation:.3f} instead of "
-                f"{floor.correlation:.3f}; subtract the displacement of the base in the file"
-            )
-    return messages
 
 
 def compare(

@@ -160,7 +160,6 @@ def _event(comparison: Comparison) -> dict[str, Any]:
     """Return the part of a JSON file about one event of a comparison with recordings: its settings
     and the agreement of the responses on each floor."""
     from tdint.methods.catalogue import resolved
-    from tdint.studies.recordings.compare import absolute_displacements
 
     event, response = comparison.event, comparison.response
     return {
@@ -181,6 +180,6 @@ def _event(comparison: Comparison) -> dict[str, Any]:
             }
             for floor in comparison.floors
         ],
-        "notes": [*event.notes, *response.notes],
-        "warnings": [*event.warnings, *response.warnings, *absolute_displacements(comparison)],
+        "notes": list(comparison.notes),
+        "warnings": comparison.warnings,
     }

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,8 +41,9 @@ _PEAK_NAMES = (
     "peak_roof_displacement",
     "peak_base_shear",
 )
-PEAKS = tuple(quantity for quantity in RUN if quantity.name in _PEAK_NAMES)
-"""Peaks that are evaluated."""
+PEAKS = tuple(replace(quantity, value=None) for quantity in RUN if quantity.name in _PEAK_NAMES)
+"""Peaks that are evaluated. Their values are read from the store; without functions, they can be
+pickled."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +72,6 @@ class ParameterEffect:
     as_it_is: float
     at_high: float
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the name of the quantity instead of the quantity, which contains functions that
-        cannot be pickled."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return _parameter_effect, (
-            {**values, "quantity": self.quantity.name},
-            self.quantity.unit,
-        )
-
     @property
     def effect(self) -> float:
         """Absolute difference of the peaks for the low and high values, divided by the peak of the
@@ -101,13 +92,6 @@ class ParameterEffect:
         quantity = replace(self.quantity, unit=unit)
         peaks = (peak / factor for peak in (self.at_low, self.as_it_is, self.at_high))
         return ParameterEffect(self.building, self.parameter, quantity, self.low, self.high, *peaks)
-
-
-def _parameter_effect(values: dict[str, Any], unit: str) -> ParameterEffect:
-    """Return an unpickled effect. `values` are the attributes by name, with the name of the
-    quantity instead of the quantity; `unit` is the unit of the quantity."""
-    (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
-    return ParameterEffect(**{**values, "quantity": replace(quantity, unit=unit)})
 
 
 @dataclass(frozen=True)
