@@ -9,7 +9,7 @@ import re
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain, compress, islice, zip_longest
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,7 +20,6 @@ from tdint.arrays import Array, cached_property
 from tdint.csv_table import (
     BLOCK,
     CsvTable,
-    number,
     number_error,
     numbers_in,
     read_table,
@@ -338,88 +337,21 @@ class _FieldRows:
 
     def add_block(self, block: Sequence[tuple[int, list[str]]]) -> list[str]:
         """Append the valid rows of a block (line number and cells of each row), and return the
-        errors of the other rows."""
-        # Almost all rows are valid. Only blocks with an error are read row by row.
-        if self._add_valid(block):
-            return []
-        errors = [self._add_row(line, cells) for line, cells in block]
-        return [
-            f"{self.settings.file}:{line}: {error}"
-            for (line, _), error in zip(block, errors, strict=True)
-            if error
-        ]
-
-    def _add_row(self, line: int, cells: list[str]) -> str:
-        """Append a row and return an empty text. If the row is invalid, return its error
-        and do not append it. Cells may be missing at the end of the row.
-        """
-        width = len(self.table.header)
-        if self.table.overfull(cells):
-            return (
-                f"the row has {pluralize(len(cells), 'cell')}, but the header has "
-                f"{pluralize(width, 'column')}"
-            )
-        # Missing cells at the end of a row are empty. One more empty cell represents the columns
-        # that the table does not have.
-        cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
-        texts = [cells[index].strip() for index in self.indices]
-        event, record, site, component, second_file, value_text = texts
-        # `value` is the scale factor of the record, or the intensity of the scaled record in the
-        # unit of the column (`unit` in SI). Without a value, the record is not scaled.
-        value = number(value_text) if value_text else 1.0
-        if error := self._row_error(event, record, site, value_text, value):
-            return error
-        # Events are numbered from 1, because the number of an event becomes the sample number of
-        # its runs; 0 denotes a run without sampling.
-        self.site.append(self.sites.setdefault(site, len(self.sites)))
-        self.event.append(self.events.setdefault(event, len(self.events) + 1))
-        record_key = (record, component, second_file)
-        self.record.append(self.records.setdefault(record_key, len(self.records)))
-        self.value.append(self.unit * value)
-        self.line.append(line)
-        return ""
-
-    def _row_error(self, event: str, record: str, site: str, value_text: str, value: float) -> str:
-        """Return the error of a row; an empty text if it is valid.
-
-        The texts are empty if the cell is empty or the column does not exist. `value` is NaN if
-        `value_text` is not a number, 1 if it is empty.
-        """
-        event_column, _, site_column, _, _, value_column = self.columns
-        has_site_column = self.indices[2] < len(self.table.header)
-        if not event:
-            return f"{event_column} is missing"
-        if not record:
-            return "record is missing"
-        if has_site_column and not site:
-            return f"{site_column} is missing"
-        if self.settings.sites and site not in self.sites:
-            return f"site {site!r} not found in {self.settings.sites}; add it there"
-        if self.measure and not value_text:
-            return f"{value_column} is missing"
-        if math.isnan(value) or (self.measure and value <= 0.0):
-            required = "a positive number" if self.measure else "a number"
-            return f"{value_column} {number_error(value_text, required)}"
-        if value == 0.0:
-            return f"{value_column} must not be zero, got {value_text[:40]!r}"
-        return ""
-
-    def _add_valid(self, block: Sequence[tuple[int, list[str]]]) -> bool:
-        """Append the rows of a block and return True, if all of them are valid; otherwise return
-        False."""
+        errors of the other rows. Cells may be missing at the end of a row."""
         width, indices = len(self.table.header), self.indices
-        line_numbers, cells = zip(*block, strict=True)
-        if set(map(len, cells)) != {width}:
-            return False
-        # Transpose the cells to columns. An empty column at the index `width` represents the
-        # columns that do not exist.
-        columns = [*zip(*cells, strict=True), ("",) * len(cells)]
+        lines, cells = zip(*block, strict=True)
+        # Transpose the cells to columns, without surplus cells. The column at the index `width` is
+        # empty, and represents the columns that do not exist.
+        columns = list(islice(zip_longest(*cells, fillvalue=""), width))
+        columns += [("",) * len(cells)] * (width + 1 - len(columns))
         event, record, site, component, second_file, value = (columns[index] for index in indices)
-        # Without a column of values, all factors are 1. A value that is not a number is NaN, for
-        # which the comparison is False.
-        values = np.ones(len(cells)) if indices[5] == width else numbers_in(value)
-        if not (values > 0.0 if self.measure else np.abs(values) > 0.0).all():
-            return False
+        # Without a value, the factor is 1. A value that is not a number is NaN, for which the
+        # comparison is False.
+        texts = list(map(str.strip, value))
+        values = numbers_in(texts)
+        if not self.measure and "" in texts:
+            values[[not text for text in texts]] = 1.0
+        are_allowed = (values > 0.0 if self.measure else np.abs(values) > 0.0).all()
         # Replace names by numbers in the order of their first use. If a row is invalid, its names
         # also get numbers; this has no effect, because the table is refused.
         keys = zip(record, component, second_file, strict=True)
@@ -432,14 +364,54 @@ class _FieldRows:
             or any(not name for name, *_ in self.records)
             or ("" in self.sites and indices[2] < width)
         )
-        if is_unnamed or -1 in sites:
-            return False
-        self.site.extend(sites)
-        self.event.extend(events)
-        self.record.extend(records)
-        self.value.frombytes((self.unit * values).tobytes())
-        self.line.extend(line_numbers)
-        return True
+        # Almost all rows are valid. Only blocks with an error are read row by row.
+        errors = [""] * len(cells)
+        if not are_allowed or is_unnamed or -1 in sites or max(map(len, cells)) > width:
+            rows = zip(cells, event, record, site, texts, values.tolist(), strict=True)
+            errors = [self._row_error(*row) for row in rows]
+        is_valid = [not error for error in errors]
+        self.site.extend(compress(sites, is_valid))
+        self.event.extend(compress(events, is_valid))
+        self.record.extend(compress(records, is_valid))
+        self.value.frombytes((self.unit * values[is_valid]).tobytes())
+        self.line.extend(compress(lines, is_valid))
+        return [
+            f"{self.settings.file}:{line}: {error}"
+            for line, error in zip(lines, errors, strict=True)
+            if error
+        ]
+
+    def _row_error(
+        self, cells: list[str], event: str, record: str, site: str, value_text: str, value: float
+    ) -> str:
+        """Return the error of a row; an empty text if it is valid.
+
+        The texts are empty if the cell is empty or the column does not exist. `value` is NaN if
+        `value_text` is not a number; without an intensity measure, it is 1 if the text is empty.
+        """
+        event_column, _, site_column, _, _, value_column = self.columns
+        width, site = len(self.table.header), site.strip()
+        if self.table.overfull(cells):
+            return (
+                f"the row has {pluralize(len(cells), 'cell')}, but the header has "
+                f"{pluralize(width, 'column')}"
+            )
+        if not event.strip():
+            return f"{event_column} is missing"
+        if not record.strip():
+            return "record is missing"
+        if self.indices[2] < width and not site:
+            return f"{site_column} is missing"
+        if self.settings.sites and site not in self.sites:
+            return f"site {site!r} not found in {self.settings.sites}; add it there"
+        if self.measure and not value_text:
+            return f"{value_column} is missing"
+        if math.isnan(value) or (self.measure and value <= 0.0):
+            required = "a positive number" if self.measure else "a number"
+            return f"{value_column} {number_error(value_text, required)}"
+        if value == 0.0:
+            return f"{value_column} must not be zero, got {value_text[:40]!r}"
+        return ""
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
         """Return the numbers of site, event and record, and the value, of all rows: four arrays of
