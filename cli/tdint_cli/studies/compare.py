@@ -13,13 +13,11 @@ import click
 
 from tdint import studies
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import STDIN, check_outputs, write_files
+from tdint.files import STDIN, check_outputs
 from tdint.number_parsing import abbreviate, number_text, pluralize
-from tdint.output import figures
 from tdint_cli import options
-from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import FileName, ListOf, Written
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import Outputs, check_picture, picture_file
 from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
@@ -120,21 +118,17 @@ class Request:
             return output / name
         return output if name == TABLE else output.with_name(f"{output.stem}-{name}")
 
-    @property
-    def picture(self) -> Path | None:
-        """Path of the figure; None if no figure is requested."""
-        return picture_file(self.plot, self.file(TABLE) if self.output else None)
-
-    @property
-    def outputs(self) -> list[Path]:
-        """All files that are written."""
-        names = (
-            (TABLE, SPECTRA, *((FIT, FITTED) if self.fit else ()), SUMMARY) if self.output else ()
-        )
-        return [
-            *map(self.file, names),
-            *filter(None, (self.picture, Path(self.report) if self.report else None)),
-        ]
+    def checked_outputs(self) -> Outputs:
+        """Return the outputs; OutputError or UsageError if a file cannot be written."""
+        table, summary = (self.file(TABLE), self.file(SUMMARY)) if self.output else (None, None)
+        report = Path(self.report) if self.report else None
+        picture = picture_file(self.plot, table)
+        outputs = Outputs(table, picture, summary, self.overwrite, self.output_units, report)
+        if picture:
+            check_picture(picture)
+        names = (SPECTRA, *((FIT, FITTED) if self.fit else ())) if self.output else ()
+        check_outputs([*outputs.files, *map(self.file, names)], overwrite=self.overwrite)
+        return outputs
 
 
 @options.command(
@@ -158,7 +152,6 @@ def command(request: Request) -> None:
     """
     from tdint.model.config.model_file import load_model
     from tdint.studies.recordings.compare import Event, compare, unmet
-    from tdint.studies.recordings.comparison_tables import comparison_table
     from tdint.studies.recordings.fit import fit
     from tdint.studies.recordings.recording_file import load_recording
 
@@ -168,11 +161,10 @@ def command(request: Request) -> None:
             f"standard input ({STDIN}) can be only one of MODEL.yaml, --recorded and --blind; "
             "specify the other inputs as files"
         )
-    if request.picture:
-        check_picture(request.picture)
-    check_outputs(request.outputs, overwrite=request.overwrite)
+    outputs = request.checked_outputs()
     model = load_model(request.model)
-    units = request.output_units or model.output_units
+    outputs = outputs.else_in(model.output_units)
+    units = outputs.shown_units
     model = replace(model, output_units=units)
     recordings = [load_recording(file, len(model.stories)) for file in files]
     events = [Event.of(recording) for recording in recordings]
@@ -184,9 +176,7 @@ def command(request: Request) -> None:
     comparisons = [
         compare(used_model, event, method=request.method, dt=request.dt) for event in events
     ]
-    if not request.output:
-        emit_table(comparison_table(comparisons))
-    _write(request, model, comparisons, fitted, units)
+    _write(request, outputs, model, comparisons, fitted)
     _report(comparisons, fitted, units)
     # Unmet requirements are an error only after all files are written.
     if failures := [
@@ -197,12 +187,12 @@ def command(request: Request) -> None:
 
 def _write(
     request: Request,
+    outputs: Outputs,
     model: Model,
     comparisons: Sequence[Comparison],
     fitted: Fit | None,
-    units: OutputUnits,
 ) -> None:
-    """Write the files of a comparison.
+    """Write the files of a comparison, or the table to standard output.
 
     `model` is the building before the fit. `comparisons` contains the comparisons, of the recording
     and of the blind recordings. `fitted` contains the fitted values; None without --fit.
@@ -215,23 +205,22 @@ def _write(
         fitted_table,
     )
 
-    periods = _spectrum_periods(request, comparisons[0])
+    periods, units = _spectrum_periods(request, comparisons[0]), outputs.shown_units
     files: dict[Path, Content] = {}
     if request.output:
-        files[request.file(TABLE)] = comparison_table(comparisons).csv()
         spectra = comparison_spectra_table(comparisons, periods, request.damping)
         files[request.file(SPECTRA)] = spectra.in_units(units).csv()
-        if fitted:
-            if text := rewrite_model(model, fitted.model, request.file(FITTED)):
-                recorded = comparisons[0].event.recording.source
-                origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
-                files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
-            else:
-                note(
-                    f"{model.source}: cannot be rewritten with other values; the fitted values are "
-                    f"only in {FIT}"
-                )
-            files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
+    if request.output and fitted:
+        if text := rewrite_model(model, fitted.model, request.file(FITTED)):
+            recorded = comparisons[0].event.recording.source
+            origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
+            files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
+        else:
+            note(
+                f"{model.source}: cannot be rewritten with other values; the fitted values are "
+                f"only in {FIT}"
+            )
+        files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
 
     def draw(units: OutputUnits) -> Figure:
         """Return the figure of the comparisons; its first use imports matplotlib."""
@@ -239,25 +228,24 @@ def _write(
             comparisons, periods, request.damping, units
         )
 
-    if picture := request.picture:
-        files[picture] = figures.style.picture(picture.suffix, partial(draw, units))
-    if request.report:
-        files[Path(request.report)] = _page(request, comparisons, fitted, draw)
-    if request.output:
-        settings = {
-            "method": request.method,
-            "dt_s": request.dt,
-            "fit": list(request.fit or ()),
-            "blind": list(request.blind or ()),
-            "require": dict(request.require or ()),
-            "damping": request.damping,
-            "periods": options.spectra.periods_as_given(request.periods, PERIODS)
-            if request.periods
-            else None,
-        }
-        summary = comparison_summary(model, comparisons, fitted, settings, units)
-        files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
-    write_files(files, overwrite=request.overwrite)
+    settings = {
+        "method": request.method,
+        "dt_s": request.dt,
+        "fit": list(request.fit or ()),
+        "blind": list(request.blind or ()),
+        "require": dict(request.require or ()),
+        "damping": request.damping,
+        "periods": options.spectra.periods_as_given(request.periods, PERIODS)
+        if request.periods
+        else None,
+    }
+    outputs.deliver(
+        comparison_table(comparisons),
+        lambda: draw(units),
+        lambda: comparison_summary(model, comparisons, fitted, settings, units),
+        lambda: _page(request, comparisons, fitted, draw),
+        files,
+    )
 
 
 def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
