@@ -18,13 +18,13 @@ import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
 from tdint.files import INPUT_DIGESTS, STDIN
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
 
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
@@ -78,7 +79,7 @@ def _workers(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _submit(
-    pool: ProcessPoolExecutor, function: Callable[[Task], Result], tasks: Iterable[Task]
+    pool: ProcessPoolExecutor, function: Callable[[Item], Result], tasks: Iterable[Item]
 ) -> deque[Future[Result]]:
     """Submit tasks to a pool, which starts its processes for the first task."""
     # A signal raises an exception in this process. In the functions that it calls after a fork,
@@ -88,6 +89,33 @@ def _submit(
         # The only threads are the threads of NumPy, which are safe to fork.
         warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
         return deque(pool.submit(function, task) for task in tasks)
+
+
+@contextmanager
+def worker() -> Iterator[Callable[..., Callable[[], Any]]]:
+    """Yield a function that starts the call of a function in a process that ends with the `with`
+    statement, and returns a function that waits for the result.
+
+    If the process cannot start or ends unexpectedly, this process calls the function.
+    """
+    from concurrent.futures.process import BrokenProcessPool
+
+    def begin(function: Callable[[Item], Result], argument: Item) -> Callable[[], Result]:
+        """Start the call of `function` with `argument`."""
+        outcomes: deque[Future[Result]] = deque()
+        with suppress(OSError):  # the limit of processes
+            outcomes = _submit(pool, function, [argument])
+
+        def result() -> Result:
+            """Return the result of the call."""
+            with suppress(BrokenProcessPool, IndexError):
+                return outcomes[0].result()
+            return function(argument)
+
+        return result
+
+    with _workers(1) as pool:
+        yield begin
 
 
 @dataclass(frozen=True)

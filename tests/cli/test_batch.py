@@ -12,7 +12,8 @@ from facts import states
 from selection import every
 from tdint.errors import AnalysisError, RecordError
 from tdint_cli.commands.spectrum import tables_of
-from tdint_cli.processes import Task, outcomes
+from tdint_cli import processes
+from tdint_cli.processes import Task, outcomes, worker
 
 PERIODS = ("--period", "0.2", "--period", "1.0")
 
@@ -199,6 +200,26 @@ def test_a_killed_process_loses_only_its_own_record():
 def test_an_unexpected_exception_in_a_process_is_raised():
     with pytest.raises(TypeError):
         run_batch(["a", None, "b"], 2)
+
+
+def own_number(first):
+    """Return the number of this process, or end it if it is not the process `first`."""
+    if first not in (None, os.getpid()):
+        os._exit(9)
+    return os.getpid()
+
+
+def test_a_worker_computes_one_call_and_its_loss_is_made_up(monkeypatch):
+    with worker() as begin:
+        assert begin(own_number, None)() != os.getpid()
+        assert begin(own_number, os.getpid())() == os.getpid()
+
+    def no_process(*_):
+        raise BlockingIOError
+
+    monkeypatch.setattr(processes, "_submit", no_process)
+    with worker() as begin:
+        assert begin(own_number, None)() == os.getpid()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")

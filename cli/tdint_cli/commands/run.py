@@ -194,10 +194,9 @@ def _run(request: Request) -> None:
     # smaller time step does not correct it. The records of a sequence are joined by the run, so
     # that their warnings follow after it.
     warn(*case.plausibility_warnings, *_record_warnings(None if events else case.record))
-    if step_count:
-        _interpret_if_short(request, case, step_count)
+    is_interpreted = bool(step_count) and _interpret_if_short(request, case, step_count)
     try:
-        response = _respond(case, events, request)
+        response = _respond(case, events, request, is_interpreted)
     except FailedRun as failure:
         from tdint.output.summary import model_input
 
@@ -269,8 +268,9 @@ def _step_count(request: Request, case: Case) -> int:
     return step_count
 
 
-def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
-    """Select interpreted time loops if the run is so short that a compilation would take longer."""
+def _interpret_if_short(request: Request, case: Case, step_count: int) -> bool:
+    """Select interpreted time loops if the run is so short that a compilation would take longer;
+    return True if they are selected."""
     from tdint.response.runs.analysis_kernels import run_interpreted
     from tdint.response.runs.error_estimate import reference
 
@@ -279,7 +279,7 @@ def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
         # The second run for the error estimate has two times the steps: three times the steps in
         # total.
         methods, step_count = [case.method, reference(case).method], 3 * step_count
-    run_interpreted(case.prepared, methods, step_count)
+    return run_interpreted(case.prepared, methods, step_count)
 
 
 def _failure_content(
@@ -313,9 +313,9 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
     return run_verdicts(response.limit_checks(limit), response.status, units, matched)
 
 
-def _respond(case: Case, events: list[Record], request: Request) -> Response:
+def _respond(case: Case, events: list[Record], request: Request, is_interpreted: bool) -> Response:
     """Run the time integration under a single ground motion, or under a sequence if there are
-    `events`."""
+    `events`. Interpreted time loops estimate the errors in a second process."""
     from tdint.response.runs.run import integrate_case
     from tdint.response.runs.settings import RunSettings, settings_from
 
@@ -329,6 +329,12 @@ def _respond(case: Case, events: list[Record], request: Request) -> Response:
         from tdint.response.runs.sequence import integrate_sequence
 
         return integrate_sequence(case, events, settings, rest=request.rest, **outputs)
+    # Forked processes have the interpreted time loops.
+    if is_interpreted and request.check is None and system.START_OF_PROCESSES == "fork":
+        from tdint_cli.processes import worker
+
+        with worker() as begin:
+            return integrate_case(case, settings, **outputs, begin=begin)
     return integrate_case(case, settings, **outputs)
 
 

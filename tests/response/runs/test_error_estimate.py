@@ -493,6 +493,33 @@ def test_failed_additional_run_leaves_errors_unknown(monkeypatch):
     assert states(response.notes[-1], "no error estimate: ... dt 0.005 s ... (diverged)")
 
 
+@pytest.mark.parametrize("velocity", [0.1, 0.5])
+def test_simultaneous_additional_run_gives_the_same_errors(velocity):
+    """With the higher velocity the run collapses, so that the additional run is repeated up to that
+    time."""
+    calls = []
+
+    def begin(function, argument):
+        calls.append(argument)
+        return lambda: function(argument)
+
+    falling = model(
+        [story(1.0, 6.54, Law("bilinear", (0.327, 0.0)), height=3.0)],
+        p_delta=True,
+        velocity=(velocity,),
+    )
+    case = prepare(falling, method="newmark-average")
+    steps = case.steps(0.01, 10.0)
+    alone = error_estimate.run_with_error_estimate(case, steps)
+    beside = error_estimate.run_with_error_estimate(case, steps, begin=begin)
+    assert (velocity == 0.5) == (alone.collapse is not None)
+    assert [argument.h for argument in calls] == [0.005]
+    for name in NAMES:
+        errors = [getattr(response.check.errors, name) for response in (alone, beside)]
+        assert np.array_equal(*errors)
+    assert alone.check.time_steps == beside.check.time_steps
+
+
 def test_errors_of_collapsed_run_end_at_collapse():
     falling = model(
         [story(1.0, 6.54, Law("bilinear", (0.327, 0.0)), height=3.0)], p_delta=True, velocity=(0.5,)

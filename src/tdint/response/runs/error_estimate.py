@@ -165,14 +165,38 @@ _SLOW_RUN = 2.0
 
 
 def run_with_error_estimate(
-    case: Case, steps: Steps, history: bool = False, *, history_errors: bool = False
+    case: Case,
+    steps: Steps,
+    history: bool = False,
+    *,
+    history_errors: bool = False,
+    begin: Callable[..., Callable[[], Any]] | None = None,
 ) -> Response:
-    """Integrate a case over `steps` and estimate the errors of its peaks."""
+    """Integrate a case over `steps` and estimate the errors of its peaks.
+
+    Parameters
+    ----------
+    begin : callable, optional
+        Function that starts a call in another process, `begin(function, argument)`, and returns a
+        function that waits for its result. The additional run is then simultaneous with the run.
+    """
     # Compile the kernels of both methods here, in parallel if both are missing in the cache.
     case.prepared.compile([case.method, reference_method(case)])
+    expected = reference_steps(case, replace(steps, continues=False))
+    begun = begin(partial(attempt, reference(case)), expected) if begin else None
+
+    def additional(shorter: Steps) -> Response | FailedRun:
+        """Return the additional run, unless the run ended at another time than expected."""
+        return begun() if begun and shorter == expected else attempt(reference(case), shorter)
+
     response = case.integrate(steps, history)
     return with_error_estimate(
-        case, steps, response, history_errors=history_errors, growth=response.growth
+        case,
+        steps,
+        response,
+        history_errors=history_errors,
+        growth=response.growth,
+        additional=additional,
     )
 
 
@@ -267,9 +291,12 @@ def with_error_estimate(
     *,
     history_errors: bool = False,
     growth: float = 0.0,
+    additional: Callable[[Steps], Response | FailedRun] | None = None,
 ) -> Response:
     """Return a response to `steps` with error estimates from one additional run. The errors of the
     peaks are at least `growth` times the peaks (`Response.growth`).
+
+    `additional` is the function that integrates the `reference` over time steps.
 
     If the additional run fails or ends earlier by a collapse, the errors are nan and a note states
     the reason. If the run ended by a collapse, both runs are compared up to this end.
@@ -285,7 +312,7 @@ def with_error_estimate(
         # Half of a step is a step of the additional run, which would have the same error at this
         # point.
         shorter = finer(shorter)
-    other = attempt(reference(case), shorter)
+    other = (additional or partial(attempt, reference(case)))(shorter)
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
     # The additional run covers the time up to the end of the run. It ends at the same time, except

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypedDict, Unpack, cast, overload
+from typing import Any, TypedDict, Unpack, cast, overload
 
 import numpy as np
 
@@ -264,6 +264,7 @@ def integrate_case(
     history: bool = False,
     history_errors: bool = False,
     tolerance: float | None = None,
+    begin: Callable[..., Callable[[], Any]] | None = None,
 ) -> Response:
     """Integrate a case in time, as `run_case` with checked arguments.
 
@@ -271,6 +272,8 @@ def integrate_case(
     ----------
     history_errors : bool, default False
         With error estimates of the peaks, also estimate the errors of the history.
+    begin : callable, optional
+        As for `run_with_error_estimate`.
 
     Raises
     ------
@@ -301,7 +304,7 @@ def integrate_case(
         )
     steps = case.steps(settings.dt, settings.duration)
     return (
-        run_with_error_estimate(case, steps, history, history_errors=history_errors)
+        run_with_error_estimate(case, steps, history, history_errors=history_errors, begin=begin)
         if settings.check
         else case.integrate(steps, history)
     )
