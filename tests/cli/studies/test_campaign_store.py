@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, nullcontext
+from itertools import product
 from pathlib import Path
 from time import monotonic
 
@@ -145,9 +146,12 @@ def test_every_corrupt_page_is_detected(done: dict[str, bytes], tdint: Command) 
 
 
 @pytest.mark.parametrize(
-    "make", [lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir]
+    ("name", "make"),
+    [
+        (FILE, lambda path: path.write_text("hello\n" * 200)),
+        *product((LOCK, FILE), (os.mkfifo, Path.mkdir)),
+    ],
 )
-@pytest.mark.parametrize("name", [LOCK, FILE])
 def test_foreign_files_in_place_of_the_store_or_lock_are_refused(
     done: dict[str, bytes], tdint: Command, name: str, make: Callable[[Path], None]
 ) -> None:

@@ -13,8 +13,9 @@ import os
 import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,7 +34,8 @@ from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column, names
 from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import RunRow
-from tdint.system import file_system, is_at, is_special, lock_failure
+from tdint.system import file_system, is_special, lock_failure
+from tdint.system import locked as locked_file
 from tdint.units import Quantity
 
 # ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
@@ -353,8 +355,7 @@ def sqlite_errors_reported(name: str) -> Iterator[None]:
 
 
 LOCK = ".campaign.lock"
-"""Lock file of the process that writes: an empty SQLite file, because its locks end with the
-process on all systems."""
+"""Lock file of the process that writes."""
 
 # Types of file systems as reported by Linux, macOS and Windows
 _NETWORK_FILE_SYSTEMS = {
@@ -424,92 +425,48 @@ def locked(folder: Path) -> Iterator[None]:
         raise OutputError(
             f"{folder}: cannot create the directory: {error.strerror or error}"
         ) from None
-    _refuse_special_files(str(folder / LOCK))
+    file = folder / LOCK
+    _refuse_special_files(str(file))
     try:
-        lock = _lock_file(folder)
-    except _NoLocksError:
-        with suppress(OSError):
-            (folder / LOCK).unlink()
-            if is_new:
-                folder.rmdir()
-        raise
-    with lock:
+        file.open("ab").close()
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: cannot write to the directory: {error.strerror or error}"
+        ) from None
+    if reason := lock_failure(file):
+        _remove_unused(folder, is_new)
+        raise OutputError(
+            f"{folder}: the file system of the directory does not support locks ({reason}), which "
+            "prevent that two processes write at the same time; write to another file system"
+        )
+    with locked_file(file, partial(_refuse_second, folder)):
+        if not is_there(file):  # another process has just removed the new directory
+            _refuse_second(folder)
         # No other process can write to the locked directory. Unfinished files in the directory are
         # therefore from processes that were killed, and can be removed.
         remove_abandoned(folder)
         try:
             yield
         finally:
-            # Remove the directory again if no file was written. This is done before the lock is
-            # released, because the lock file could belong to another process afterwards.
-            with suppress(OSError):
-                if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
-                    (folder / LOCK).unlink()
-                    folder.rmdir()
+            # This is done before the lock is released, because the lock file could belong to
+            # another process afterwards.
+            _remove_unused(folder, is_new)
 
 
-class _NoLocksError(OutputError):
-    """The file system of a directory does not support locks."""
+def _remove_unused(folder: Path, is_new: bool) -> None:
+    """Remove a new directory again if no file was written."""
+    with suppress(OSError):
+        if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
+            (folder / LOCK).unlink()
+            folder.rmdir()
 
 
-_LOCK_ATTEMPTS = 100
-"""Maximum number of attempts to lock a directory whose lock file other processes remove."""
-
-
-def _lock_file(folder: Path) -> ExitStack:
-    """Lock the lock file of a directory until the returned stack is closed.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be created, another process has locked it, or its file system does not
-        support locks.
-    """
-    file = folder / LOCK
-    for _ in range(_LOCK_ATTEMPTS):
-        with ExitStack() as stack:
-            try:
-                # The open file keeps its inode number, so that its removal can be detected. It is
-                # closed last, because closing it removes all locks of this process.
-                stream = stack.enter_context(file.open("ab"))
-            except OSError as error:
-                raise OutputError(
-                    f"{folder}: cannot write to the directory: {error.strerror or error}"
-                ) from None
-            try:
-                connection = sqlite3.connect(file, timeout=0.0, isolation_level=None)
-                stack.callback(connection.close)
-                connection.execute("PRAGMA journal_mode=MEMORY")  # no journal file next to the lock
-                # This transaction is never committed: it keeps the lock until the connection is
-                # closed.
-                connection.execute("BEGIN EXCLUSIVE")
-            except sqlite3.OperationalError as error:
-                stack.close()
-                raise _lock_error(folder, error) from None
-            except sqlite3.Error as error:
-                raise OutputError(
-                    f"{file}: not a lock file of tdint ({error}); remove it, or write to another "
-                    "directory"
-                ) from None
-            # A removed file does not exclude processes that create it again.
-            if is_at(stream.fileno(), file):
-                return stack.pop_all()
-    raise OutputError(f"{file}: other processes remove this lock file repeatedly; try again")
-
-
-def _lock_error(folder: Path, error: sqlite3.OperationalError) -> OutputError:
-    """Return the error for a directory that SQLite could not lock because of `error`."""
-    if reason := lock_failure(folder / LOCK):
-        return _NoLocksError(
-            f"{folder}: the file system of the directory does not support locks ({reason}), which "
-            "prevent that two processes write at the same time; write to another file system"
-        )
-    if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
-        return OutputError(
-            f"{folder}: in use by another tdint process; wait until it ends, or write to another "
-            "directory"
-        )
-    return OutputError(f"{folder}: cannot lock the directory: {error}; write to another directory")
+def _refuse_second(folder: Path) -> None:
+    """Raise the error for a directory that another process has locked."""
+    raise OutputError(
+        f"{folder}: in use by another tdint process; wait until it ends, or write to another "
+        "directory"
+    )
 
 
 # ---- Schema
