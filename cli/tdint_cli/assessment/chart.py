@@ -442,13 +442,10 @@ def _chart(
         steps,
         repeats=request.repeat,
         cached=request.cache,
+        tolerances=request.tolerances or (),
         judge=recommended,
         progress=own_progress,
     )
-    if request.tolerances:
-        from tdint.assessment.chart.work_precision import with_tolerances
-
-        chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
     # Recommend methods only for one building, and only if the errors are meaningful.
     can_recommend = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
     advice = _advice(request, chart, problem) if can_recommend else []

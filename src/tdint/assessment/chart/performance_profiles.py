@@ -12,7 +12,7 @@ from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,9 +46,9 @@ from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.config.model_file import model_from_mapping, record_from_value
-from tdint.model.definition import Excitation, Model, RecordSource
+from tdint.model.definition import Excitation, Model
 from tdint.model.keys.document import SourceText, read_document
-from tdint.model.keys.fields import Section, Value
+from tdint.model.keys.fields import Value
 from tdint.model.status import DONE
 from tdint.number_parsing import pluralize
 from tdint.output.tables.methods import PEER
@@ -812,32 +812,17 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
                 "the records of the standard problems are not installed; specify a file of problems"
             )
         root.faults.folder = directory
-    # An entry contains the name, the reason, the model or its file, and the factors of the ground
-    # motions.
     section = root.section(("records", "problems"))
-    sources: dict[str, RecordSource] = {}
-    entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
-    if section:
-        records_value = section.need("records", "list ground motions by name")
-        problems_value = section.need("problems", "list problems with name, model and scales")
-        motions = (
-            records_value.named("a mapping from names to ground motions") if records_value else None
-        )
-        for name, motion in (motions or {}).items():
-            if (source_of_motion := record_from_value(motion)) is not None:
-                sources[name] = source_of_motion
-        for item in (
-            problems_value.items("a list of problems", "is empty; add at least one problem")
-            if problems_value
-            else None
-        ) or ():
-            entry = item.section(("name", "reason", "model", "scales"))
-            if entry and (
-                problem := _read_problem(
-                    entry, origin, records_value.names if records_value else ()
-                )
-            ):
-                entries.append(problem)
+    records_value = section and section.need("records", "list ground motions by name")
+    problems_value = section and section.need(
+        "problems", "list problems with name, model and scales"
+    )
+    motions = records_value and records_value.named("a mapping from names to ground motions")
+    sources = {name: record_from_value(motion) for name, motion in (motions or {}).items()}
+    items = problems_value and problems_value.items(
+        "a list of problems", "is empty; add at least one problem"
+    )
+    entries = [_read_problem(item, origin, tuple(sources)) for item in items or ()]
     root.faults.raise_if_any()
     records: dict[str, Record | None] = {}
     problems = []
@@ -854,42 +839,29 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     return problems
 
 
-def _read_problem(
-    entry: Section, origin: SourceText, motions: Sequence[str]
-) -> tuple[str, str, Model | str, dict[str, float]] | None:
+def _read_problem(item: Value, origin: SourceText, motions: Sequence[str]) -> Any:
     """Read one entry of the list of problems: name, reason, model or its file, and factors on the
-    ground motions by name; None if the entry is invalid (the errors are stored in the document).
+    ground motions by name. Errors are stored in the document; the result is then incomplete.
     """
-    name, model_value = (
-        entry.need("name", "specify a name of the problem"),
-        entry.need("model", "specify a model or its file"),
-    )
-    scales_value, reason_value = (
-        entry.need("scales", "specify a factor for each record: {NAME: 1}"),
-        entry.get("reason"),
-    )
-    label = name.text() if name else None
+    entry = item.section(("name", "reason", "model", "scales"))
+    if entry is None:
+        return None
+    name = entry.need("name", "specify a name of the problem")
+    model = entry.need("model", "specify a model or its file")
+    scales = entry.need("scales", "specify a factor for each record: {NAME: 1}")
+    reason = entry.get("reason")
+    label = name and name.text()
     # The model is part of the file or a separate file. The record of the model is ignored.
-    model: Model | str | None = None
-    if model_value is not None:
-        model_origin = origin._replace(name=label or origin.name)
-        model = (
-            model_from_mapping(model_value, model_origin)
-            if model_value.is_mapping
-            else model_value.file()
-        )
-    factor_section = (
-        scales_value.section(motions, "a mapping from records to factors") if scales_value else None
-    )
-    factors: dict[str, float] = {}
-    for motion in scales_value.names if scales_value and factor_section else ():
-        factor_value: Value | None = factor_section.get(motion) if factor_section else None
-        if factor_value is not None:
-            factors[motion] = factor_value.number()
-            if factors[motion] == 0.0:
-                factor_value.fault("must not be zero")
-    return (
-        (label, (reason_value.text() if reason_value else "") or "", model, factors)
-        if label and model
-        else None
-    )
+    building: Model | str | None = None
+    if model and model.is_mapping:
+        building = model_from_mapping(model, origin._replace(name=label or origin.name))
+    elif model:
+        building = model.file()
+    factors = {}
+    if scales and (factor_section := scales.section(motions, "a mapping from records to factors")):
+        for motion in scales.names:
+            if factor := factor_section.get(motion):
+                factors[motion] = factor.number()
+                if factors[motion] == 0.0:
+                    factor.fault("must not be zero")
+    return label, (reason and reason.text()) or "", building, factors

@@ -320,6 +320,7 @@ def measure(
     *,
     repeats: int = 5,
     cached: bool = True,
+    tolerances: Sequence[float] = (),
     judge: Callable[[Sequence[Point]], object] | None = None,
     progress: Progress = silent,
 ) -> Chart:
@@ -329,6 +330,11 @@ def measure(
     The points are timed alternately, so that disturbances affect all points. Compilation is not
     timed. Each step is the interval of the problem divided or multiplied by a whole number. With
     `cached`, the reference is read from the cache, if available, and stored.
+
+    `tolerances` add lines of the methods in `CHOOSING`, which show the cost and the error of `tdint
+    run --tolerance`. The time includes repeated runs, error estimates and the Python code between
+    the runs. These runs do not store a response history, so only the error of the peak drifts is
+    available.
 
     `judge` receives all points and returns a result of interest, for example the cheapest point.
     The runs are timed `repeats` times, and then again until the last repetition has not changed
@@ -341,6 +347,7 @@ def measure(
     AnalysisError
         The reference cannot be computed.
     """
+    # Extend the duration to a common multiple of all steps, so that all runs end at the same time.
     problem = ending_together(problem, dts)
     step_choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
     record_steps = problem.steps(problem.interval)
@@ -365,33 +372,22 @@ def measure(
         judge,
         progress,
     )
+    timing = Timing.of(points.values())
+    peak_errors = partial(errors_of_peaks, reference=reference.motion)
+    points_by_tolerance = [
+        point
+        for integrator in map(parse, CHOOSING)
+        for point in by_tolerance(problem, integrator, tolerances, peak_errors, repeats)
+    ]
     return Chart(
         stories=problem.building.stories,
         interval=problem.interval,
         recorded=problem.record is not None,
-        points=tuple(points[pair] for pair in runs),
+        points=(*(points[pair] for pair in runs), *points_by_tolerance),
         reference=reference,
         usual=points[usual_run],
-        timing=Timing.of(points.values()),
+        timing=timing,
     )
-
-
-def with_tolerances(
-    problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int
-) -> Chart:
-    """Return the chart with additional lines of the methods in `CHOOSING` for given tolerances.
-
-    The lines show the cost and the error of `tdint run --tolerance`. The time includes repeated
-    runs, error estimates and the Python code between the runs. The runs do not store a response
-    history, so only the error of the peak drifts is available.
-    """
-    judge = partial(errors_of_peaks, reference=chart.reference.motion)
-    points = [
-        point
-        for integrator in map(parse, CHOOSING)
-        for point in by_tolerance(problem, integrator, tolerances, judge, repeats)
-    ]
-    return replace(chart, points=(*chart.points, *points))
 
 
 def by_tolerance(
@@ -490,18 +486,21 @@ def chart(
     steps = dts or default_steps(problem, len(integrators), repeats)
     # Ignore an item None. `ratio_of` converts any other item or raises an error.
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
-    # Extend the duration to a common multiple of all steps, so that all runs end at the same time.
-    problem = ending_together(problem, steps)
     with progress_reporter(progress, 100, "%") as report:
 
         def in_percent(action: str, fraction: float) -> None:
             """Report the completed fraction as a number of percent; the action is not shown."""
             report(round(100.0 * fraction), 100)
 
-        measured = measure(
-            problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent
+        return measure(
+            problem,
+            integrators,
+            steps,
+            repeats=repeats,
+            cached=cached,
+            tolerances=limits,
+            progress=in_percent,
         )
-        return with_tolerances(problem, measured, limits, repeats=repeats)
 
 
 _MethodSteps = tuple[Integrator, Steps]
