@@ -118,7 +118,7 @@ class TestAt2:
             "cut off: the header states 121 values after line 4, the file has 120",
         )
         refused(files.at2(npts=119), "more than the 119 values")
-        refused(files.at2(npts=115), "follows the 115 values stated by NPTS")
+        refused(files.at2(npts=115), "follows the 115 values stated in the header")
 
     def test_values_without_blanks_are_separated(self):
         trace = only("NPTS= 4, DT= .01\n-1.5E-01-2.5E+00 1.D-2\n-.125\n")
@@ -458,7 +458,7 @@ class TestEsm:
             files.esm(units="cm/s"), "must be a unit of acceleration, but the header states 'cm/s'"
         )
         refused(files.esm(ndata=121), "states 121 values")
-        refused(files.esm(ndata=119), "line 138 follows the 119 values stated by NDATA")
+        refused(files.esm(ndata=119), "line 138 follows the last row stated in the header")
         refused(files.esm(ndata="many"), "must state NDATA and SAMPLING_INTERVAL_S")
         for dt in ("0.0", "-1.0", "1000.0"):
             refused(files.esm().replace("0.005000", dt), "sampling interval of")

@@ -161,7 +161,9 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
     ]
 
 
-def _section_statements(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
+def _section_statements(
+    counts: list[int], traces: list[Any], name: str = "headers of channels"
+) -> list[Statement]:
     """Return the stated and the read number of samples of each section (trace) of a file. Damaged
     is raised if the numbers of sections and of traces differ.
     """
@@ -219,13 +221,6 @@ def _timeseries_counts(data: bytes) -> list[int]:
     """Return the number of samples that each section header (TIMESERIES) of a SLIST or TSPAIR file
     states; `data` is the content of the file."""
     return [int(count) for count in _TIMESERIES.findall(data)]
-
-
-def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Return the stated and the read number of samples of each section of a SLIST, TSPAIR or SH_ASC
-    file.
-    """
-    return _section_statements(counts, traces, "headers of channels")
 
 
 def _sh_counts(data: bytes) -> list[int]:
@@ -299,9 +294,9 @@ CHECKS = {
     "SAC": Check(sac_statements, look_at_sac),
     "GSE1": Check(gse_statements, look_at_gse),
     "GSE2": Check(gse_statements, look_at_gse),
-    "SLIST": Check(timeseries_statements, _timeseries_counts),
-    "TSPAIR": Check(timeseries_statements, _timeseries_counts),
-    "SH_ASC": Check(timeseries_statements, _sh_counts),
+    "SLIST": Check(_section_statements, _timeseries_counts),
+    "TSPAIR": Check(_section_statements, _timeseries_counts),
+    "SH_ASC": Check(_section_statements, _sh_counts),
     "KNET": Check(knet_statements),
 }
 """Checks of ObsPy formats that are common, or with readers that crash or do not terminate for a

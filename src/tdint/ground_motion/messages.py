@@ -42,6 +42,21 @@ def quiet_import() -> Iterator[None]:
         yield
 
 
+def obspy_function(group: str, name: str) -> Any:
+    """Import and return the function that ObsPy registers as an entry point.
+
+    Parameters
+    ----------
+    group : str
+        Group of the entry point, such as `obspy.plugin.waveform.SAC`.
+    """
+    from importlib.metadata import distribution  # imported late: needed only by two readers
+
+    (entry,) = distribution("obspy").entry_points.select(group=group, name=name)
+    with quiet_import():
+        return entry.load()
+
+
 @contextmanager
 def _postponed_import(name: str) -> Iterator[None]:
     """Postpone the import of a module: functions imported from it inside the block import the

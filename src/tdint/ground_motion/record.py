@@ -482,11 +482,6 @@ class JoinedRecord(Record):
         return cls(**attributes, events=tuple(events), rest=rest, fixed=fixed)
 
     @property
-    def written_origin(self) -> MotionOrigin:
-        first = self.origin or MotionOrigin(self.source, self.component)
-        return first._replace(processing=self.processing)
-
-    @property
     def digest(self) -> str:
         """Hexadecimal SHA-256 checksum of the events, the rest between them and the number of
         events that are not scaled."""

@@ -12,7 +12,6 @@ import re
 from datetime import UTC, datetime
 from typing import Any
 
-from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizer
 from tdint.ground_motion.formats.series import Series, code, motion_units, reader, required_units
 from tdint.ground_motion.origin import MotionOrigin, header_statement, stated_origin
@@ -83,14 +82,7 @@ def read_at2(lines: Lines) -> list[Series]:
             attributes["start"] = start.astimezone(UTC).replace(tzinfo=None)
         attributes["event"] = " ".join(" ".join(parts[:-2]).split())
 
-    # Text may follow the values, but not numbers.
-    while lines.peek() is not None:
-        if lines.at_numbers():
-            raise RecordError(
-                f"line {lines.number + 1} follows the {count} values stated by NPTS, but contains "
-                "values; correct NPTS, or remove the line"
-            )
-        lines.take()
+    lines.expect_no_numbers(count)  # text may follow the values
 
     # The header may state the units at several positions. The first unit of ground motion that is
     # found there is used; it must be a unit of the quantity in the header.

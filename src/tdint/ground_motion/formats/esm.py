@@ -96,9 +96,5 @@ def read_esm(lines: Lines) -> list[Series]:
         start=moment_in(_TIME, [header.get(_START, "")]),
         peak=next(peaks, None),
     )
-    if lines.peek() is not None:
-        raise RecordError(
-            f"line {lines.number + 1} follows the {count} values stated by {_COUNT}; the file must "
-            "end before this line"
-        )
+    lines.expect_end()
     return [series]

@@ -9,14 +9,13 @@ text.
 from __future__ import annotations
 
 import struct
-from importlib.metadata import distribution
 from io import BytesIO
 from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import read_lines, recognizer, row_of_numbers
 from tdint.ground_motion.header_checks import look_at_sac, sac_statements
-from tdint.ground_motion.messages import one_line, quiet_import
+from tdint.ground_motion.messages import obspy_function, one_line
 from tdint.ground_motion.miniseed_checks import compare
 
 _REAL_ROWS, _INTEGER_ROWS, _TEXT_ROWS, _PER_ROW = 14, 8, 8, 5
@@ -59,11 +58,7 @@ def read_sac_text(file: Any, headonly: bool = False, **_: Any) -> Any:
     samples = lines.numbers(count, _REAL_WIDTH)
     lines.expect_aligned_end(_REAL_WIDTH)
     lines.expect_no_numbers(count)
-    (read_format,) = distribution("obspy").entry_points.select(
-        group="obspy.plugin.waveform.SAC", name="readFormat"
-    )
-    with quiet_import():
-        function = read_format.load()
+    function = obspy_function("obspy.plugin.waveform.SAC", "readFormat")
     # Read the binary file by ObsPy, and replace its samples, which have only single precision.
     try:
         data = (

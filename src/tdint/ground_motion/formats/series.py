@@ -255,7 +255,7 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
     text : str
         Units in the header.
     quantity : str
-        `acceleration` (default), `velocity` or `displacement`.
+        `acceleration` (default), `velocity` or `displacement`; empty for any ground motion.
 
     Raises
     ------
@@ -263,10 +263,10 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
         The text is not a unit of the quantity.
     """
     units = motion_units(text)
-    if units is None or parse_units(units).quantity != quantity:
+    if units is None or quantity not in ("", parse_units(units).quantity):
         raise RecordError(
-            f"the units of the samples must be a unit of {quantity}, but the header states "
-            f"{text.strip()[:40]!r}"
+            f"the units of the samples must be a unit of {quantity or 'acceleration'}, but the "
+            f"header states {text.strip()[:40]!r}"
         )
     return units
 

@@ -15,7 +15,7 @@ from tdint.ground_motion.formats.series import (
     Series,
     code,
     motion_scale,
-    motion_units,
+    required_units,
     stated_peak,
 )
 from tdint.ground_motion.formats.table_columns import (
@@ -31,7 +31,6 @@ from tdint.ground_motion.formats.table_columns import (
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, last_place
 from tdint.ground_motion.missing import IncompleteRecord, Missing, likely_units
 from tdint.ground_motion.origin import stated_origin
-from tdint.units import parse_units
 
 Names = tuple[ColumnName, ...]
 
@@ -235,7 +234,7 @@ def _series(common: Series, table: TableColumns, index: int, *, is_single: bool)
         quantity = stated.quantity if stated.quantity != "acceleration" else ""
         return replace(
             component,
-            units=_required_units(declared, quantity) if declared else "",
+            units=required_units(declared, quantity) if declared else "",
             channel=component.channel if is_only else str(index + 1),
             quantity=quantity,
         )
@@ -245,7 +244,7 @@ def _series(common: Series, table: TableColumns, index: int, *, is_single: bool)
     # determine it. The series then has the quantity "" (not stated by the file), so that the user
     # may specify units of another quantity.
     is_unnamed = name.quantity == OTHER or (bool(name.component) and not name.units)
-    units = _required_units(text, "" if is_unnamed else name.quantity) if text else ""
+    units = required_units(text, "" if is_unnamed else name.quantity) if text else ""
     # A column of unknown quantity is named by its text in the file without units, which follow the
     # name and are cut off here.
     channel = code(name.component) or (
@@ -268,20 +267,6 @@ def _series(common: Series, table: TableColumns, index: int, *, is_single: bool)
         if is_same_component and (scale := motion_scale(other_name.units, other_name.quantity)):
             peaks.setdefault(other_name.quantity, scale * float(np.max(np.abs(column))))
     return replace(component, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
-
-
-def _required_units(text: str, quantity: str) -> str:
-    """Return the units of samples, which must be units of `quantity`; empty for any ground motion.
-
-    RecordError is raised for other units.
-    """
-    units = motion_units(text)
-    if units is None or quantity not in ("", parse_units(units).quantity):
-        raise RecordError(
-            f"the units of the samples must be a unit of {quantity or 'acceleration'}, but the "
-            f"header states {text.strip()[:40]!r}"
-        )
-    return units
 
 
 def _with_peak(series: Series, stated: Statements) -> Series:

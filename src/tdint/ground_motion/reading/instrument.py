@@ -14,7 +14,6 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
-from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import RecordError
-from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
+from tdint.ground_motion.messages import caught_messages, obspy_function, one_line
 from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
@@ -171,11 +170,7 @@ def read_instruments(source: str | Path) -> Instruments:
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler = refuse
     parser.EntityDeclHandler = refuse
-    (read_format,) = distribution("obspy").entry_points.select(
-        group="obspy.plugin.inventory.STATIONXML", name="readFormat"
-    )
-    with quiet_import():
-        function = read_format.load()
+    function = obspy_function("obspy.plugin.inventory.STATIONXML", "readFormat")
     try:
         parser.Parse(data, True)
         with caught_messages():
