@@ -207,14 +207,12 @@ def openseespy_points(
     line_order = [f"openseespy/{name}" for name in _OPENSEES]
     points.sort(key=lambda point: (line_order.index(point.line), -point.dt))
     not_run_count = sum(point.outcome == NOT_RUN for point in points)
-    notes = (
-        [
+    notes = []
+    if not_run_count:
+        notes.append(
             f"openseespy: {not_run_count} of {len(method_steps)} runs were not run, because runs "
             "with larger steps used all of the time"
-        ]
-        if not_run_count
-        else []
-    )
+        )
     if not_run_count < len(points) and not _needs_one_solution(problem):
         notes.append(ITERATED)
     return points, notes
@@ -265,10 +263,8 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
             limit_errors = errors(
                 _motion(problem, steps, limits[-1], reference.motion.peak_drift), reference.motion
             )
-            gap, description = (
-                max(limit_errors.drift, limit_errors.acceleration),
-                f"extrapolated to dt 0 from {steps.h:.3g} s and larger",
-            )
+            gap = max(limit_errors.drift, limit_errors.acceleration)
+            description = f"extrapolated to dt 0 from {steps.h:.3g} s and larger"
             if gap <= goal:
                 break
     return gap, description
@@ -315,11 +311,8 @@ def _needs_one_solution(problem: Problem) -> bool:
     Other dampers are the material Viscous. Its tangent is not exact.
     """
     building = problem.building
-    dampers, stiffness = (
-        building.linear_terms[rows.STORY_DAMPER, :-1],
-        building.story_laws[rows.STIFFNESS],
-    )
-    return building.linear and _proportion(dampers, stiffness) is not None
+    dampers = building.linear_terms[rows.STORY_DAMPER, :-1]
+    return building.linear and _proportion(dampers, building.story_laws[rows.STIFFNESS]) is not None
 
 
 def _run_worker(
@@ -548,11 +541,7 @@ def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: 
     times = problem.interval * np.arange(problem.ground.size + 1)
     ground = np.append(problem.ground, 0.0)
     floors = problem.forces[:, rows.FLOOR].astype(int)
-    cosine, sine, omega = (
-        problem.forces[:, rows.COSINE],
-        problem.forces[:, rows.SINE],
-        problem.forces[:, rows.OMEGA],
-    )
+    cosine, sine, omega = (problem.forces[:, i] for i in (rows.COSINE, rows.SINE, rows.OMEGA))
 
     def rate(t: float, state: Array) -> Array:
         """Return the time derivative of the state at time t (s)."""

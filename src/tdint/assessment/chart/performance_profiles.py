@@ -359,11 +359,8 @@ class FieldChart(Tabular):
         accepted = sum(
             any(point.line == line for point in measured.points) for measured in self.measured
         )
-        return (
-            line
-            if accepted == len(self.measured)
-            else f"{line} ({accepted} of {len(self.measured)})"
-        )
+        count = len(self.measured)
+        return line if accepted == count else f"{line} ({accepted} of {count})"
 
     def leaders(self) -> Leaders:
         """Return the recommended methods.
@@ -776,11 +773,9 @@ def crossed(
     for model in map(model_of, buildings):
         model_records: Sequence[Record | None] = read_records or [model_record(model)]
         for record in model_records:
-            motion = (
-                " ".join(filter(None, (Path(record.source).stem, record.component)))
-                if record
-                else "its forces"
-            )
+            motion = "its forces"
+            if record:
+                motion = f"{Path(record.source).stem} {record.component}".strip()
             problems.append(FieldProblem(model.name, motion, "", pose(model, record)))
     return problems
 

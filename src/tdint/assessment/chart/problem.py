@@ -189,12 +189,10 @@ class Problem:
             Time steps.
         """
         response = run_with_error_estimate(self.case(integrator), steps)
+        if response.check is None:
+            return math.nan
         peaks = response.stories.peak_drift
-        return (
-            math.nan
-            if response.check is None
-            else largest_relative(peaks + response.check.errors.peak_drift, peaks)
-        )
+        return largest_relative(peaks + response.check.errors.peak_drift, peaks)
 
     def run_within(self, integrator: Integrator, tolerance: float) -> Response:
         """Integrate all samples with steps chosen for a tolerance, as `tdint run --tolerance` does.

@@ -555,10 +555,8 @@ def _timed(
                     walls=(*point.walls, integration.wall),
                 )
         # Without `judge` both results are None, so that the loop ends after `repeats` repetitions.
-        previous_result, result_of_judge = (
-            result_of_judge,
-            judge(list(points.values())) if judge else None,
-        )
+        previous_result = result_of_judge
+        result_of_judge = judge(list(points.values())) if judge else None
         if repetition >= repeats and result_of_judge == previous_result:
             break
     return points

@@ -427,11 +427,8 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
         second half; 0 if it does not grow."""
         amplitudes = _relative_amplitudes(history)
         half = amplitudes.size // 2
-        first_maximum, second_maximum = (
-            np.max(amplitudes[: half + 1]),
-            np.max(amplitudes[half + 1 :]),
-        )
-        return max(0.0, float(second_maximum / first_maximum) - 1.0)
+        growth = np.max(amplitudes[half + 1 :]) / np.max(amplitudes[: half + 1])
+        return max(0.0, float(growth) - 1.0)
 
     return HardProblem(
         name=name,

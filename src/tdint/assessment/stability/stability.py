@@ -468,10 +468,8 @@ def overshoot(
         )
     if law not in LAWS:
         raise UsageError(f"law must be one of {', '.join(LAWS)}, got {law!r:.60}")
-    dt_over_t, steps = (
-        between(dt_over_t, "dt_over_t", above=True),
-        int(between(steps, "steps", 1.0, _MOST_STEPS)),
-    )
+    dt_over_t = between(dt_over_t, "dt_over_t", above=True)
+    steps = int(between(steps, "steps", 1.0, _MOST_STEPS))
     if law != "linear":
         return _nonlinear_overshoot(method, start, dt_over_t, steps, damping, law)
     omega_h = 2.0 * math.pi * dt_over_t

@@ -41,10 +41,8 @@ from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 _THRESHOLD_SOURCES = (
     "hazus, capacity (the rules of the capacity curves), or a CSV file with one row per class"
 )
-_THRESHOLDS, _LOSSES = (
-    Either((damage.THRESHOLDS, TextLine())),
-    Either((damage.by_state(damage.LOSS), TextLine())),
-)
+_THRESHOLDS = Either((damage.THRESHOLDS, TextLine()))
+_LOSSES = Either((damage.by_state(damage.LOSS), TextLine()))
 _NAMES = EntriesOf(
     TextLine(), 1, description="a list of names, from the lightest", distinct="different names"
 )

@@ -481,10 +481,7 @@ def _continued(seed: GroundMotion, match_target: _MatchTarget) -> GroundMotion:
     if not is_later.any() or np.mean(is_later) > MAX_GROWING_FRACTION:
         return seed
     duration = 0.5 * match_target.checked[-1] + first.dt
-    padded = [pad(record, 0.0, duration) for record in components(seed)]
-    if isinstance(seed, Record):
-        return padded[0]
-    return replace(seed, first=padded[0], second=padded[1])
+    return _with_components(seed, [pad(record, 0.0, duration) for record in components(seed)])
 
 
 def _match_seed(
@@ -609,8 +606,11 @@ def _with_samples(motion: GroundMotion, samples: Array, *notes: str) -> GroundMo
         )
         for record, component_samples in zip(components(motion), samples, strict=True)
     ]
-    return (
-        records[0]
-        if isinstance(motion, Record)
-        else replace(motion, first=records[0], second=records[1])
-    )
+    return _with_components(motion, records)
+
+
+def _with_components(motion: GroundMotion, records: Sequence[Record]) -> GroundMotion:
+    """Return a ground motion with its one or two components replaced."""
+    if isinstance(motion, Record):
+        return records[0]
+    return replace(motion, first=records[0], second=records[1])

@@ -120,10 +120,8 @@ class SparseRows:
             block = np.zeros((indices.size, block_end - block_start), np.float32)
             for block_row, index in zip(block, indices, strict=True):
                 row_start = self.starts[index]
-                overlap_start, overlap_end = (
-                    max(row_start, block_start),
-                    min(row_ends[index], block_end),
-                )
+                overlap_start = max(row_start, block_start)
+                overlap_end = min(row_ends[index], block_end)
                 block_row[overlap_start - block_start : overlap_end - block_start] = self.lines[
                     index
                 ][overlap_start - row_start : overlap_end - row_start]
@@ -378,10 +376,8 @@ class MatchingProblem:
         or a negative number if the maximum is not an extreme above the level.
         """
         # 400 extremes per oscillator
-        found_extremes, maxima = (
-            np.empty((VALUE + len(samples), 400 * level.size)),
-            np.empty((2, level.size)),
-        )
+        found_extremes = np.empty((VALUE + len(samples), 400 * level.size))
+        maxima = np.empty((2, level.size))
         kernel = (extremes if len(samples) == 1 else radii).variant(EVERYTHING)
         motions = np.array(samples[0] if len(samples) == 1 else samples)
         count = kernel(motions, self.dt, self.substeps, self.table, level, found_extremes, maxima)

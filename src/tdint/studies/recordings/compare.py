@@ -431,14 +431,9 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
-        smallest_correlation, floor_count = (
-            min(floor.correlation for floor in self.floors),
-            pluralize(len(self.floors), "floor"),
-        )
-        return (
-            f"of {self.response.model.name!r}: {floor_count}, correlations of "
-            f"{smallest_correlation:.3f} and more"
-        )
+        floors = pluralize(len(self.floors), "floor")
+        smallest = min(floor.correlation for floor in self.floors)
+        return f"of {self.response.model.name!r}: {floors}, correlations of {smallest:.3f} and more"
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -601,12 +596,10 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
         largest_frequency = min(
             case.building.fastest, 2.0 * math.pi * band[1] if band else math.inf
         )
-        is_exact = case.method.family.linear_only
-        steps_per_interval = (
-            1
-            if is_exact
-            else 2 ** max(0, math.ceil(math.log2(largest_frequency * record.dt / _SHORT_STEP)))
-        )
+        steps_per_interval = 1
+        if not case.method.family.linear_only:
+            halvings = math.ceil(math.log2(largest_frequency * record.dt / _SHORT_STEP))
+            steps_per_interval = 2 ** max(0, halvings)
         dt = record.dt / min(steps_per_interval, _MAX_STEPS_PER_INTERVAL)
     steps = case.steps(dt, record.duration)
     if steps.h > record.dt * (1.0 + _ROUNDING):
