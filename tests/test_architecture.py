@@ -327,7 +327,7 @@ HOMES_OF_NAMES = {
 
 NAMED_ELSEWHERE = {
     "ordinary words": {
-        "cli/tdint_cli/studies/campaign.py": "TEXT",
+        "cli/tdint_cli/studies/campaign_request.py": "TEXT",
         "cli/tdint_cli/assessment/overshoot.py": "linear",
         "cli/tdint_cli/commands/spectrum_kinds.py": "exact linear",
         "cli/tdint_cli/options/record.py": "linear",

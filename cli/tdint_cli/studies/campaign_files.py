@@ -12,8 +12,34 @@ from typing import TYPE_CHECKING, Any
 from tdint import studies
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import check_outputs, is_there, refuse_protected, write_files
-from tdint.number_parsing import pluralize
+from tdint.ground_motion.origin import MotionOrigin, matched_clause
+from tdint.model.status import FALLEN
+from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
+from tdint.output.page import PageText, page_units
+from tdint.output.printed import PRINTED, parse_style
+from tdint.output.run_summary import LIMIT_MEANINGS
+from tdint.output.spectrum_text import spectrum_text
+from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs, stored_summary
+from tdint.output.tables.table import Table
+from tdint.response.runs.outcome import FAILED
+from tdint.studies.campaign.campaign_summary import campaign_summary, without_error
+from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.reuse import reuse_results
+from tdint.studies.campaign.story_profiles import FloorSuite, Profile, profiles
+from tdint.studies.campaign.variant_report import comparison_parts
+from tdint.studies.campaign.variants import check_baseline, comparisons, ratios
+from tdint.studies.fragility.building_damage import has_losses
+from tdint.studies.fragility.damage_tables import check_column
+from tdint.studies.fragility.measures import measured, run_measure
+from tdint.studies.motions.pairs import PairRule, check_pairs
+from tdint.studies.regions import maps as map_tables
+from tdint.studies.store import schema
+from tdint.studies.store.identity import Identity
+from tdint.studies.store.opening import open_replacement, open_store, write_from_store
+from tdint.studies.store.result_store import FILE, Store, foreign_file_error
+from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
 from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.demand_limits import check_limit_options, without_limits
@@ -22,6 +48,7 @@ from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.floors import suite_spectra
 from tdint_cli.studies.maps import check_map, polygons_of_districts
+from tdint_cli.studies.suite_limits import SuiteLimits
 from tdint_cli.terminal import (
     Failures,
     current,
@@ -35,12 +62,6 @@ from tdint_cli.terminal import (
 
 if TYPE_CHECKING:
     from tdint.files import Content, Writer
-    from tdint.output.tables.table import Table
-    from tdint.studies.campaign.execute import Advance, Engine, Shard
-    from tdint.studies.campaign.plan import Plan
-    from tdint.studies.campaign.story_profiles import FloorSuite, Profile
-    from tdint.studies.store.result_store import Store
-    from tdint_cli.studies.suite_limits import SuiteLimits
 
 
 # ---- This part contains results over a suite: profiles.csv and its figure, the drift limit, and
@@ -58,8 +79,6 @@ def apply_style(style: str, source: str) -> None:
     `style` is the text of the key `style` of the campaign, empty without a style. ModelError is
     raised if it is invalid.
     """
-    from tdint.output.printed import PRINTED, parse_style
-
     if style:
         try:
             PRINTED.set(PRINTED.get().over(parse_style(style, "style:")))
@@ -89,8 +108,6 @@ class Profiles:
     def by(self) -> str | None:
         """Column of the inventory by which losses are grouped: of the command line, or of the last
         call with the option --by."""
-        from tdint.studies.fragility.damage_tables import check_column
-
         if self.request.by is not None and self.store.damage():
             check_column(self.store, self.request.by)
             self.store.group_by(self.request.by)
@@ -99,8 +116,6 @@ class Profiles:
     @cached_property
     def profiles(self) -> list[Profile]:
         """Profiles of each building and intensity level."""
-        from tdint.studies.campaign.story_profiles import profiles
-
         return list(profiles(self.store))
 
     def ratios(self, *, stories: bool) -> Table:
@@ -117,8 +132,6 @@ class Profiles:
         UsageError
             The baseline is not a building of the campaign.
         """
-        from tdint.studies.campaign.variants import ratios
-
         self._require_profiles("--baseline")
         return studies.campaign_tables.ratio_table(
             self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
@@ -126,8 +139,6 @@ class Profiles:
 
     def emit_runs(self) -> None:
         """Write the table of the runs to standard output."""
-        from tdint.output.tables.table import Table
-
         table = Table.of(*studies.campaign_tables.run_table(self.store))
         emit_table(table.in_units(self.units))
 
@@ -157,10 +168,6 @@ class Profiles:
     @cached_property
     def limits(self) -> SuiteLimits:
         """Comparison of the demands with the limits."""
-        from tdint.ground_motion.origin import MotionOrigin, matched_clause
-        from tdint.output.spectrum_text import spectrum_text
-        from tdint_cli.studies.suite_limits import SuiteLimits
-
         origins = [MotionOrigin.of(entry["origin"]) for entry in self.store.origins().values()]
         records = self.store.connection.execute("SELECT count(*) FROM records").fetchone()[0]
         clauses = (matched_clause(origins, records, spectrum_text), self._scaling_clause())
@@ -169,9 +176,6 @@ class Profiles:
     def _scaling_clause(self) -> str:
         """Return a clause on the scale factors from a file, for example `scaled to ec8:... (rule
         record, factors 0.42 to 4.7)`; empty without such a file."""
-        from tdint.number_parsing import number_text
-        from tdint.output.spectrum_text import spectrum_text
-
         scaling = self.store.scaling()
         if not scaling:
             return ""
@@ -200,10 +204,7 @@ class Profiles:
         The options of the command line determine units and head of the report. By default, they are
         the units and the head of the models if these are equal in all models.
         """
-        from tdint.output.page import PageText, page_units
-        from tdint.output.summary import files_read
         from tdint.studies.campaign.suite_report import suite_page
-        from tdint.studies.campaign.variant_report import comparison_parts
 
         request = self.request
         # A collapse is a result and belongs to the verdict; failed runs are warnings. The table of
@@ -313,7 +314,6 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        from tdint.studies.campaign.variants import comparisons
 
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
         if self.request.baseline is not None:
@@ -411,21 +411,17 @@ def execute_campaign(
         Some records could not be read, a building is too far from any site, or the drift limit is
         not met. Raised after all other work is completed.
     """
-    from tdint.studies.store.schema import locked, refuse_network
-
     report_pairs(plan, request)
     _check_result_options(plan, request)
     folder, overwrite = Path(request.output or ""), request.overwrite
-    refuse_network(folder)
+    schema.refuse_network(folder)
     shard_buildings = None if shard is None else plan.buildings_of(shard.chunks(plan))
-    with locked(folder):
+    with schema.locked(folder):
         extra_files = check_names(folder, request)
         # Refuse tables of other commands in a directory that contains no campaign.
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         reuse_note = ""
         if request.changed:
-            from tdint.studies.campaign.reuse import reuse_results
-
             reuse_note = reuse_results(folder, plan)
         store, store_notes = _open_store(
             folder, plan, shard_buildings, replaces=overwrite or request.changed
@@ -451,8 +447,6 @@ def execute_in_memory(plan: Plan, engine: Engine, request: SuiteRequest) -> None
 
     Failures is raised as by `execute_campaign`.
     """
-    from tdint.studies.store.opening import open_store
-
     report_pairs(plan, request)
     _check_result_options(plan, request)
     store, _ = open_store(None, plan)
@@ -502,8 +496,6 @@ def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
     building of the campaign; AnalysisError, if an option requires the peaks of all stories, which
     the campaign does not store.
     """
-    from tdint.studies.campaign.variants import check_baseline
-
     check_limit_options(request.limit, request.require, plan.models)
     needs_stories = {
         "--plot": request.plot is not None,
@@ -528,11 +520,6 @@ def _open_store(
     its tables until the new campaign is complete. Otherwise another campaign is an
     AnotherStudyError.
     """
-    from tdint.studies.store.identity import Identity
-    from tdint.studies.store.opening import open_replacement, open_store
-    from tdint.studies.store.result_store import FILE
-    from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
-
     try:
         return open_store(folder, plan, buildings)
     except (UntrustedStoreError, AnotherStudyError):
@@ -567,8 +554,6 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     RecordError
         Two records are a pair by their names, but differ in sampling interval, length or event.
     """
-    from tdint.studies.motions.pairs import PairRule, check_pairs
-
     rule = PairRule.from_motions(plan.motions, plan.pair_demand)
     check_pairs(plan.motions, rule)
     if request.pair_demand is not None and not rule.pairs:
@@ -605,8 +590,6 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     OutputError
         A file cannot be written.
     """
-    from tdint.studies.store.result_store import FILE
-
     may_replace = request.overwrite or (folder is not None and is_there(folder / FILE))
     page_files = [
         file
@@ -658,8 +641,6 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     OutputError
         A table exists and must not be replaced.
     """
-    from tdint.studies.store.result_store import FILE, foreign_file_error
-
     if not is_there(folder / FILE) and not overwrite:
         # A tuple multiplied by False is empty.
         for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
@@ -684,8 +665,6 @@ def advance_with_bar(
     max_runs : int, optional
         Maximum number of runs. By default, all remaining runs.
     """
-    from tdint.studies.campaign.execute import execute_plan
-
     with progress_bar(to_terminal=False) as progress:
 
         def show_progress(advance: Advance) -> None:
@@ -717,9 +696,6 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
         Buildings, motions and settings of the campaign. Floor spectra, the report and intensity
         measures are written only with a plan.
     """
-    from tdint.output.summary import files_read
-    from tdint.studies.store.result_store import FILE
-
     is_replacement = Path(profiles.store.name) != folder / FILE
     if is_replacement and not is_complete(profiles.store):
         note(
@@ -778,9 +754,6 @@ def _suite_contents(
     if request.report is not None:
         contents[str(Path(request.report).absolute())] = profiles.report(plan, floor_spectra)
     if request.im:
-        from tdint.output.tables.table import Table
-        from tdint.studies.fragility.measures import measured, run_measure
-
         measures = [run_measure(name) for name in request.im]
         columns = studies.campaign_tables.measure_columns(measures)
         table = Table.of(columns, measured(plan, store, measures))
@@ -788,7 +761,7 @@ def _suite_contents(
     return contents
 
 
-def export(profiles: Profiles, folder: Path, *, simcenter: bool) -> None:
+def write_exports(profiles: Profiles, folder: Path, *, simcenter: bool) -> None:
     """Write all tables of a campaign again from its store (`tdint campaign export`).
 
     Parquet files are written also if pyarrow is installed. They and the SimCenter file use SI
@@ -800,8 +773,6 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool) -> None:
         A map is requested, but the buildings have no coordinates, not all runs are completed, an
         event or a column is unknown, or there are no losses for a map of districts.
     """
-    from tdint.output.summary import files_read, merged_inputs, stored_summary
-
     store, by, has_map = profiles.store, profiles.by, profiles.request.geojson
     if has_map:
         check_map(store, profiles.request.event or (), by, complete=is_complete(store))
@@ -837,9 +808,6 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
     if not names:
         return {}
     from tdint.studies.campaign import exports
-    from tdint.studies.fragility.building_damage import has_losses
-    from tdint.studies.regions import maps as map_tables
-    from tdint.studies.store import schema
 
     tables, damages = studies.campaign_tables, studies.damage_tables
     by, events = profiles.by, profiles.request.event or ()
@@ -896,13 +864,6 @@ def _write(
     `provenance` is the provenance for the summary: command lines of the runs and of the export, and
     the execution of the time loops.
     """
-    from tdint.output.run_summary import LIMIT_MEANINGS
-    from tdint.output.summary import in_units, json_bytes, merged_inputs
-    from tdint.studies.campaign.campaign_summary import campaign_summary
-    from tdint.studies.store.opening import write_from_store
-    from tdint.studies.store.result_store import FILE
-    from tdint.studies.store.schema import PART_TABLES
-
     request, store, units = profiles.request, profiles.store, profiles.units
     tables = studies.campaign_tables
     # Write runs.csv, unless the campaign selects only other tables.
@@ -912,7 +873,7 @@ def _write(
     files |= _suite_contents(profiles, folder, plan)
     files |= {name: writer for name, writer in exports.items() if writer}
     settings = store.parameters()
-    for name, table in PART_TABLES.items():
+    for name, table in schema.PART_TABLES.items():
         # Rows of stories are also stored for profiles.csv. Elements, attachments, links and events
         # have rows only if the buildings or the motions have them.
         is_written = settings["stories"] if name == STORIES else any(store.parts(table))
@@ -941,7 +902,6 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     """
     if not store.damage():
         return {}
-    from tdint.studies.fragility.building_damage import has_losses
 
     tables = studies.damage_tables
     writers: dict[str, Content] = {}
@@ -962,11 +922,6 @@ def report_outcomes(store: Store) -> None:
     """Report the numbers of runs that failed, collapsed, were repeated, have no error estimate, or
     did not come to rest.
     """
-    from tdint.model.status import FALLEN
-    from tdint.response.runs.outcome import FAILED
-    from tdint.studies.campaign.campaign_summary import without_error
-    from tdint.studies.store.result_store import FILE
-
     statuses = store.statuses()
     failed = {name: statuses[name] for name in FAILED if name in statuses}
     # Missing results require a warning. A collapse is a result and is reported as a plain line.

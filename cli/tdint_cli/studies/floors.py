@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from tdint import studies
 from tdint.output import figures
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.story_profiles import FloorSuite, floor_suites, run_floors
+from tdint.studies.store.result_store import Store
 from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
 
 if TYPE_CHECKING:
     from tdint.files import Content
-    from tdint.studies.campaign.plan import Plan
-    from tdint.studies.campaign.story_profiles import FloorSuite
-    from tdint.studies.store.result_store import Store
 
 
 def suite_spectra(
@@ -49,8 +49,6 @@ def suite_spectra(
     """
     if not wanted.floors:
         return {}, ()
-    from tdint.studies.campaign.story_profiles import floor_suites, run_floors
-
     # A store contains no response histories, so the runs are repeated for the floor motions.
     oscillators = wanted.chosen_periods(), wanted.floor_damping
     floors = run_floors(plan, store, wanted.floors, *oscillators, jobs or processors())

@@ -4,21 +4,29 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
+from tdint.ground_motion.reading.suites import suite_motions
+from tdint.model.config.model_file import load_model
+from tdint.model.definition import Model
+from tdint.response.arguments import model_record
+from tdint.response.runs.settings import settings_from
+from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
+from tdint.studies.campaign.chunks import CampaignSettings
+from tdint.studies.campaign.definition import (
+    AnalysisOverrides,
+    CampaignFile,
+    FactorsFile,
+    ModelFiles,
+    RecordFiles,
+)
+from tdint.studies.campaign.execute import threads
+from tdint.studies.campaign.inputs import Inputs, read_factors, read_listed_motions, read_motions
+from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
 from tdint_cli.options.analysis import with_motion
-from tdint_cli.studies.campaign_files import (
-    check_names,
-    execute_campaign,
-    execute_in_memory,
-)
-
-if TYPE_CHECKING:
-    from tdint.model.definition import Model
-    from tdint.studies.campaign.plan import Plan
+from tdint_cli.studies.campaign_files import check_names, execute_campaign, execute_in_memory
 
 
 def run_many(request: Request, records: tuple[str, ...]) -> None:
@@ -40,9 +48,6 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         Some records could not be read, or with --require a limit is exceeded. Raised after all
         files are written.
     """
-    from tdint.model.config.model_file import load_model
-    from tdint.studies.campaign.execute import threads
-
     if "-" in (request.model, *records):
         raise UsageError("with several records or scales, inputs must be files, not standard input")
     # Outputs are checked before the model is read, and before the runs.
@@ -65,24 +70,6 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     Without records, the records of the table of --factors are used, or the record of the model
     (UsageError if it has no record).
     """
-    from tdint.response.runs.settings import settings_from
-    from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
-    from tdint.studies.campaign.chunks import CampaignSettings
-    from tdint.studies.campaign.definition import (
-        AnalysisOverrides,
-        CampaignFile,
-        FactorsFile,
-        ModelFiles,
-        RecordFiles,
-    )
-    from tdint.studies.campaign.inputs import (
-        Inputs,
-        read_factors,
-        read_listed_motions,
-        read_motions,
-    )
-    from tdint.studies.campaign.plan import make_plan
-
     factors = request.factors
     table = None if factors is None else read_factors(factors)
     campaign = CampaignFile(
@@ -100,9 +87,6 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     elif table:
         table, motions = read_listed_motions(table, record_files)
     else:
-        from tdint.ground_motion.reading.suites import suite_motions
-        from tdint.response.arguments import model_record
-
         # Use the unscaled record of the model: --scale defines the levels.
         record = model_record(with_motion(model, replace(request, scale=(1.0,))))
         if record is None:

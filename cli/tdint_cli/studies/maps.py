@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import UsageError
-
-if TYPE_CHECKING:
-    from tdint.studies.store.result_store import Store
+from tdint.studies.fragility.building_damage import has_losses
+from tdint.studies.fragility.damage_tables import check_column
+from tdint.studies.regions.maps import check_events, is_mapped, read_polygons
+from tdint.studies.store.result_store import Store
 
 
 def polygons_of_districts(
@@ -27,8 +28,6 @@ def polygons_of_districts(
     UsageError
         The polygons cannot be read, or the polygon of a district is missing.
     """
-    from tdint.studies.regions.maps import read_polygons
-
     if file is None:
         return None
     # Upper and lower case of column names are equivalent. The cells that the store keeps for a
@@ -51,10 +50,6 @@ def check_map(store: Store, events: Collection[str], by: str | None, *, complete
     complete : bool
         True if all runs are completed.
     """
-    from tdint.studies.fragility.building_damage import has_losses
-    from tdint.studies.fragility.damage_tables import check_column
-    from tdint.studies.regions.maps import check_events, is_mapped
-
     if not is_mapped(store):
         raise UsageError(
             f"{store.name}: the buildings have no coordinates; a map requires an inventory with "

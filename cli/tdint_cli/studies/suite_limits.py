@@ -6,17 +6,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from tdint.model.limits import LimitCheck, chosen_limits, uniform_drift_limit
 from tdint.number_parsing import abbreviate
+from tdint.output.run_summary import LIMIT_MEANINGS
+from tdint.output.tables.table import Table
+from tdint.output.verdicts import (
+    Verdict,
+    has_isolator_limit,
+    isolator_sentence,
+    limit_table,
+    limits_summary,
+)
+from tdint.studies.campaign.story_profiles import Profile
+from tdint.studies.campaign.suite_verdicts import suite_verdicts
+from tdint.studies.campaign.variants import at_levels
+from tdint.units import OutputUnits
 from tdint_cli.demand_limits import outcome_text
-
-if TYPE_CHECKING:
-    from tdint.model.limits import LimitCheck
-    from tdint.output.tables.table import Table
-    from tdint.output.verdicts import Verdict
-    from tdint.studies.campaign.story_profiles import Profile
-    from tdint.units import OutputUnits
 
 
 @dataclass(frozen=True)
@@ -56,9 +63,6 @@ class SuiteLimits:
         units : OutputUnits
             Units of the values in the sentences of the results.
         """
-        from tdint.output.verdicts import Verdict, has_isolator_limit, isolator_sentence
-        from tdint.studies.campaign.suite_verdicts import suite_verdicts
-
         for profile, checks in self.checks:
             if not self.is_limited(profile):
                 continue
@@ -91,8 +95,6 @@ class SuiteLimits:
         all stories with a limit have the same value. The figure has no limit if the buildings have
         no limits, or different limits.
         """
-        from tdint.model.limits import chosen_limits, uniform_drift_limit
-
         limit = self.limit
         if isinstance(limit, float):
             return limit
@@ -107,8 +109,6 @@ class SuiteLimits:
 
     def table(self, units: OutputUnits) -> Table | None:
         """Return the comparisons with the limits as a table of the report; None without limits."""
-        from tdint.output.verdicts import limit_table
-
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
         reasons = {self.building(profile): profile.lost_reason for profile in self.profiles}
         return limit_table(listed, units, mean=True, reasons=reasons) if listed else None
@@ -119,9 +119,6 @@ class SuiteLimits:
         The key `limits` is a list with an entry for each building, intensity level and limit;
         `meanings` contains the meaning and the unit of each key of the entries.
         """
-        from tdint.output.run_summary import LIMIT_MEANINGS
-        from tdint.output.verdicts import limits_summary
-
         if not self.checks:
             return {}
         entries = [
@@ -146,8 +143,6 @@ class SuiteLimits:
         without a limit; and the sentence, with values in `units`. For several buildings, one
         sentence lists the buildings; the table of limits contains the values.
         """
-        from tdint.output.verdicts import isolator_sentence
-
         if len({profile.building for profile in self.profiles}) > 1:
             yield from self._common_verdict(units)
             return
@@ -176,8 +171,6 @@ class SuiteLimits:
 
     def building(self, profile: Profile) -> str:
         """Return the name of a profile, which is empty if there is only a single profile."""
-        from tdint.studies.campaign.variants import at_levels
-
         several = len({other.building for other in self.profiles}) > 1
         level = profile.level_text if len(at_levels(self.profiles)) > 1 else ""
         return ", ".join(filter(None, [profile.building if several else "", level]))
