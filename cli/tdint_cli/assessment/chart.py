@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -132,11 +132,12 @@ class Request(options.record.RecordRequest):
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
         """Return the request for one building under one ground motion."""
-        record_fields = {
-            field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)
-        }
         return BuildingRequest(
-            **record_fields, model=model, record=record, scale=self.scale, duration=self.duration
+            choice=self.choice,
+            model=model,
+            record=record,
+            scale=self.scale,
+            duration=self.duration,
         )
 
 

@@ -56,7 +56,8 @@ class DriftRequest(TablesRequest):
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of all spectra, and the story height or its default value."""
-        settings = super().settings()
+        # The layout and the processing are in the descriptions of the records.
+        settings = super().settings() | {"layout": None, "processing": None}
         if not self.beam and self.stories is None:
             settings["story_height"] = self.story_height or STORY_HEIGHT
         return settings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,8 +35,7 @@ class Request(RecordsRequest):
     @property
     def settings(self) -> dict[str, Any]:
         """Options that determine how the records are read, for the JSON file."""
-        names = ("units", "component", "inventory", "layout", "processing")
-        return {name: value for name, value in asdict(self).items() if name in names}
+        return {name: value for name, value in self.record_settings.items() if name != "described"}
 
 
 @dataclass(frozen=True)

@@ -58,6 +58,7 @@ AXES = options.output.option(
 )
 
 _NOT_SETTINGS = (
+    "choice",
     "records",
     "output",
     "plot",
@@ -155,9 +156,11 @@ class TablesRequest(RecordsRequest):
         settings = {
             name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS
         }
-        return settings | {
-            "periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)
-        }
+        return (
+            self.record_settings
+            | settings
+            | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
+        )
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """Return the requested or the default periods of the spectra, s, as an array."""

@@ -364,11 +364,11 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
             request.choice.of(request.record),
             request.scale[0] if request.scale else 1.0,
         )
-    source = model.excitation.record
+    source, given = model.excitation.record, request.choice
     specified: dict[str, Any] = {
         name: value
         for name in ("units", "component", "inventory")
-        if (value := getattr(request, name)) is not None
+        if (value := getattr(given, name)) is not None
     }
     if source is None:
         if request.scale:
@@ -376,17 +376,15 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
         subject = ""
         if specified:
             subject = f"--{next(iter(specified))}"
-        elif request.layout:
+        elif given.layout:
             subject = "the layout of a table"
-        elif request.processing:
+        elif given.processing:
             subject = "processing"
         if subject:
             raise UsageError(
                 f"{subject} requires a record, but the model specifies no record; add --record FILE"
             )
         return None
-    from tdint.ground_motion.choice import Processing, TextLayout
-
     choice = source.choice
     if "units" in specified or "inventory" in specified:
         # `units` and `inventory` exclude each other: if the command line specifies one value, the
@@ -395,7 +393,7 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     choice = replace(
         choice,
         **specified,
-        processing=(request.processing or Processing()).over(choice.processing),
-        layout=(request.layout or TextLayout()).over(choice.layout),
+        processing=given.processing.over(choice.processing),
+        layout=given.layout.over(choice.layout),
     )
     return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
@@ -26,52 +25,33 @@ from tdint_cli.options.option_types import (
 )
 
 if TYPE_CHECKING:
-    from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
-    from tdint.ground_motion.reading.sample_units import SampleUnits
+    from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.record import Record
 
 option = partial(grammar.option, heading=grammar.RECORD)
 _rare = partial(option, rare=True)
 
 
+_SETTINGS = ("units", "component", "inventory", "layout", "processing", "described")
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RecordRequest:
-    """Options for reading the records of a command line and processed.
+    """Common part of the command lines with options of records.
 
     Attributes
     ----------
-    units : SampleUnits | None
-        Units of the samples; None for the units in the file.
-    component : str | None
-        Component of the record; None for all components.
-    inventory : str | None
-        StationXML file with the instrument response; None without --inventory.
-    layout : TextLayout
-        Columns, header lines and sampling interval of text tables.
-    described : tuple of (str, RecordChoice)
-        Files, patterns and directories with separate options, from descriptions of records.
+    choice : RecordChoice
+        Options for reading and processing the records, and the options in their descriptions.
     """
 
-    units: SampleUnits | None
-    component: str | None
-    inventory: str | None
-    layout: TextLayout | None = None
-    processing: Processing | None = None
-    described: tuple[tuple[str, RecordChoice], ...] = ()
+    choice: RecordChoice
 
     @property
-    def choice(self) -> RecordChoice:
-        """The same options as a `RecordChoice`, for a suite of ground motions."""
-        from tdint.ground_motion.choice import Processing, RecordChoice, TextLayout
-
-        return RecordChoice(
-            self.units,
-            self.component,
-            self.inventory,
-            self.processing or Processing(),
-            self.layout or TextLayout(),
-            self.described,
-        )
+    def record_settings(self) -> dict[str, Any]:
+        """The options of the records for JSON files, in the order of the help."""
+        settings = asdict(self.choice)
+        return {name: settings[name] for name in _SETTINGS}
 
     def read(self, file: str) -> list[Record]:
         """Return the components of a file.
@@ -221,52 +201,61 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 """Names of the parameters by which a record is read and processed, without the scale factor."""
 
 
-def _with_layout_and_processing(command: Function) -> Function:
-    """Return a command that receives the options of the layout of a text table as the argument
-    `layout`, and those of the processing as `processing`.
+_DESCRIPTION_SUFFIXES = (".yaml", ".yml")
+
+
+def _with_choice(command: Function) -> Function:
+    """Return a command that receives the options of its records as the argument `choice`, and the
+    files of descriptions of records (YAML) in place of the descriptions.
 
     The processing steps follow the order of the options in the help, regardless of their order on
     the command line.
     """
 
     @functools.wraps(command)
-    def call_with_layout_and_processing(**values: Any) -> Any:
-        """Replace the separate values by the two objects, and call the command."""
-        from tdint.ground_motion.choice import Processing, TextLayout, parse_pad, parse_trim
+    def call_with_choice(**values: Any) -> Any:
+        """Replace the separate values by a `RecordChoice`, and call the command."""
+        from tdint.ground_motion.choice import (
+            Processing,
+            RecordChoice,
+            TextLayout,
+            parse_pad,
+            parse_trim,
+        )
 
-        layout = {field.name: values.pop(field.name) for field in dataclasses.fields(TextLayout)}
-        steps = {field.name: values.pop(field.name) for field in dataclasses.fields(Processing)}
+        # Some commands have no options of the layout and of the processing.
+        layout, steps = (
+            {field.name: values.pop(field.name, field.default) for field in fields(part)}
+            for part in (TextLayout, Processing)
+        )
         for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
             if steps[name] is not None:
                 steps[name] = parse(steps[name])
         layout["column"] = layout["column"] or ()
-        return command(**values, layout=TextLayout(**layout), processing=Processing(**steps))
-
-    return cast("Function", call_with_layout_and_processing)
-
-
-_DESCRIPTION_SUFFIXES = (".yaml", ".yml")
-
-
-def _with_descriptions(command: Function) -> Function:
-    """Return a command that receives, instead of each description of records (YAML), its files, and
-    as the argument `described` how they are read."""
-
-    @functools.wraps(command)
-    def call_with_files(**values: Any) -> Any:
-        """Replace the descriptions by their files, and call the command."""
+        choice = RecordChoice(
+            values.pop("units"),
+            values.pop("component"),
+            values.pop("inventory"),
+            Processing(**steps),
+            TextLayout(**layout),
+        )
         records = values.get("records") or filter(None, [values.get("record")])
         if any(name.lower().endswith(_DESCRIPTION_SUFFIXES) for name in records):
-            values = _with_described_files(values)
-        return command(**values)
+            values, choice = _with_described_files(values, choice)
+        return command(**values, choice=choice)
 
-    return cast("Function", call_with_files)
+    return cast("Function", call_with_choice)
 
 
-def _with_described_files(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a command line with the files of the descriptions among its records.
+def _with_described_files(
+    values: dict[str, Any], of_command: RecordChoice
+) -> tuple[dict[str, Any], RecordChoice]:
+    """Return the values of a command line with the files of the descriptions among its records, and
+    its options of records, `of_command`, with the options in the descriptions.
+
     UsageError is raised if an option contradicts a description, or if a description of several
-    records is given to a command that accepts one record."""
+    records is given to a command that accepts one record.
+    """
     from tdint.model.config.record_files import read_description
 
     described: list[tuple[str, RecordChoice]] = []
@@ -277,7 +266,7 @@ def _with_described_files(values: dict[str, Any]) -> dict[str, Any]:
         description = read_description(name) if is_description else None
         if description is None:
             return (name,)
-        choice = _combined(values, description.choice, name)
+        choice = _combined(of_command, description.choice, name)
         described.extend((file, choice) for file in description.files)
         if description.pairs and isinstance(_pairs_type(), PairsType) and not values.get("pairs"):
             values["pairs"] = PairWish(None, description.pairs)
@@ -293,7 +282,7 @@ def _with_described_files(values: dict[str, Any]) -> dict[str, Any]:
                 f"{values['record']} describes {len(files)} records, but --record accepts one"
             )
         (values["record"],) = files
-    return values | {"described": tuple(described)}
+    return values, replace(of_command, described=tuple(described))
 
 
 def _pairs_type() -> click.ParamType[Any] | None:
@@ -302,20 +291,11 @@ def _pairs_type() -> click.ParamType[Any] | None:
     return next((item.type for item in parameters if item.name == "pairs"), None)
 
 
-def _combined(values: Mapping[str, Any], choice: RecordChoice, source: str) -> RecordChoice:
+def _combined(of_command: RecordChoice, choice: RecordChoice, source: str) -> RecordChoice:
     """Return the options of a description with the options of the command line that it does not
     specify. UsageError is raised if both specify different values."""
-    from tdint.ground_motion.choice import Processing, TextLayout
     from tdint.model.config.record_files import stated_settings
 
-    of_command = dataclasses.replace(
-        choice,
-        units=values.get("units"),
-        component=values.get("component"),
-        inventory=values.get("inventory"),
-        layout=values.get("layout") or TextLayout(),
-        processing=values.get("processing") or Processing(),
-    )
     stated = stated_settings(choice)
     for name, value in stated_settings(of_command).items():
         if name in stated and stated[name] != value:
@@ -323,7 +303,7 @@ def _combined(values: Mapping[str, Any], choice: RecordChoice, source: str) -> R
                 f"--{name.replace('_', '-')} {value} contradicts `{name}: {stated[name]}` in "
                 f"{source}; omit the option, or change the file"
             )
-    return dataclasses.replace(
+    return replace(
         choice,
         units=of_command.units or choice.units,
         component=of_command.component or choice.component,
@@ -334,12 +314,12 @@ def _combined(values: Mapping[str, Any], choice: RecordChoice, source: str) -> R
 
 
 _READING = (units, component, *_LAYOUT, inventory)
-_PROCESSED = (*_PROCESSING, _with_layout_and_processing, _with_descriptions)
+_PROCESSED = (*_PROCESSING, _with_choice)
 
 record_options = grammar.together(records, *_READING, *_PROCESSED)
 """Common options of commands with records as arguments, for a RecordsRequest."""
 
-_PLAIN = (units, component, inventory, _with_descriptions)
+_PLAIN = (units, component, inventory, _with_choice)
 
 plain_record_options = grammar.together(records, *_PLAIN)
 """The same options without layout and processing, which a description of records specifies."""
