@@ -425,8 +425,6 @@ def _report(study: IdaStudy, precision: float) -> None:
     `precision` is the maximum ratio of the upper to the lower limit of a capacity, minus 1, without
     a warning.
     """
-    from tdint.studies.motions.pairs import SEPARATE, motions_text
-
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
         note("all records were completed by an earlier call; nothing to do")
@@ -434,10 +432,9 @@ def _report(study: IdaStudy, precision: float) -> None:
         note(f"{study.resumed} of {len(study.curves)} records were completed by an earlier call")
     options.analysis.warn_of(study.model)
     note(*study.remarks)
-    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
-    records = motions_text(len(study.states[0].curves), paired)
     say(
-        f"{study.model.name}: {records}, {pluralize(len(runs), 'run')} with {study.method}.",
+        f"{study.model.name}: {study.motions_text}, {pluralize(len(runs), 'run')} with "
+        f"{study.method}.",
         *map(_median, study.states),
         *_limit_medians(study),
     )

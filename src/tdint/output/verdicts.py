@@ -225,8 +225,7 @@ def limit_table(
     columns += ["demand/limit", "result"]
     if mean:
         columns += ["largest", "motion"]
-    meanings = {name: {"meaning": "", "unit": TEXT} for name in columns}
-    return Table(tuple(columns), rows, meanings)
+    return Table.of_units(dict.fromkeys(columns, TEXT), rows)
 
 
 def _result(check: LimitCheck, reason: str) -> str:

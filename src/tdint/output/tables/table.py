@@ -244,6 +244,12 @@ class Table(NamedTuple):
             rows += ((*head, *row) for row in rows_of(columns[len(head) :], result))
         return cls.of(columns, rows)
 
+    @classmethod
+    def of_units(cls, units: Mapping[str, str], rows: Iterable[tuple[Cell, ...]]) -> Table:
+        """Return a table of a report, whose columns have a unit each (or `TEXT`) and no meaning."""
+        meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
+        return cls(tuple(units), list(rows), meanings)
+
     def in_units(self, units: OutputUnits) -> Table:
         """Return the table of SI values in other units, with renamed columns, converted numbers and
         new descriptions."""

@@ -185,17 +185,15 @@ def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
             for i in range(len(counted.im)):
                 values = (counted.im[i], counted.runs[i], counted.fraction[i], counted.fitted[i])
                 rows.append((function.exceeded, *map(float, values)))
-    columns = ("function", "intensity", "runs", "counted", "fitted")
-    unit = functions[0].unit or "1"
-    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[2:]}
-    meanings |= {"intensity": {"meaning": "", "unit": unit}, "function": {"unit": TEXT}}
     if not rows:
         return ()
+    units = {"function": TEXT, "intensity": functions[0].unit or "1"}
+    units |= dict.fromkeys(("runs", "counted", "fitted"), "1")
     text = (
         "Fractions of the runs in ranges of the intensity that exceed the limit, and the values of "
         "the function at the geometric mean of the intensities of these runs:"
     )
-    return text, Table(columns, rows[:MOST_CAPACITIES], meanings)
+    return text, Table.of_units(units, rows[:MOST_CAPACITIES])
 
 
 _MOST_RECORDS = 60
@@ -232,12 +230,9 @@ def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
         facts.append(f"Scale factors: {', '.join(f'{scale:g}' for scale in scales)}.")
     else:
         facts.append("Each record was scaled to the levels of its runs by one factor per level.")
-    columns = ("record", "component", "dt_s", "samples", "pga_m_s2")
-    keys = ("file", *columns[1:])
-    rows = [tuple(record[key] for key in keys) for record in content["records"]]
-    units = {"dt_s": "s", "samples": "1", "pga_m_s2": "m/s^2"}
-    meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
-    table = Table(columns, rows[:_MOST_RECORDS], meanings).in_units(SI.in_figures)
+    units = {"component": TEXT, "dt_s": "s", "samples": "1", "pga_m_s2": "m/s^2"}
+    rows = [tuple(record[key] for key in ("file", *units)) for record in content["records"]]
+    table = Table.of_units({"record": TEXT} | units, rows[:_MOST_RECORDS]).in_units(SI.in_figures)
     omission = ""
     if len(rows) > _MOST_RECORDS:
         omission = f"The first {_MOST_RECORDS} of {len(rows)} records."

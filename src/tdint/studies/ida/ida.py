@@ -166,6 +166,16 @@ class IdaStudy(Tabular):
         return self.measure.name if self.pair is None else f"{self.pair}-{self.measure.name}"
 
     @property
+    def motions_text(self) -> str:
+        """Number of ground motions, for example `2 pairs and 1 single record`."""
+        records = len(self.states[0].curves)
+        pairs = 0 if self.pair_demand == SEPARATE else len(self.partners)
+        if not pairs:
+            return pluralize(records, "record")
+        text, singles = pluralize(pairs, "pair"), records - 2 * pairs
+        return f"{text} and {pluralize(singles, 'single record')}" if singles else text
+
+    @property
     def states(self) -> list[IdaStudy]:
         """One study for each state of damage before the records. Each study contains the curves of
         its state. The order is the order of the first curves of the states; `ida` computes the

@@ -22,7 +22,6 @@ from tdint.studies.ida.ida_curve import FRACTIONS, IdaCurve, fractiles
 from tdint.studies.motions.intensity import (
     MotionIntensity,
 )
-from tdint.studies.motions.pairs import SEPARATE, motions_text
 from tdint.studies.motions.scaling_figures import (
     MIN_MOTIONS,
     add_gravity_axis,
@@ -45,12 +44,9 @@ def ida_picture(study: IdaStudy) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_ida(figure.subplots(), study)
     records = [curve.record for curve in study.states[0].curves]
-    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
-    subject = (
-        motions_text(len(records), paired)
-        if len(records) > 1
-        else f"{record_name(records[0].source)} {records[0].component}"
-    )
+    subject = study.motions_text
+    if len(records) == 1:
+        subject = f"{record_name(records[0].source)} {records[0].component}"
     title = (
         f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, "
         f"{study.method}"

@@ -18,7 +18,7 @@ from tdint.output.report import (
     motion_chapter,
     simplifications,
 )
-from tdint.output.tables.table import Cell, Table
+from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.studies.fragility.fits import fit_capacities
 from tdint.studies.fragility.fragility_function import IDA, Fragility, initial_damage
 from tdint.studies.fragility.fragility_report import (
@@ -33,7 +33,7 @@ from tdint.studies.fragility.fragility_tables import fit_table_of
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
 from tdint.studies.ida.ida_tables import limit_capacities, motion_curves
-from tdint.studies.motions.pairs import SEPARATE, describe_demand, motions_text
+from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import OutputUnits
 
@@ -64,7 +64,7 @@ def ida_page(
     runs = sum(len(curve.runs) for curve in study.curves)
     functions, failures = _fits(study)
     states = study.states
-    motions = _motion_count(study)
+    motions = study.motions_text
     fits: list[Part] = []
     if functions:
         fits = [
@@ -100,13 +100,6 @@ def ida_page(
     )
     verdict = [(None, text) for text in _medians(study)]
     return page(study.model.name, about, chapters, replace(page_text, verdict=verdict))
-
-
-def _motion_count(study: IdaStudy) -> str:
-    """Return the number of ground motions of a study as text; a pair counts as a single motion
-    unless its components count separately."""
-    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
-    return motions_text(len(study.states[0].curves), paired)
 
 
 def _curves_text(study: IdaStudy) -> str:
@@ -151,22 +144,24 @@ def _medians(study: IdaStudy) -> list[str]:
 def _fractile_table(study: IdaStudy) -> Table:
     """Return the table of the fractiles of the capacities over the ground motions, with one row for
     each drift ratio and each damage of the building before the ground motions."""
-    # The state of damage is a column only if the study has several.
-    unit, has_states = study.measure.unit, len(study.states) > 1
-    intensities = ("fractile_16", "median", "fractile_84")
-    columns = ("drift_ratio", *intensities, "motions", "censored")
+    units = {"drift_ratio": "1"}
+    units |= dict.fromkeys(("fractile_16", "median", "fractile_84"), study.measure.unit)
+    units |= {"motions": "1", "censored": "1"}
     rows: list[tuple[Cell, ...]] = []
     for state in study.states:
         curves = state.motion_curves
         values = fractiles(curves, np.array(study.thresholds)).T.tolist()
         for threshold, row in zip(study.thresholds, values, strict=True):
             censored = sum(curve.capacity(threshold).censored for curve in curves)
-            cells: tuple[Cell, ...] = (threshold, *row, len(curves), censored)
-            rows.append((initial_damage(curves[0].damage), *cells) if has_states else cells)
-    meanings = {
-        name: {"meaning": "", "unit": unit if name in intensities else "1"} for name in columns
-    }
-    return Table(("state", *columns) if has_states else columns, rows, meanings)
+            rows.append((initial_damage(curves[0].damage), threshold, *row, len(curves), censored))
+    return _with_states(study, units, rows)
+
+
+def _with_states(study: IdaStudy, units: dict[str, str], rows: list[tuple[Cell, ...]]) -> Table:
+    """Return a table whose first column is the damage of the building before the ground motions. It
+    has this column only if the study has several states of damage."""
+    shown = units if len(study.states) == 1 else ("state", *units)
+    return Table.of_units({"state": TEXT} | units, rows).chosen(shown)
 
 
 def _capacities(study: IdaStudy) -> tuple[Table, str]:
@@ -176,12 +171,13 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
     attachments and links. The remark states if capacities are censored or if rows are omitted; it
     is empty otherwise.
     """
-    has_states, unit = len(study.states) > 1, study.measure.unit
     # The last threshold is the collapse drift.
     thresholds = study.thresholds[-MOST_THRESHOLDS:]
     names = [f"at_{100.0 * threshold:g}_%" for threshold in thresholds[:-1]] + ["collapse"]
     limits = [item.limit for item in limit_capacities(study, study.states[0].motion_curves[0])]
-    columns = ("record", "component", *names, *limits, "collapse_factor", "status")
+    units = {"record": TEXT, "component": TEXT}
+    units |= dict.fromkeys((*names, *limits), study.measure.unit)
+    units |= {"collapse_factor": "1", "status": TEXT}
     rows: list[tuple[Cell, ...]] = []
     for curve_rows in motion_curves(study):
         curve = curve_rows.curve
@@ -191,13 +187,9 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
         limited = [item.capacity for item in limit_capacities(study, curve)]
         values += limited or [math.nan] * len(limits)
         factor = _factor(curve, capacities[-1].capacity)
-        cells: tuple[Cell, ...] = (curve_rows.record, curve_rows.component, *values, factor, status)
-        rows.append((initial_damage(curve.damage), *cells) if has_states else cells)
-    meanings = {name: {"meaning": "", "unit": unit} for name in (*names, *limits)}
-    meanings["collapse_factor"] = {"meaning": "", "unit": "1"}
-    if has_states:
-        columns = ("state", *columns)
-    table = Table(columns, rows[:MOST_CAPACITIES], meanings)
+        names_of_row = (initial_damage(curve.damage), curve_rows.record, curve_rows.component)
+        rows.append((*names_of_row, *values, factor, status))
+    table = _with_states(study, units, rows[:MOST_CAPACITIES])
     remarks = []
     if any(row[-1] == "censored" for row in rows):
         remarks.append("A censored capacity is the largest level that was run.")

@@ -249,23 +249,6 @@ def describe_demand(demand: str) -> str:
     return _DESCRIPTIONS[demand]
 
 
-def motions_text(records: int, pairs: int) -> str:
-    """Return the number of motions as text, such as `11 pairs and 2 single records`.
-
-    Parameters
-    ----------
-    records : int
-        Number of records; each component of a pair is a record.
-    pairs : int
-        Number of pairs that count as one motion; 0 if the components count separately.
-    """
-    singles = records - 2 * pairs
-    if not pairs:
-        return pluralize(records, "record")
-    text = pluralize(pairs, "pair")
-    return f"{text} and {pluralize(singles, 'single record')}" if singles else text
-
-
 def pairs_note(
     pairs: int, demand: str, names: Sequence[str] = (), *, is_default: bool = True
 ) -> str:
