@@ -8,18 +8,15 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Excitation, Model, simple_model
+from tdint.model.limits import Limit
 from tdint.response.runs.batch import Subject
 from tdint.studies.regions.inventory import InventoryRow, InventoryRows, LazySequence, derive_row
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.model.limits import Limit
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
@@ -80,7 +77,6 @@ class ModelBuilding:
         Cells of the columns of an inventory that are copied to tables, as a JSON list of texts;
         empty for model files.
     """
-
     name: str
     made: Subject
     cells: str = field(default="[]", init=False)
@@ -176,7 +172,6 @@ class Rules:
     collapse_drift : float
         Drift ratio above which a run counts as collapsed.
     """
-
     name: str
     stiffness: float
     damping: float
@@ -190,7 +185,6 @@ class Rules:
 class RowBuilding:
     """Building of an inventory. Only its row is stored; `subject` derives the building for each
     use."""
-
     row: InventoryRow
     rules: Rules
 
@@ -316,7 +310,6 @@ class BuildingLimits:
     isolators : tuple of int
         Numbers of the stories with isolators, from 1.
     """
-
     limits: tuple[Limit, ...] = ()
     isolators: tuple[int, ...] = ()
 
@@ -348,9 +341,6 @@ def limits_text(buildings: Buildings) -> str:
 def limits_of_text(text: str) -> list[BuildingLimits]:
     """Return the limits and isolators of each building, in the order of the buildings, from the
     JSON text of `limits_text`. The list is empty if the text is empty."""
-    # Imported here, because most campaigns have no limits.
-    from tdint.model.limits import Limit
-
     stored = json.loads(text or '{"sets": [], "of": []}')
     sets = [
         BuildingLimits(tuple(map(Limit.from_json, limits)), tuple(isolators))

@@ -32,19 +32,21 @@ from tdint.output.tables.table import (
     rows_of,
 )
 from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.studies.campaign.story_profiles import (
+    FloorSuite,
+    Profile,
+    SpectraOfRuns,
+    Statistics,
+    has_levels,
+    profiles,
+)
+from tdint.studies.campaign.variants import Ratios
+from tdint.studies.store.result_store import Store
+from tdint.studies.store.schema import PartTable
 from tdint.units import SI, OutputUnits, Quantity, suffix
 
 if TYPE_CHECKING:
-    from tdint.studies.campaign.story_profiles import (
-        FloorSuite,
-        Profile,
-        SpectraOfRuns,
-        Statistics,
-    )
-    from tdint.studies.campaign.variants import Ratios
     from tdint.studies.fragility.measures import RunMeasure
-    from tdint.studies.store.result_store import Store
-    from tdint.studies.store.schema import PartTable
 
 EVENT = Column.named("event", "event of a ground motion field", TEXT)
 
@@ -192,7 +194,6 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 class StoreTable(NamedTuple):
     """Table of a campaign. The rows are read from the store when they are written, because there
     can be millions of runs. Numbers are in SI units; texts were formatted by `cell_text`."""
-
     columns: Sequence[Column]
     rows: Iterable[list[Any]]
 
@@ -346,8 +347,6 @@ def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[
     The columns are unchanged if the levels of the campaign are scale factors, because these have a
     separate column.
     """
-    from tdint.studies.campaign.story_profiles import has_levels
-
     if not has_levels(store):
         return columns
     return (*columns[:index], LEVEL, *columns[index:])
@@ -368,8 +367,6 @@ def profiles_table(store: Store, units: OutputUnits) -> StoreTable:
 
     Levels that are not scale factors have a column `level`.
     """
-    from tdint.studies.campaign.story_profiles import profiles
-
     errors = PROFILE_ERRORS if store.checked else ()
     columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
     return StoreTable(columns, _profile_rows(profiles(store), units))

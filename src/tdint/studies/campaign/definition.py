@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -24,12 +24,7 @@ from tdint.studies.campaign.assigned_motions import MAX_DISTANCE, GridFile, Meas
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.load_cases import LoadFiles
 from tdint.studies.fragility.type_states import DamageRequest
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tdint.studies.regions.inventory import InventoryRows
-
+from tdint.studies.regions.inventory import InventoryRows
 
 # ---- Sweeps: variations of each building of a campaign over grids and samples of its parameters,
 # methods and time steps (key `vary` of a campaign file and lists under `analysis`)
@@ -52,7 +47,6 @@ class Distribution:
     """Distribution of a random parameter: `name` is a key of `DISTRIBUTIONS`; `first` and `second`
     are the values of its two parameters, for example median and beta of a lognormal
     distribution."""
-
     name: str
     first: float
     second: float
@@ -107,7 +101,6 @@ class ParameterSweep:
     location : ModelFault | None
         Position of the sweep in the campaign file, for error messages; None: not from a file.
     """
-
     grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     random: Mapping[str, Distribution] = field(default_factory=dict)
     samples: int = 0
@@ -412,7 +405,6 @@ def _values(entry: Value, name: str) -> tuple[float, ...]:
 @dataclass(frozen=True)
 class ModelFiles:
     """Buildings of model files, by their paths relative to the working directory."""
-
     files: tuple[str, ...]
 
 
@@ -436,7 +428,6 @@ class InventoryFile:
     stiffness_scatter, damping_scatter : float
         Standard deviations of random factors of stiffness and damping ratio.
     """
-
     file: str
     rules: str
     length: float
@@ -463,7 +454,6 @@ class RecordFiles:
     pairs : PairNames | None
         Naming scheme of the two components of a motion; None: components are separate motions.
     """
-
     files: tuple[str, ...]
     choice: RecordChoice
     pairs: PairNames | None = None
@@ -478,7 +468,6 @@ class SequenceFile:
     rest : float | None
         Time between events, s; None: until free vibration has decayed.
     """
-
     file: str
     choice: RecordChoice
     rest: float | None
@@ -505,7 +494,6 @@ class FieldFile:
     rates : str | None
         CSV file with the annual rates of the events.
     """
-
     file: str
     choice: RecordChoice
     pairs: bool = False
@@ -518,7 +506,6 @@ class FieldFile:
 @dataclass(frozen=True)
 class FactorsFile:
     """Factors of each motion in a CSV file of `tdint scale`."""
-
     file: str
 
 
@@ -531,7 +518,6 @@ class AnalysisOverrides:
     collapse_drift : float | None
         Drift ratio above which a run counts as collapsed.
     """
-
     method: str | None = None
     collapse_drift: float | None = None
     p_delta: bool | None = None
@@ -555,7 +541,6 @@ class CampaignFile:
         Rule that combines the components of pairs (`tdint.studies.motions.pairs`); None: the
         default. Runs do not depend on the rule.
     """
-
     name: str
     source: str
     buildings: ModelFiles | InventoryFile

@@ -12,13 +12,14 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.files import is_there
 from tdint.kernels.building.compilable import Variant, time_loops
 from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.compiling import Kernel
+from tdint.model.limits import LimitCheck
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.compiled_steps import kernels
 from tdint.studies.campaign.chunks import ChunkResult, run_chunk, spectral_accelerations
@@ -26,15 +27,13 @@ from tdint.studies.campaign.cluster import Cluster, on_cluster
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.studies.campaign.reader import load_campaign
+from tdint.studies.campaign.story_profiles import profiles
 from tdint.studies.store import schema
 from tdint.studies.store.identity import INVENTORY_CHANGED, all_differences
 from tdint.studies.store.opening import open_existing, open_store
 from tdint.studies.store.result_store import FILE, Store, is_empty
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, progress_reporter
-
-if TYPE_CHECKING:
-    from tdint.model.limits import LimitCheck
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[ChunkResult]]
 """Function that runs the chunks of a plan with the given numbers, on threads of this process or on
@@ -51,7 +50,6 @@ class Shard:
     number, count : int
         K, from 1, and the number of shards N.
     """
-
     number: int
     count: int
 
@@ -79,7 +77,6 @@ class Advance:
     seconds : float
         Time since the start of the call, s.
     """
-
     done: int
     runs: int
     before: int
@@ -210,7 +207,6 @@ class CampaignRuns(Tabular):
     warnings : tuple of str
         Unusual values of the buildings, each with its model file, as shown by `check`.
     """
-
     name: str
     asked: int
     statuses: dict[str, int]
@@ -278,8 +274,6 @@ class CampaignRuns(Tabular):
         UsageError
             A building has no story with a height, or no such performance level.
         """
-        from tdint.studies.campaign.story_profiles import profiles
-
         with self.store as store:
             return {
                 (profile.building, profile.level_text): profile.limit_checks(limit)
@@ -454,7 +448,6 @@ class _Part:
     time_loops : str or None
         Execution of the time loops (`Store.time_loops`).
     """
-
     folder: Path
     name: str
     identity: dict[str, str]

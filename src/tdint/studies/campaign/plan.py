@@ -30,6 +30,7 @@ from tdint.response.defaults import NO_METHOD
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.load_notes import table_notes
+from tdint.response.time_steps import choose_steps
 from tdint.studies.campaign.assigned_motions import (
     Assignment,
     Draw,
@@ -89,7 +90,6 @@ class Plan:
     factors : str
         Path of the file of scale factors, if any.
     """
-
     name: str
     buildings: Buildings
     motions: tuple[SuiteMotion, ...]
@@ -226,8 +226,6 @@ class Plan:
     def check_steps(self) -> None:
         """Raise UsageError if the time step or duration of the campaign, or of a model, does not
         fit the sampling interval or the duration of a record."""
-        from tdint.response.time_steps import choose_steps
-
         settings = self.settings
         analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models}
         # An inventory does not specify these settings, so all its buildings have the same.

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,31 +19,8 @@ from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
+from tdint.output.figures.style import FirstPeriods
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
-from tdint.output.spectrum_text import spectrum_text
-from tdint.output.tables.loads import LOAD_COLUMNS
-from tdint.output.tables.table import Cell, Table
-from tdint.response.runs.load_case import LoadCase
-from tdint.response.spectra.target import read_target
-from tdint.studies.campaign import suite_figures
-from tdint.studies.campaign.assigned_motions import MotionFactors
-from tdint.studies.campaign.campaign_summary import campaign_summary
-from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
-from tdint.studies.campaign.chunks import Run
-from tdint.studies.campaign.story_profiles import level_ranks
-from tdint.studies.motions import scaling_figures
-from tdint.studies.motions.intensity import GEOMETRIC_MEAN
-from tdint.studies.motions.pairs import PairRule, describe_demand
-from tdint.studies.motions.scaling import Scaling
-from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.output.figures.style import FirstPeriods
-    from tdint.response.runs.batch import Subject
-    from tdint.studies.campaign.plan import Plan
-    from tdint.studies.campaign.story_profiles import FloorSuite, Profile
-    from tdint.studies.store.result_store import Store
-
 from tdint.output.report import (
     ERRORS,
     MAX_MOTIONS,
@@ -52,6 +29,27 @@ from tdint.output.report import (
     model_chapter,
     motion_chapter,
 )
+from tdint.output.spectrum_text import spectrum_text
+from tdint.output.tables.loads import LOAD_COLUMNS
+from tdint.output.tables.table import Cell, Table
+from tdint.response.runs.batch import Subject
+from tdint.response.runs.load_case import LoadCase
+from tdint.response.spectra.target import read_target
+from tdint.studies.campaign import suite_figures
+from tdint.studies.campaign.assigned_motions import MotionFactors
+from tdint.studies.campaign.campaign_summary import campaign_summary
+from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.story_profiles import FloorSuite, Profile, level_ranks
+from tdint.studies.fragility.building_damage import has_losses
+from tdint.studies.fragility.damage_tables import loss_table, type_table
+from tdint.studies.motions import scaling_figures
+from tdint.studies.motions.intensity import GEOMETRIC_MEAN
+from tdint.studies.motions.pairs import PairRule, describe_demand
+from tdint.studies.motions.scaling import Scaling
+from tdint.studies.store.result_store import Store
+from tdint.units import SI, OutputUnits
 
 _MAX_MODELS = 8
 """Maximum number of buildings that list their stories."""
@@ -327,9 +325,6 @@ def _damage(store: Store) -> tuple[Part, ...]:
     """Return the tables of damage and loss by building type; empty without damage states."""
     if not store.damage():
         return ()
-    from tdint.studies.fragility.building_damage import has_losses
-    from tdint.studies.fragility.damage_tables import loss_table, type_table
-
     # The rule for pairs is one of the assumptions, so its column is omitted.
     columns, rows = loss_table(store)
     losses = Table.of(columns, rows if has_losses(store) else ())

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from tdint.model.limits import LimitCheck, by_level
 from tdint.number_parsing import pluralize
-from tdint.units import OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.campaign.story_profiles import Profile
 from tdint.output.verdicts import Verdict, _demand, _is_drift_alone, _limit, _maximum, _sentence
+from tdint.studies.campaign.story_profiles import Profile
+from tdint.units import OutputUnits
 
 
 def suite_verdicts(

@@ -6,23 +6,21 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from tdint.arrays import Array
 from tdint.number_parsing import number_text
+from tdint.output.page import Part
 from tdint.output.tables.table import Table
 from tdint.studies.campaign.campaign_tables import variant_columns
 from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.plan import Plan
+from tdint.studies.campaign.story_profiles import Profile
 from tdint.studies.campaign.variants import Comparison, comparisons, story_pairs
+from tdint.studies.store.result_store import Store
 from tdint.units import OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.arrays import Array
-    from tdint.output.page import Part
-    from tdint.studies.campaign.plan import Plan
-    from tdint.studies.campaign.story_profiles import Profile
-    from tdint.studies.store.result_store import Store
 
 _MAX_ROWS = 40
 """Maximum number of rows of the table; profiles.csv lists all buildings and levels."""
@@ -33,7 +31,6 @@ _MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
 class _Device(NamedTuple):
     """Mean peak force, N, and mean stroke, m, of the devices of a building in the story where each
     is largest; nan without devices. The stroke is the drift of the story."""
-
     force: float
     stroke: float
 
@@ -41,7 +38,6 @@ class _Device(NamedTuple):
 class _Variant(NamedTuple):
     """Row of the table: a building at a level. Means are over the common motions, in the story or
     floor with the largest mean; `ratio` is the mean drift divided by that of the baseline."""
-
     profile: Profile
     mean_drift: float = math.nan
     largest_drift: float = math.nan

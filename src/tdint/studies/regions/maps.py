@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.output.tables.table import digits, names
 from tdint.response.runs.demands import RUN
 from tdint.studies.campaign.campaign_tables import copied_columns, numeric
+from tdint.studies.campaign.chunks import Run
+from tdint.studies.campaign.story_profiles import SuiteLevel, SuiteRules
 from tdint.studies.fragility.building_damage import (
     BuildingDamage,
     TypeDamage,
@@ -26,13 +28,9 @@ from tdint.studies.fragility.building_damage import (
 )
 from tdint.studies.fragility.damage_tables import LOSS, has_costs, probability_name
 from tdint.studies.motions.pairs import combine
+from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import RUNS
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.campaign.chunks import Run
-    from tdint.studies.campaign.story_profiles import SuiteLevel
-    from tdint.studies.store.result_store import Store
 
 _DEMAND_NAMES = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
 _DEMANDS = tuple(quantity for quantity in RUN if quantity.name in _DEMAND_NAMES)
@@ -110,9 +108,6 @@ def building_features(
     requested : collection of str
         Events to write; all by default. The average annual loss includes all events.
     """
-    from tdint.studies.campaign.chunks import Run
-    from tdint.studies.campaign.story_profiles import SuiteRules
-
     titles = [title.lower() for title in store.inventory_columns()]
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
     rules, events, buildings = SuiteRules.of(store), store.events(), store.buildings()
