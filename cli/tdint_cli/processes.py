@@ -100,21 +100,23 @@ def worker() -> Iterator[Callable[..., Callable[[], Any]]]:
     """
     from concurrent.futures.process import BrokenProcessPool
 
-    def begin(function: Callable[[Item], Result], argument: Item) -> Callable[[], Result]:
-        """Start the call of `function` with `argument`."""
-        outcomes: deque[Future[Result]] = deque()
-        with suppress(OSError):  # the limit of processes
-            outcomes = _submit(pool, function, [argument])
+    with ExitStack() as stack:
 
-        def result() -> Result:
-            """Return the result of the call."""
-            with suppress(BrokenProcessPool, IndexError):
-                return outcomes[0].result()
-            return function(argument)
+        def begin(function: Callable[[Item], Result], argument: Item) -> Callable[[], Result]:
+            """Start the call of `function` with `argument`."""
+            outcomes: deque[Future[Result]] = deque()
+            # Limits of processes or files, or a system without semaphores
+            with suppress(OSError, ImportError, NotImplementedError):
+                outcomes = _submit(stack.enter_context(_workers(1)), function, [argument])
 
-        return result
+            def result() -> Result:
+                """Return the result of the call."""
+                with suppress(BrokenProcessPool, IndexError):
+                    return outcomes[0].result()
+                return function(argument)
 
-    with _workers(1) as pool:
+            return result
+
         yield begin
 
 

@@ -11,8 +11,8 @@ from cli.conftest import at_a_terminal
 from facts import states
 from selection import every
 from tdint.errors import AnalysisError, RecordError
-from tdint_cli.commands.spectrum import tables_of
 from tdint_cli import processes
+from tdint_cli.commands.spectrum import tables_of
 from tdint_cli.processes import Task, outcomes, worker
 
 PERIODS = ("--period", "0.2", "--period", "1.0")

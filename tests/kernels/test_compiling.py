@@ -6,7 +6,10 @@ import os
 import shutil
 import subprocess
 import sys
+from collections import deque
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Event
 from types import SimpleNamespace
 
 import numpy as np
@@ -612,7 +615,7 @@ def test_position_in_external_file_precedes_if_its_name_is_not_normalized(monkey
 
 
 def start_instead(monkeypatch, program):
-    """Let `_Process` start a Python program instead of the program that compiles kernels."""
+    """Let `_process` start a Python program instead of the program that compiles kernels."""
     start = subprocess.Popen
     monkeypatch.setattr(
         process_module.subprocess,
@@ -697,26 +700,17 @@ def test_module_is_executed_alone_only_if_its_package_is_not_found(package):
         build._module("small_package.hyper", str(package / "hyper.py"))
 
 
-def test_no_process_is_started_after_stop(monkeypatch):
+def test_process_started_after_stop_is_killed(monkeypatch):
     """The thread has taken the compilation from the list, but not yet started its process."""
-    started_processes = []
-    monkeypatch.setattr(
-        process_module, "_Process", lambda settings: started_processes.append(settings)
-    )
-    pool = process_module._ProcessPool(
+    start_instead(monkeypatch, "import time; time.sleep(60)")
+    (group,) = process_module._groups(
         process_module.compilations([(scaled, EVERYTHING, "linux-aarch64")])
     )
-    take = pool._next
-
-    def take_and_stop(previous):
-        compilation = take(previous)
-        pool.stop()
-        return compilation
-
-    monkeypatch.setattr(pool, "_next", take_and_stop)
-    pool.compile_waiting()
-    assert started_processes == []
-    assert pool.done.empty()
+    work = process_module._Work(deque(), SimpleQueue(), set(), Event())
+    work.stopped.set()
+    with process_module._process(group, work) as (process, _):
+        assert process.wait(30) != 0
+    assert not work.running
 
 
 def test_misspelled_name_is_reported_with_line():

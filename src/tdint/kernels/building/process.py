@@ -9,20 +9,21 @@ import os
 import re
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
-from threading import Lock
-from typing import IO, Any
+from threading import Event
+from typing import IO, Any, NamedTuple
 
 from tdint.errors import AnalysisError
 from tdint.kernels.building.compilable import Compilable, Variant
 from tdint.kernels.building.sources import OUTSIDE, closure, size
 from tdint.kernels.building.target import Target, named, native
-from tdint.system import processors
+from tdint.system import processors, unnamed_file
 
 _POSITION = re.compile(r'(?:File "| at )(?:[^"]*[/\\])?([^"/\\]+\.py)(?:", line |\s\()(\d+)')
 """Position in a source file, as in the messages of Python and numba."""
@@ -177,89 +178,6 @@ def _line_of(name: str, file: Path) -> int:
     )
 
 
-class _Process:
-    """Process that compiles kernels with equal settings sequentially. Code that the kernels share
-    is compiled once."""
-
-    def __init__(self, settings: Mapping[str, str]) -> None:
-        """Start the process with the environment variables `settings`, and a thread that reads its
-        error output.
-
-        Raises
-        ------
-        OSError, RuntimeError
-            No process or no thread can be started.
-        """
-        self.settings = settings
-        pipe = subprocess.PIPE
-        path = os.pathsep.join(filter(None, sys.path))
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "tdint.kernels.build"],
-            stdin=pipe,
-            stdout=pipe,
-            stderr=pipe,
-            env={
-                **{**os.environ, **settings, "PYTHONPATH": path, "TDINT_KERNELS": "compile"},
-                "OPENBLAS_NUM_THREADS": "1",
-                "PYTHONHASHSEED": "0",  # equal object code: numba iterates over sets of names
-            },
-        )
-        # The process must never wait for a full pipe. A temporary file would need a writable
-        # directory.
-        self._reader = ThreadPoolExecutor(1)
-        try:
-            self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
-        except RuntimeError:
-            self.end()
-            raise
-
-    def compile(self, compilation: Compilation) -> list[bytes]:
-        """Compile a kernel in the process; return the contents of the object file for each target.
-
-        Raises
-        ------
-        AnalysisError
-            The kernel cannot be compiled. The process has ended.
-        """
-        try:
-            requests = self._pipe(self._process.stdin)
-            requests.write(json.dumps(compilation.request).encode() + b"\n")
-            requests.flush()
-        except OSError:  # the process has ended, and its output contains the reason
-            pass
-        # An object for each target, or fewer objects after a failure
-        objects = self._pipe(self._process.stdout)
-        packed: list[bytes] = []
-        while len(packed) < len(compilation.targets) and (size_of_object := objects.readline()):
-            data = objects.read(expected_size := int(size_of_object))
-            # Fewer bytes were written if the process has ended, for example for lack of memory.
-            if len(data) < expected_size:
-                break
-            packed.append(data)
-        if len(packed) == len(compilation.targets):
-            return packed
-        code = self._process.wait()
-        text = self._error_output.result().decode(errors="replace").strip().splitlines()
-        message = compilation.reason(text) or f"exit code {code}"
-        output = RuntimeError("\n".join(text))  # shown with --debug
-        raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {message}") from output
-
-    def end(self) -> None:
-        """Kill the process, and close its pipes and the thread that reads its error output."""
-        self._process.kill()
-        self._reader.shutdown()
-        # Leaving the context of the process closes the pipes. An OSError reports that a request in
-        # the buffer cannot be delivered to a process that has ended.
-        with suppress(OSError), self._process:
-            pass
-
-    @staticmethod
-    def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-        """Return a pipe of a process that was started with pipes, which are therefore not None."""
-        assert pipe is not None
-        return pipe
-
-
 def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
     """Return the compilations of kernels for named targets; targets with equal optimization are
     combined.
@@ -283,7 +201,8 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     """Run one process for each processor in parallel, and yield each compilation with its object
     files (one for each target) when it is completed.
 
-    Each process is controlled by a thread, which gets the next compilation from a common list.
+    Each process is controlled by a thread, which takes the next group (`_groups`) from a common
+    list.
 
     Raises
     ------
@@ -296,13 +215,13 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
             f"{names}: compiled time loops are not included in this installation; install numba "
             "to compile them"
         )
-    processes = _ProcessPool(compilations)
-    count = min(processors(), len(compilations))
+    work = _Work(deque(_groups(compilations)), SimpleQueue(), set(), Event())
+    count = min(processors(), len(work.waiting))
     with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
             for number in range(count):
                 try:
-                    pool.submit(processes.compile_waiting)
+                    pool.submit(_compile_waiting, work)
                 except RuntimeError as error:
                     # With a limit on threads, the threads that could be started compile everything.
                     if number == 0:
@@ -310,12 +229,149 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
                     break
             for _ in compilations:
                 # Object files, or the exception that ended the compilation
-                compilation, packed = processes.done.get()
+                compilation, packed = work.done.get()
                 if isinstance(packed, BaseException):
                     raise packed
                 yield compilation, packed
         finally:
-            processes.stop()
+            work.stopped.set()
+            for process in [*work.running]:
+                process.kill()
+
+
+def _groups(compilations: Iterable[Compilation]) -> list[list[Compilation]]:
+    """Return the compilations in groups with equal settings and of one module. A process compiles a
+    group sequentially, and compiles code that its kernels share once.
+
+    The longest estimated time is first: a long group that starts last would delay the end, while
+    the other processes are idle.
+    """
+    groups: dict[Any, list[Compilation]] = {}
+    for compilation in compilations:
+        key = (*compilation.settings.items(), compilation.module)
+        groups.setdefault(key, []).append(compilation)
+    return sorted(
+        groups.values(),
+        key=lambda group: sum(size(compilation.kernel.name) for compilation in group),
+        reverse=True,
+    )
+
+
+class _Work(NamedTuple):
+    """Compilations that several threads share.
+
+    Attributes
+    ----------
+    done : SimpleQueue
+        Completed compilations, each with its object files or with the exception that ended it.
+    running : set of Popen
+        Processes that have not ended.
+    stopped : Event
+        Is set when no further process may start.
+    """
+
+    waiting: deque[list[Compilation]]
+    done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]]
+    running: set[subprocess.Popen[bytes]]
+    stopped: Event
+
+
+def _compile_waiting(work: _Work) -> None:
+    """Compile the waiting groups, one process after the other, until no group is left.
+
+    Each thread of `run_all` calls this function. An error ends it.
+    """
+    while not work.stopped.is_set():
+        try:
+            group = work.waiting.popleft()
+        except IndexError:  # no group is left
+            return
+        compilation = group[0]
+        try:
+            with _process(group, work) as (process, errors):
+                for compilation in group:
+                    work.done.put((compilation, _objects(process, errors, compilation)))
+        except BaseException as error:
+            work.done.put((compilation, error))
+            return
+
+
+@contextmanager
+def _process(
+    group: Sequence[Compilation], work: _Work
+) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
+    """Yield a process that compiles a group, and the file of its error output. The process is
+    killed at the end of the `with` statement.
+
+    Raises
+    ------
+    AnalysisError
+        No process can be started, or a kernel is not in a module that it can load.
+    """
+    requests = "".join(json.dumps(compilation.request) + "\n" for compilation in group)
+    pipe, path = subprocess.PIPE, os.pathsep.join(filter(None, sys.path))
+    # The process must never wait for a full pipe, therefore its error output is a file.
+    with unnamed_file() as errors:
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "tdint.kernels.build"],
+                stdin=pipe,
+                stdout=pipe,
+                stderr=errors,
+                env={
+                    **{**os.environ, **group[0].settings},
+                    "PYTHONPATH": path,
+                    "TDINT_KERNELS": "compile",
+                    "OPENBLAS_NUM_THREADS": "1",
+                    "PYTHONHASHSEED": "0",  # equal object code: numba iterates over sets of names
+                },
+            )
+        except OSError as error:
+            raise _nothing_started(group[0], error) from None
+        work.running.add(process)
+        try:
+            if work.stopped.is_set():  # after `run_all` has killed the running processes
+                process.kill()
+            assert process.stdin is not None
+            # The standard input remains open, because its end would end the process.
+            with suppress(OSError):  # the process has ended, and its output contains the reason
+                process.stdin.write(requests.encode())
+                process.stdin.flush()
+            yield process, errors
+        finally:
+            process.kill()
+            process.communicate()  # closes the pipes
+            work.running.discard(process)
+
+
+def _objects(
+    process: subprocess.Popen[bytes], errors: IO[bytes], compilation: Compilation
+) -> list[bytes]:
+    """Return the contents of the object file of a compilation for each target, which its process
+    writes to its standard output.
+
+    Raises
+    ------
+    AnalysisError
+        The kernel cannot be compiled. The process has ended.
+    """
+    assert process.stdout is not None
+    # An object for each target, or fewer objects after a failure
+    packed: list[bytes] = []
+    while len(packed) < len(compilation.targets) and (length := process.stdout.readline()):
+        data = process.stdout.read(expected_size := int(length))
+        # Fewer bytes were written if the process has ended, for example for lack of memory.
+        if len(data) < expected_size:
+            break
+        packed.append(data)
+    if len(packed) == len(compilation.targets):
+        return packed
+    code = process.wait()
+    errors.seek(0)
+    text = errors.read().decode(errors="replace").strip().splitlines()
+    message = compilation.reason(text) or f"exit code {code}"
+    output = RuntimeError("\n".join(text))  # shown with --debug
+    raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {message}") from output
 
 
 def _nothing_started(compilation: Compilation, error: Exception) -> AnalysisError:
@@ -328,121 +384,3 @@ def _nothing_started(compilation: Compilation, error: Exception) -> AnalysisErro
         f"({error}); raise the limit on processes (ulimit -u, pids of a container), or set "
         "TDINT_KERNELS=python"
     )
-
-
-class _ProcessPool:
-    """Processes that share a list of compilations.
-
-    Attributes
-    ----------
-    done : SimpleQueue
-        Completed compilations, each with its object files or with the exception that ended it.
-    """
-
-    def __init__(self, compilations: Sequence[Compilation]) -> None:
-        """Sort the compilations by their estimated time, the longest first; start no process yet.
-
-        A long compilation that starts last would delay the end, while the other processes are idle.
-        """
-        self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
-        self._lock = Lock()
-        self._waiting = sorted(
-            compilations, key=lambda compilation: size(compilation.kernel.name), reverse=True
-        )
-        self._modules_in_progress: list[str] = []
-        self._processes: set[_Process] = set()
-        self._is_stopped = False
-
-    def compile_waiting(self) -> None:
-        """Compile the waiting kernels with a single process at a time, until no kernel is left.
-
-        Each thread of `run_all` calls this function. A kernel with other settings requires a new
-        process. An error ends the function and is added to the queue `done`.
-        """
-        process, compilation = None, None
-        while compilation := self._next(compilation):
-            try:
-                if process is None or process.settings != compilation.settings:
-                    # If `_start` fails, `process` is still the ended process; `_end` then has no
-                    # effect.
-                    self._end(process)
-                    process = self._start(compilation)
-                    if process is None:
-                        break
-                self.done.put((compilation, process.compile(compilation)))
-            except BaseException as error:
-                self.done.put((compilation, error))
-                break
-        self._end(process)
-
-    def stop(self) -> None:
-        """Start no further compilation and end all processes."""
-        with self._lock:
-            # A thread may have taken a compilation from the list for which it has not yet started a
-            # process. The flag prevents this start.
-            self._is_stopped = True
-            self._waiting.clear()
-            running = set(self._processes)
-        for process in running:
-            self._end(process)
-
-    def _next(self, previous: Compilation | None) -> Compilation | None:
-        """Remove the next compilation from the list of waiting compilations and return it; None if
-        the list is empty.
-
-        The longest compilation of the first of these groups that is not empty is selected:
-
-        1. the same settings and the same module as `previous`: the process of the thread compiles
-           code that both kernels share only once
-        2. the same settings, of a module that no other process is compiling; if no waiting
-           compilation has the same settings, any settings
-        3. all waiting compilations
-        """
-        with self._lock:
-            if previous:
-                self._modules_in_progress.remove(previous.module)
-            # The lists are sorted from the longest to the shortest.
-            same_settings = [
-                waiting
-                for waiting in self._waiting
-                if previous and waiting.settings == previous.settings
-            ]
-            same_module = [
-                waiting
-                for waiting in same_settings
-                if previous and waiting.module == previous.module
-            ]
-            other_modules = [
-                waiting
-                for waiting in same_settings or self._waiting
-                if waiting.module not in self._modules_in_progress
-            ]
-            next_compilation = next(iter(same_module or other_modules or self._waiting), None)
-            if next_compilation:
-                self._waiting.remove(next_compilation)
-                self._modules_in_progress.append(next_compilation.module)
-            return next_compilation
-
-    def _start(self, compilation: Compilation) -> _Process | None:
-        """Start a process with the settings of a compilation and register it for `stop`.
-
-        Return None, and start nothing, after a call of `stop`. Raise AnalysisError if no process or
-        thread can be started.
-        """
-        with self._lock:
-            if self._is_stopped:
-                return None
-            try:
-                process = _Process(compilation.settings)
-            except (OSError, RuntimeError) as error:
-                raise _nothing_started(compilation, error) from None
-            self._processes.add(process)
-            return process
-
-    def _end(self, process: _Process | None) -> None:
-        """End a process; do nothing for None and for a process that another thread has ended."""
-        with self._lock:
-            running = process in self._processes
-            self._processes.discard(process)
-        if process and running:
-            process.end()
