@@ -11,7 +11,7 @@ from csv_rows import rows
 from selection import every
 from tdint_cli.main import COMMANDS
 from tdint_cli.options import grammar
-from tdint_cli.options.grammar import with_named_files
+from tdint_cli.options.grammar import with_values
 from tdint_cli.options.option_types import BESIDE
 
 
@@ -74,7 +74,8 @@ def test_an_invalid_value_is_refused_with_a_valid_example(folder, tdint, argumen
      ("--history b.png", [f"--history={BESIDE}", "b.png"])],
 )  # fmt: skip
 def test_the_argument_after_plot_is_its_file_if_it_names_a_figure(line, expected):
-    assert with_named_files(line.split()) == expected
+    defaults = dict.fromkeys(("--plot", "--history"), BESIDE)
+    assert with_values(line.split(), defaults) == expected
 
 
 def test_a_figure_is_written_next_to_the_output_or_to_its_own_name(folder, tdint):

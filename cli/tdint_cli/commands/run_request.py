@@ -95,6 +95,8 @@ class Request(BuildingRequest, SuiteRequest):
         "DIR", f"Write {STORIES} and {SUMMARY} to this directory, which is created if necessary."
     )
     history: str | None = options.output.option(
+        is_flag=False,
+        flag_value=BESIDE,
         type=FileName(written=True),
         metavar="[FILE]",
         callback=options.output.refuse_empty,

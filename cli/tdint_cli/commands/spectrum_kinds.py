@@ -255,6 +255,8 @@ class SpectrumRequest(TablesRequest):
     )
     history: str | None = options.spectra.option(
         needs="--oscillator",
+        is_flag=False,
+        flag_value=BESIDE,
         metavar="",
         rare=True,
         help="With --oscillator: write a row for each sample.",

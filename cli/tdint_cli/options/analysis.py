@@ -71,10 +71,6 @@ def _load(
     return files
 
 
-class _Plugins(ListOf):
-    """Type of --plugin: `_load` joins the lists of a repeated option, and loads the files."""
-
-
 def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
     """Declare the option --plugin.
 
@@ -88,8 +84,7 @@ def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
     return option(
         "--plugin",
         "plugins",
-        type=_Plugins(FileName()),
-        multiple=True,
+        type=ListOf(FileName()),
         is_eager=True,
         expose_value=exposed,
         callback=_load,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 import shlex
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
@@ -14,7 +14,7 @@ import click
 from click.core import ParameterSource
 
 from tdint.errors import UsageError
-from tdint_cli.options.option_types import BESIDE, ListOf
+from tdint_cli.options.option_types import ListOf
 from tdint_cli.terminal import Settings, emit
 
 # The help of a command lists options under headings, which do not depend on the order of
@@ -155,7 +155,7 @@ def option(
     # Subclasses of ListOf are options that are not repeated.
     value_type = settings.get("type")
     if type(value_type) is ListOf:
-        settings |= {"multiple": True, "callback": value_type.joined}
+        settings = {"multiple": True, "callback": value_type.joined} | settings
     # In the help, brackets enclose the parts that may be omitted. One of several values must be
     # given.
     if isinstance(value_type, click.Choice) and "metavar" not in settings:
@@ -245,16 +245,18 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
     return decorate
 
 
-def with_named_files(
-    arguments: Sequence[str], options: Collection[str] = tuple(_NAMED_FILES)
-) -> list[str]:
-    """Return a command line (words after the name of the command) where --plot and --history always
-    have a value.
+_FILE = re.compile(r"-|.*[/\\].*|.*\.[a-z]\w*", re.IGNORECASE | re.DOTALL)
+"""Pattern of words that are files rather than values of options: `-`, `frame.yaml`."""
 
-    Users may omit the value of these two options, which click does not support: `--plot` becomes
-    `--plot=VALUE`. The value is the next word if it is empty or a file name with a suffix that fits
-    the option. Otherwise it is the constant `BESIDE`, which requests the default file name. Words
-    that are not in `options` are not changed.
+
+def with_values(arguments: Sequence[str], defaults: Mapping[str, str]) -> list[str]:
+    """Return a command line (words after the name of the command) where options with an optional
+    value have their value in the same word, because click would use a following file as the value.
+
+    The value of `--plot` and `--history` is the next word if it is empty or a file name with a
+    suffix that fits the option, otherwise the default value: `--plot` becomes `--plot=VALUE`. Other
+    options have their default value only if the next word is a file: `--transfer frame.yaml`
+    becomes `--transfer=ground frame.yaml`. `defaults` contains the default values by option.
     """
     result: list[str] = []
     remaining = iter(enumerate(arguments))
@@ -262,35 +264,17 @@ def with_named_files(
     for i, word in remaining:
         if word == "--":
             return [*result, *arguments[i:]]
-        if word not in _NAMED_FILES or word not in options:
+        following = arguments[i + 1] if i + 1 < len(arguments) else None
+        pattern = _NAMED_FILES.get(word)
+        if word not in defaults:
             result.append(word)
-            continue
-        following = arguments[i + 1] if i + 1 < len(arguments) else BESIDE
-        if following == "" or _NAMED_FILES[word].fullmatch(following):
+        elif following is not None and pattern and (not following or pattern.fullmatch(following)):
             next(remaining)
             result.append(f"{word}={following}")
+        elif pattern or (following is not None and _FILE.fullmatch(following)):
+            result.append(f"{word}={defaults[word]}")
         else:
-            result.append(f"{word}={BESIDE}")
-    return result
-
-
-_FILE = re.compile(r"-|.*[/\\].*|.*\.[a-z]\w*", re.IGNORECASE | re.DOTALL)
-"""Pattern of words that are files rather than values of options: `-`, `frame.yaml`."""
-
-
-def _with_default_values(arguments: Sequence[str], defaults: Mapping[str, str]) -> list[str]:
-    """Return a command line where an option with an optional value has its default value if the
-    next word is a file: `--transfer frame.yaml` becomes `--transfer=ground frame.yaml`.
-
-    Click would use the file as the value. `defaults` contains the default values of these options.
-    """
-    result: list[str] = []
-    for i, word in enumerate(arguments):
-        if word == "--":
-            return [*result, *arguments[i:]]
-        following = arguments[i + 1] if i + 1 < len(arguments) else ""
-        is_alone = word in defaults and _FILE.fullmatch(following)
-        result.append(f"{word}={defaults[word]}" if is_alone else word)
+            result.append(word)
     return result
 
 
@@ -449,9 +433,6 @@ class Command(HelpAsData):
         """Parse the command line (words after the name of the command) with click, and refuse
         options without an effect. Return the words that belong to no parameter.
 
-        The value of `--plot` and `--history` is optional, which click does not support. Before
-        click parses the command line, `with_named_files` therefore adds the missing values.
-
         Raises
         ------
         UsageError
@@ -462,11 +443,11 @@ class Command(HelpAsData):
         for word, next_word in takewhile(lambda pair: pair[0] != "--", pairwise(args)):
             if word in self._valued_options() and next_word in option_names:
                 raise UsageError(f"{word} requires a value, but {next_word} is an option")
-        args = _with_default_values(args, self._default_values())
+        args = with_values(args, self._default_values())
         if "--to" in option_names:
             args = _with_measures(args)
         try:
-            remaining = super().parse_args(ctx, with_named_files(args, option_names))
+            remaining = super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             if error.option_name in DESCRIBED_OPTIONS and "--inventory" in option_names:
                 raise UsageError(self._described_line(ctx, args, error.option_name)) from None
@@ -488,7 +469,7 @@ class Command(HelpAsData):
             args, dict.fromkeys(("--units", "--component", "--inventory"), True)
         )
         ctx.resilient_parsing = True  # no callbacks, no missing arguments
-        super().parse_args(ctx, with_named_files(rest))
+        super().parse_args(ctx, with_values(rest, self._default_values()))
         records = ctx.params.get("records") or ()
         replaced = [word for word in rest if word not in (*records, *reading)]
         first = next((i for i, word in enumerate(rest) if word in records), 0)
@@ -502,25 +483,21 @@ class Command(HelpAsData):
         )
 
     def _default_values(self) -> dict[str, str]:
-        """Return the default values of the options whose value is an optional word."""
+        """Return the default values of the options with an optional value."""
         return {
             name: parameter.flag_value
             for parameter in self.params
             if isinstance(parameter, click.Option) and isinstance(parameter.flag_value, str)
             for name in parameter.opts
-            if name not in _NAMED_FILES and not parameter.is_flag
+            if not parameter.is_flag
         }
 
     def _valued_options(self) -> set[str]:
-        """Return the names of the options that require a value; --plot, --history and options whose
-        metavar is in brackets do not."""
-        names: set[str] = set()
-        for parameter in self.params:
-            if isinstance(parameter, click.Option) and not parameter.is_flag:
-                metavar = parameter.metavar or ""
-                if not (metavar.startswith("[") and metavar.endswith("]")):
-                    names.update(parameter.opts)
-        return names - _NAMED_FILES.keys()
+        """Return the names of the options that require a value."""
+        options = [
+            item for item in self.params if isinstance(item, click.Option) and not item.is_flag
+        ]
+        return {name for item in options for name in item.opts} - self._default_values().keys()
 
     def _check_needs(self, ctx: click.Context) -> None:
         """Raise UsageError for an option that would have no effect without another option.

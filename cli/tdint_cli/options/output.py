@@ -140,6 +140,8 @@ def plot(text: str) -> grammar.Declaration:
     --plot."""
     return option(
         "--plot",
+        is_flag=False,
+        flag_value=BESIDE,
         type=FileName(written=True),
         metavar="[FILE]",
         callback=refuse_empty,
