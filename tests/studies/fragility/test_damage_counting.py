@@ -16,7 +16,7 @@ from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.damage import probabilities
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import SuiteRules
-from tdint.studies.fragility.building_damage import BuildingDamage, _Group
+from tdint.studies.fragility.building_damage import BuildingDamage, TypeDamage
 from tdint.studies.ida.ida import _elastic_scale
 from tdint.studies.motions.pairs import PairRule
 
@@ -106,16 +106,9 @@ def test_damage_of_group_is_mean_of_runs() -> None:
     results, expected = damage(), np.array(expected_probabilities(STATES))
     motions = np.array([key.motion for key in KEYS])
     chosen = np.array([True] * 9 + [False])
-    group = _Group(STATES)
+    found = TypeDamage(STATES)
     for _ in range(2):
-        group.add(results, chosen, motions)
-    found = group.damage("type", "building", "event", 0.3)
-    assert (found.type, found.building, found.event, found.level) == (
-        "type",
-        "building",
-        "event",
-        0.3,
-    )
+        found.add(results, chosen, motions)
     assert (found.buildings, found.runs, found.failed) == (2, 18, 4)
     known = [i for i in range(9) if ENDS[i] == DONE or ENDS[i] in FALLEN]
     np.testing.assert_allclose(found.probability.value, expected[known].mean(axis=0))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.csv_table import number as cell_number
 from tdint.model.damage_states import COST, NUMBER, DamageStates
 from tdint.model.status import DONE, FALLEN
@@ -195,9 +195,11 @@ class Mean(NamedTuple):
     error: Array
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class TypeDamage:
     """Damage of a building type, or of one building, in a single event and at a single level.
+
+    `add` adds the runs of a building. They are stored as sums for each ground motion.
 
     Attributes
     ----------
@@ -207,58 +209,31 @@ class TypeDamage:
         Event of a ground motion field; empty without events.
     level : float
         Value of the intensity measure (SI units), scale factor, or number of the level.
-    buildings, runs, failed : int
-        Number of buildings, of runs, and of runs without a result, which do not contribute to the
-        following values. Runs under a pair that counts as a single ground motion are one run.
-    loss : Mean
-        Loss ratio; arrays of a single value, nan without losses.
-    loss_sd : float
-        Standard deviation of the loss ratio of one building under one ground motion.
-    value : float
-        Cost of the buildings with a result, including identical buildings; nan if the inventory
-        does not specify costs.
-    money : Mean
-        Mean loss of all these buildings together; arrays of a single value, nan without costs.
     inventory_entry : str
         Entry of the inventory column that defines the groups; empty for other groups.
-    scatter : tuple of two floats
-        Standard deviation of the total loss, for independent and for fully correlated losses of the
-        buildings. Without costs, the standard deviation of the mean loss ratio.
+    buildings, runs, failed : int
+        Number of buildings, of runs, and of runs without a result, which do not contribute to the
+        probabilities and losses. Runs under a pair that counts as a single ground motion are one
+        run.
     """
 
-    type: str
-    building: str
-    event: str
-    level: float
     states: DamageStates
-    buildings: int
-    runs: int
-    failed: int
-    probability: Mean
-    loss: Mean
-    loss_sd: float
-    value: float
-    money: Mean
+    type: str = ""
+    building: str = ""
+    event: str = ""
+    level: float = math.nan
     inventory_entry: str = ""
-    scatter: tuple[float, float] = (0.0, 0.0)
-
-
-class _Group:
-    """Runs of a group of buildings in a single event and at a single level, as sums for each ground
-    motion.
-    """
-
-    def __init__(self, states: DamageStates) -> None:
-        """Create a group with these damage states and without runs."""
-        self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
-        # For each ground motion: number of runs, and sums of the probability of each outcome, of
-        # the loss ratio and of its square.
-        self._sums: dict[int, Array] = {}
-        # For each ground motion: cost of the buildings, and their mean loss.
-        self._money: dict[int, Array] = {}
-        # Rows: loss, loss ratio. Columns: sum of the variances, and of the standard deviations, of
-        # the buildings.
-        self._scatter = np.zeros((2, 2))
+    buildings: int = 0
+    runs: int = 0
+    failed: int = 0
+    # For each ground motion: number of runs, and sums of the probability of each outcome, of the
+    # loss ratio and of its square.
+    _sums: dict[int, Array] = field(default_factory=dict)
+    # For each ground motion: cost of the buildings, and their mean loss.
+    _money: dict[int, Array] = field(default_factory=dict)
+    # Rows: loss, loss ratio. Columns: sum of the variances, and of the standard deviations, of the
+    # buildings.
+    _scatter: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
     def add(
         self,
@@ -300,56 +275,63 @@ class _Group:
                 if not math.isnan(weight):
                     sums += (weight * deviation) ** 2 / identical_count, weight * deviation
 
-    def damage(
-        self, name: str, building: str, event: str, level: float, inventory_entry: str = ""
-    ) -> TypeDamage:
-        """Return the damage of the group.
-
-        `level` is the value of the intensity measure (SI units), scale factor, or number of the
-        level. `inventory_entry` is the entry of the inventory column that defines the groups.
-        """
-        outcome_count = len(self.states.outcomes)
+    @cached_property
+    def _means(self) -> Mean:
+        """Means of the probabilities of the outcomes; with losses, also of the loss ratio and its
+        square. All are nan without any run with a result."""
+        if not self._sums:
+            count = len(self.states.outcomes) + 2 * bool(self.states.losses)
+            return Mean(*np.full((2, count), math.nan))
         # The jackknife omits one ground motion (row) at a time.
-        sum_rows = np.array(list(self._sums.values()))
-        # Without any run with a result, all means and errors are nan.
-        mean = _mean(sum_rows) if len(sum_rows) else Mean(*np.full((2, outcome_count), math.nan))
-        probability = Mean(mean.value[:outcome_count], mean.error[:outcome_count])
-        loss = money = Mean(*np.full((2, 1), math.nan))
-        loss_sd = value = math.nan
-        # With losses, the last two sums are the loss ratio and its square (indices -2 and -1).
-        if self.states.losses and len(sum_rows):
-            loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
-            loss_sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
-        # With costs (row 0), the result is the scatter of the total loss, a sum over the buildings.
-        # Without costs (row 1), it is the scatter of the mean loss ratio: the sum is divided by the
-        # number of runs, which was the weight of each building.
-        variance_sum, deviation_sum = self._scatter[0 if self._money else 1].tolist()
-        divisor = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
+        return _mean(np.array(list(self._sums.values())))
+
+    @property
+    def probability(self) -> Mean:
+        """Probability of each outcome."""
+        outcome_count = len(self.states.outcomes)
+        return Mean(*(values[:outcome_count] for values in self._means))
+
+    @property
+    def loss(self) -> Mean:
+        """Loss ratio; arrays of a single value, nan without losses."""
+        if not self.states.losses:
+            return Mean(*np.full((2, 1), math.nan))
+        return Mean(*(values[-2:-1] for values in self._means))
+
+    @property
+    def loss_sd(self) -> float:
+        """Standard deviation of the loss ratio of one building under one ground motion."""
+        if not self.states.losses:
+            return math.nan
+        mean, mean_square = self._means.value[-2:]
+        return math.sqrt(max(float(mean_square - mean**2), 0.0))
+
+    @property
+    def value(self) -> float:
+        """Cost of the buildings with a result, including identical buildings; nan if the inventory
+        does not specify costs."""
+        return float(np.array(list(self._money.values()))[:, 0].sum()) if self._money else math.nan
+
+    @property
+    def money(self) -> Mean:
+        """Mean loss of all these buildings together; arrays of a single value, nan without
+        costs."""
+        if not self.value > 0.0:
+            return Mean(*np.full((2, 1), math.nan))
         # `_mean` returns the sum of the losses divided by the sum of the costs over the ground
         # motions; multiplied by the total cost, it is the mean loss.
-        if self._money:
-            money_rows = np.array(list(self._money.values()))
-            value = float(money_rows[:, 0].sum())
-            if value > 0.0:
-                mean_fraction = _mean(money_rows)
-                money = Mean(value * mean_fraction.value, value * mean_fraction.error)
-        return TypeDamage(
-            type=name,
-            building=building,
-            event=event,
-            level=level,
-            states=self.states,
-            buildings=self.buildings,
-            runs=self.runs,
-            failed=self.failed,
-            probability=probability,
-            loss=loss,
-            loss_sd=loss_sd,
-            value=value,
-            money=money,
-            inventory_entry=inventory_entry,
-            scatter=(math.sqrt(variance_sum) / divisor, deviation_sum / divisor),
-        )
+        mean_fraction = _mean(np.array(list(self._money.values())))
+        return Mean(self.value * mean_fraction.value, self.value * mean_fraction.error)
+
+    @property
+    def scatter(self) -> tuple[float, float]:
+        """Standard deviation of the total loss, for independent and for fully correlated losses of
+        the buildings. Without costs, the standard deviation of the mean loss ratio."""
+        # The total loss (row 0) is a sum over the buildings. For the mean loss ratio (row 1), the
+        # sum is divided by the number of runs, which was the weight of each building.
+        variance_sum, deviation_sum = self._scatter[0 if self._money else 1].tolist()
+        divisor = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
+        return math.sqrt(variance_sum) / divisor, deviation_sum / divisor
 
 
 def _mean(sums: Array) -> Mean:
@@ -395,17 +377,8 @@ def group_damages(
     """
     # Events are numbered from 1; the index 0 is the empty name of campaigns without events.
     rule, levels, events = store.pair_rule(), level_values(store), ["", *store.events()]
-    groups: dict[tuple[str, int, int], _Group] = {}
+    groups: dict[tuple[str, int, int], TypeDamage] = {}
     columns = [title.lower() for title in store.inventory_columns()]
-
-    def result(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
-        """Return the damage of a group. The key is its name (the building type, or the entry of the
-        column `by` of the inventory), the index of the event, and the rank of the level."""
-        name, event, rank = key
-        level = levels[rank] if levels else rank + 1.0
-        type_name = name if by is None else ""
-        return group.damage(type_name, building, events[event], level, name if by else "")
-
     for run_damage in building_damages(store):
         damage = damage_by_motion(run_damage, rule)
         cells = {}
@@ -420,15 +393,20 @@ def group_damages(
         events_and_ranks = zip(event_of_run.tolist(), damage.rank.tolist(), strict=True)
         for event, rank in sorted(set(events_and_ranks)):
             is_at_level = (damage.rank == rank) & (event_of_run == event)
-            key = (name, event, rank)
+            group = TypeDamage(
+                damage.states,
+                type=name if by is None else "",
+                building=damage.building if by_building else "",
+                event=events[event],
+                level=levels[rank] if levels else rank + 1.0,
+                inventory_entry=name if by else "",
+            )
+            if not by_building:
+                group = groups.setdefault((name, event, rank), group)
+            group.add(damage, is_at_level, motions, cost, identical_count)
             # A group of a single building is complete after this building, so it is not kept in
             # memory. Groups of several buildings are complete after the last building.
             if by_building:
-                group = _Group(damage.states)
-            else:
-                group = groups.setdefault(key, _Group(damage.states))
-            group.add(damage, is_at_level, motions, cost, identical_count)
-            if by_building:
-                yield result(group, damage.building, key)
+                yield group
     for key in sorted(groups):
-        yield result(groups[key], "", key)
+        yield groups[key]
