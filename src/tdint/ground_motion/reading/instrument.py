@@ -27,7 +27,7 @@ from tdint.ground_motion.messages import caught_messages, obspy_function, one_li
 from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
-from tdint.units import STANDARD_GRAVITY
+from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY, canonical
 
 _BAND_START, _BAND_END = math.sqrt(0.5), 0.1
 """Amplitudes of the digital filters of the recorder at the start and at the end of the frequency
@@ -55,50 +55,31 @@ _QUANTITIES = ("displacement", "velocity", "acceleration")
 _OBSPY_UNITS = ("M", "M/S", "M/S**2")
 """Ground motions in the order of their derivatives, and the unit of each for ObsPy."""
 
-_LENGTHS = {
-    "NM": 1e-9,
-    "UM": 1e-6,
-    "MM": 1e-3,
-    "CM": 1e-2,
-    "M": 1.0,
-    "KM": 1e3,
-    "IN": 0.0254,
-    "FT": 0.3048,
+_UNITS = {name: (2, value) for name, value in ACCELERATION.items()}
+_UNITS |= {"gn": (2, STANDARD_GRAVITY), "mgal": (2, 1e-5)}
+_UNITS |= {
+    f"{length}{time}": (derivatives, value)
+    # 0.3048 is the double-precision number nearest to a foot; 12 inches differ in the last bit.
+    for length, value in (LENGTH | {"ft": 0.3048, "nm": 1e-9, "um": 1e-6, "km": 1e3}).items()
+    for derivatives, times in enumerate((("",), ("/s", "/s1", "/s^1"), ("/s^2", "/s*s")))
+    for time in times
 }
-"""Values of units of length, m."""
-
-_ACCELERATIONS = {
-    "G": STANDARD_GRAVITY,
-    "GN": STANDARD_GRAVITY,
-    "MG": 1e-3 * STANDARD_GRAVITY,
-    "GAL": 1e-2,
-    "MGAL": 1e-5,
-}
-"""Values of units of acceleration that contain no unit of length, m/s^2."""
+"""Number of derivatives and value in SI units of each unit, in the spelling of `canonical`."""
 
 _SPELLINGS = (
-    # The upper case of both signs for micro is the Greek capital letter mu.
-    (r"\N{GREEK CAPITAL LETTER MU}|\bMICRO(?=MET)", "U"),
-    (r"\bNANO(?=MET)", "N"),
-    (r"\bMILLI(?=MET)", "M"),
-    (r"\bCENTI(?=MET)", "C"),
-    (r"\bKILO(?=MET)", "K"),
-    (r"MET(?:ER|RE)S?(?![A-Z])", "M"),
-    (r"\bINCH(?:ES)?\b", "IN"),
-    (r"\bF(?:OO|EE)T\b", "FT"),
-    (r"\bSEC(?:OND)?S?(?![A-Z])", "S"),
-    (r"\s+PER\s+", "/"),
-    (r"\N{SUPERSCRIPT TWO}", "2"),
-    (r"[\N{MINUS SIGN}\N{SUPERSCRIPT MINUS}]", "-"),
-    (r"\N{SUPERSCRIPT ONE}", "1"),
-    (r"\*\*|\^", ""),  # the sign of an exponent
-    (r"(?<=[A-Z])[\s.*\N{MIDDLE DOT}]*[\s.*\N{MIDDLE DOT}]S-(?=[12]\b)", "/S"),  # M S-2
-    (r"[\s()\[\]]", ""),
+    ("\N{GREEK SMALL LETTER MU}|\N{MICRO SIGN}|micro(?=met)", "u"),
+    ("nano(?=met)", "n"),
+    ("milli(?=met)", "m"),
+    ("centi(?=met)", "c"),
+    ("kilo(?=met)", "k"),
+    (r"met(?:er|re)s?\b", "m"),
+    (r"\binch(?:es)?\b", "in"),
+    (r"\bf(?:oo|ee)t\b", "ft"),
+    (r"\s+per\s+", "/"),
+    (r"[()\[\]]", ""),
 )
-"""Regular expressions and their replacements, which convert the upper case of a unit in a
-StationXML file to the form M, M/S, M/S2 or M/S/S."""
-
-_LENGTH_AND_TIME = re.compile(rf"({'|'.join(_LENGTHS)})(?:(/S1?)|(/S2|/S/S|/S\*S))?")
+"""Regular expressions and their replacements for the lower case of a unit in a StationXML file, in
+addition to the spellings that `canonical` recognizes."""
 
 
 @dataclass(frozen=True)
@@ -127,16 +108,11 @@ def parse_input_unit(text: str | None) -> InputUnit | None:
     description that follows ` - ` is ignored. Return None for all other units and without a unit.
     """
     text = (text or "").partition(" - ")[0].strip()
-    unit = text.upper()
+    unit = text.lower()
     for spelling, replacement in _SPELLINGS:
         unit = re.sub(spelling, replacement, unit)
-    if unit in _ACCELERATIONS:
-        return InputUnit(text, 2, _ACCELERATIONS[unit])
-    match = _LENGTH_AND_TIME.fullmatch(unit)
-    if match is None:
-        return None
-    derivatives = 2 if match[3] else 1 if match[2] else 0
-    return InputUnit(text, derivatives, _LENGTHS[match[1]])
+    known = _UNITS.get(canonical(unit))
+    return InputUnit(text, *known) if known else None
 
 
 @dataclass(frozen=True)
