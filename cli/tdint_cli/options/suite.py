@@ -9,11 +9,10 @@ from typing import Any
 
 import click
 
-from tdint.errors import UsageError
 from tdint.units import OutputUnits
 from tdint_cli.options import analysis, output, record
-from tdint_cli.options.option_types import BESIDE, Ratio
-from tdint_cli.options.output import check_picture
+from tdint_cli.options.option_types import Ratio
+from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import FloorRequest
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
@@ -116,17 +115,10 @@ class SuiteRequest:
         UsageError
             The figure has no file name, and no directory is specified; or its format is unknown.
         """
-        if self.plot is None:
-            return None
-        if self.plot != BESIDE:
-            check_picture(Path(self.plot))
-            return Path(self.plot)
-        if folder is None:
-            raise UsageError(
-                "--plot without a file name requires -o; add -o DIR, or specify the file: "
-                "--plot=FILE.png"
-            )
-        return folder / PICTURE
+        file = picture_file(self.plot, folder / PICTURE if folder else None)
+        if file:
+            check_picture(file)
+        return file
 
 
 # ---- Limits of demands: --limit and --require
