@@ -419,12 +419,10 @@ def _chart(
         steps: Sequence[float] = request.steps
     elif request.halvings is not None:
         steps = halved_steps(problem, request.halvings)
+    elif request.stories:
+        steps = [problem.interval]
     else:
-        steps = (
-            [problem.interval]
-            if request.stories
-            else default_steps(problem, len(integrators), request.repeat)
-        )
+        steps = default_steps(problem, len(integrators), request.repeat)
     problem = ending_together(problem, steps)
     # The methods of tdint need about a fifth of the time if other programs also run.
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)

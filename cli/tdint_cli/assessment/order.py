@@ -88,11 +88,9 @@ def command(
     """
     from tdint.assessment.order.order import observed_order, order_problem
 
-    ratios = (
-        [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()]
-        if load == "harmonic"
-        else [math.nan]
-    )
+    ratios = [math.nan]
+    if load == "harmonic":
+        ratios = [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()]
     integrators = options.analysis.integrators(methods)
     problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
     if not problems[0].building.linear:

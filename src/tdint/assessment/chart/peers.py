@@ -237,11 +237,9 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     # The error of a run has terms in proportion to h^2, and also to h if a material is of order 1.
     # Halving the step h divides these terms by the following factors.
     law_codes = problem.building.story_laws[rows.CODE]
-    error_factors = (
-        (2.0, 4.0)
-        if np.isin(law_codes, [CODES[name] for name in _FIRST_ORDER_LAWS]).any()
-        else (4.0,)
-    )
+    error_factors: tuple[float, ...] = (4.0,)
+    if np.isin(law_codes, [CODES[name] for name in _FIRST_ORDER_LAWS]).any():
+        error_factors = (2.0, 4.0)
     gap, description, previous_limits = math.nan, "", list[Array]()
     for steps_per_interval in _CHECKED:
         steps = problem.steps(problem.interval / steps_per_interval)

@@ -230,11 +230,9 @@ class Measured:
         This is the case if no executed time step meets the tolerance, and smaller steps were not
         run, because the time limit of the program was reached.
         """
-        line_profiles = [point for point in self.points if point.line == line]
-        executed = [point for point in line_profiles if point.outcome != NOT_RUN]
-        return len(executed) < len(line_profiles) and not within(
-            executed, line, quantity, tolerance
-        )
+        points = [point for point in self.points if point.line == line]
+        executed = [point for point in points if point.outcome != NOT_RUN]
+        return executed != points and not within(executed, line, quantity, tolerance)
 
 
 class Leaders(NamedTuple):
@@ -287,8 +285,8 @@ class FieldChart(Tabular):
     @property
     def lines(self) -> list[str]:
         """Methods, followed by methods that choose their time steps, and by other programs."""
-        lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
-        lines = dict.fromkeys(line for line in lines if line not in APART)
+        every_line = (point.line for measured in self.measured for point in measured.points)
+        lines = dict.fromkeys(line for line in every_line if line not in APART)
         return sorted(lines, key=lambda line: (PEER in line, not has_specified_steps(line)))
 
     @cached_property
@@ -719,33 +717,22 @@ def measure_all(
     AnalysisError
         The reference of a problem does not reach its end.
     """
-    measured: list[Measured] = []
-    for completed, problem in enumerate(problems):
 
-        def report(
-            action: str,
-            fraction: float,
-            completed: int = completed,
-            problem: FieldProblem = problem,
-        ) -> None:
-            """Report the progress in a problem as a fraction of all problems."""
-            # The default arguments keep the values of this iteration of the loop.
-            progress(
-                f"{problem.name}, {problem.motion}: {action}",
-                (completed + fraction) / len(problems),
-            )
-
-        measured.append(
-            measure_problem(
-                problem,
-                integrators,
-                repeats=repeats,
-                tolerances=tolerances,
-                peers=peers,
-                progress=report,
-            )
+    def measure_one(completed: int, problem: FieldProblem) -> Measured:
+        """Measure a problem after others that are completed."""
+        label = f"{problem.name}, {problem.motion}"
+        return measure_problem(
+            problem,
+            integrators,
+            repeats=repeats,
+            tolerances=tolerances,
+            peers=peers,
+            progress=lambda action, fraction: progress(
+                f"{label}: {action}", (completed + fraction) / len(problems)
+            ),
         )
-    return field_chart(measured)
+
+    return field_chart([measure_one(*numbered) for numbered in enumerate(problems)])
 
 
 def field_chart(measured: Sequence[Measured]) -> FieldChart:

@@ -193,12 +193,10 @@ class Timing:
     def description(self) -> str:
         """Text with the number of repetitions and the load of the machine."""
         repeat_text = " to ".join(str(count) for count in dict.fromkeys(self.repeats))
-        load_text = (
-            ""
-            if self.load is None
-            else f", load {self.load:.1f} on {pluralize(self.processors, 'processor')}"
-        )
-        return f"minimum of {repeat_text} times{load_text}"
+        text = f"minimum of {repeat_text} times"
+        if self.load is None:
+            return text
+        return f"{text}, load {self.load:.1f} on {pluralize(self.processors, 'processor')}"
 
     @property
     def disturbed(self) -> bool:

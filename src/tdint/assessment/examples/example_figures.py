@@ -48,11 +48,9 @@ def example_picture(
     exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
     # The plotted values of each run are absolute errors or displacements.
-    values = (
-        [np.abs(motion - exact_displacement) for motion in displacements]
-        if shown.is_error
-        else displacements
-    )
+    values = displacements
+    if shown.is_error:
+        values = [np.abs(motion - exact_displacement) for motion in displacements]
     # The close-up is at the largest error of any run, or at the peak of the exact solution. `peak`
     # is the index of this time step.
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(exact_displacement)))

@@ -7,7 +7,7 @@ import math
 import sys
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import overload
+from typing import TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -163,25 +163,23 @@ class OrderProblem:
         return self.prepared.building
 
 
+class _OrderOptions(TypedDict, total=False):
+    """Arguments of `order` that all its overloads have."""
+
+    load: str
+    law: str
+    frequency_ratio: float
+    stride: int
+
+
 @overload
-def order(
-    method: Integrator | str,
-    *,
-    load: str = "harmonic",
-    law: str = "linear",
-    frequency_ratio: float = 0.5,
-    stride: int = 1,
-) -> ObservedOrder: ...
+def order(method: Integrator | str, **options: Unpack[_OrderOptions]) -> ObservedOrder: ...
 
 
 @overload
 def order(
     method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
-    *,
-    load: str = "harmonic",
-    law: str = "linear",
-    frequency_ratio: float = 0.5,
-    stride: int = 1,
+    **options: Unpack[_OrderOptions],
 ) -> ResultList[ObservedOrder]: ...
 
 

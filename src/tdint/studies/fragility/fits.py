@@ -258,11 +258,9 @@ def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Arr
         )
     other_counts = record_counts - exceeding_counts
     if not exceeding_counts.any() or not other_counts.any():
-        reason = (
-            "no record exceeds at any level"
-            if not exceeding_counts.any()
-            else "every record exceeds at every level"
-        )
+        reason = "every record exceeds at every level"
+        if not exceeding_counts.any():
+            reason = "no record exceeds at any level"
         raise AnalysisError(
             f"{reason}: median and dispersion cannot be estimated; add intensity levels"
         )

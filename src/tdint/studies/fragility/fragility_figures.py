@@ -325,9 +325,7 @@ def _label(function: Fragility, beta_total: float | None = None) -> str:
     threshold = f"{function.threshold_text}: " if function.threshold_text else ""
     if function.initial_damage:
         threshold += f"{function.initial_damage}, "
-    beta = (
-        rf"$\beta$ = {function.beta:.2f}"
-        if beta_total is None
-        else rf"$\beta_{{total}}$ = {beta_total:.2f}"
-    )
+    beta = rf"$\beta$ = {function.beta:.2f}"
+    if beta_total is not None:
+        beta = rf"$\beta_{{total}}$ = {beta_total:.2f}"
     return rf"{threshold}$\theta$ = {function.theta:.3g}, {beta}"

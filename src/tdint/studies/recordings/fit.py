@@ -515,21 +515,14 @@ def _damping(damping: Damping) -> list[_FreeValue]:
             for name, label in coefficient_labels.items()
             if (value := getattr(damping, name)) > 0.0
         ]
-    modes = (
-        damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
-    )
     # A single modal ratio applies to all modes. A ratio of 0 is raised to the lower bound, because
     # its logarithm is fitted.
     if isinstance(damping, ModalDamping) and len(damping.ratios) == 1:
-        return [
-            _FreeValue(
-                "damping_ratio",
-                None,
-                max(damping.ratios[0], _DAMPING_BOUNDS[0]),
-                _DAMPING_BOUNDS,
-                _ratio_setter(0),
-            )
-        ]
+        start = max(damping.ratios[0], _DAMPING_BOUNDS[0])
+        return [_FreeValue("damping_ratio", None, start, _DAMPING_BOUNDS, _ratio_setter(0))]
+    modes = (
+        damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
+    )
     return [
         _FreeValue("damping_ratio", mode, ratio, _DAMPING_BOUNDS, _ratio_setter(i))
         for i, (mode, ratio) in enumerate(zip(modes, damping.ratios, strict=True))
