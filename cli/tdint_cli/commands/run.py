@@ -307,10 +307,16 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
     if limit is None and not response.model.limits:
         return []
     from tdint.output.spectrum_text import spectrum_text
-    from tdint.output.verdicts import run_verdicts
+    from tdint.output.verdicts import limit_verdicts
 
     matched = matched_text([response.record] if response.record else [], spectrum_text)
-    return run_verdicts(response.limit_checks(limit), response.status, units, matched)
+    return limit_verdicts(
+        response.limit_checks(limit),
+        units,
+        mean=False,
+        lost="" if response.status == "done" else f", status {response.status}",
+        addition=f" 1 ground motion, {matched}." if matched else "",
+    )
 
 
 def _respond(case: Case, events: list[Record], request: Request, is_interpreted: bool) -> Response:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from tdint.model.limits import LimitCheck, chosen_limits, uniform_drift_limit
-from tdint.number_parsing import abbreviate
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.output.run_summary import LIMIT_MEANINGS
 from tdint.output.tables.table import Table
 from tdint.output.verdicts import (
@@ -17,10 +17,10 @@ from tdint.output.verdicts import (
     has_isolator_limit,
     isolator_sentence,
     limit_table,
+    limit_verdicts,
     limits_summary,
 )
 from tdint.studies.campaign.story_profiles import Profile
-from tdint.studies.campaign.suite_verdicts import suite_verdicts
 from tdint.studies.campaign.variants import at_levels
 from tdint.units import OutputUnits
 from tdint_cli.demand_limits import outcome_text
@@ -66,7 +66,11 @@ class SuiteLimits:
         for profile, checks in self.checks:
             if not self.is_limited(profile):
                 continue
-            verdicts = suite_verdicts(checks, profile, units, self.matched)
+            lost = profile.lost_reason and f", because {profile.lost_reason}"
+            addition = f" Demand of pairs: {profile.pair_demand}." if profile.pair_demand else ""
+            if self.matched:
+                addition += f" {pluralize(profile.runs, 'ground motion')}, {self.matched}."
+            verdicts = limit_verdicts(checks, units, mean=True, lost=lost, addition=addition)
             # Without a completed run there are no demands: the limit counts as exceeded.
             if not profile.motions:
                 limit = self.limit

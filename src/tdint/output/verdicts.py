@@ -30,35 +30,37 @@ class Verdict(NamedTuple):
     single_limit: bool = False
 
 
-def run_verdicts(
-    checks: Sequence[LimitCheck], status: str, units: OutputUnits, matched: str = ""
+def limit_verdicts(
+    checks: Sequence[LimitCheck], units: OutputUnits, *, mean: bool, lost: str, addition: str
 ) -> list[Verdict]:
-    """Return the result of the comparison of a run with its limits.
+    """Return the result of the comparison of a run, or of the means over a suite, with its limits.
 
     There is a result for each performance level.
 
     Parameters
     ----------
-    status : str
-        Status of the run; a collapsed building does not meet any limit.
-    matched : str
-        Clause on a matched ground motion (`matched_text`); empty for a recorded motion.
+    mean : bool
+        True for the means over a suite at a single intensity level.
+    lost : str
+        Clause on a collapse, or on collapsed or failed runs, which meet no limit; may be empty.
+    addition : str
+        Sentences about the ground motions, which follow each result; may be empty.
     """
     verdicts = []
-    motion_text = f" 1 ground motion, {matched}." if matched else ""
-    status_text = "" if status == "done" else f", status {status}"
     for level, level_checks in by_level(checks).items():
         met = all(check.within for check in level_checks)
         has_single_limit = _is_drift_alone(level_checks)
         if has_single_limit:
             check = level_checks[0]
             text = (
-                f"Maximum drift ratio {_demand(check, units, 3)} (story {check.story}), "
-                f"limit {_limit(check, units)}: {'met' if met else 'exceeded'}{status_text}."
+                f"{'Mean drift' if mean else 'Maximum drift ratio'} {_demand(check, units, 3)} "
+                f"(story {check.story}), limit {_limit(check, units)}: "
+                f"{'met' if met else 'exceeded'}{lost}"
             )
+            text += f"; {_maximum(check, units)}." if mean else "."
         else:
-            text = _sentence(level, level_checks, units, met=met, lost=status_text, mean=False)
-        verdicts.append(Verdict(met, text + motion_text, has_single_limit))
+            text = _sentence(level, level_checks, units, met=met, lost=lost, mean=mean)
+        verdicts.append(Verdict(met, text + addition, has_single_limit))
     return verdicts
 
 

@@ -77,6 +77,7 @@ class ModelBuilding:
         Cells of the columns of an inventory that are copied to tables, as a JSON list of texts;
         empty for model files.
     """
+
     name: str
     made: Subject
     cells: str = field(default="[]", init=False)
@@ -172,6 +173,7 @@ class Rules:
     collapse_drift : float
         Drift ratio above which a run counts as collapsed.
     """
+
     name: str
     stiffness: float
     damping: float
@@ -185,6 +187,7 @@ class Rules:
 class RowBuilding:
     """Building of an inventory. Only its row is stored; `subject` derives the building for each
     use."""
+
     row: InventoryRow
     rules: Rules
 
@@ -310,6 +313,7 @@ class BuildingLimits:
     isolators : tuple of int
         Numbers of the stories with isolators, from 1.
     """
+
     limits: tuple[Limit, ...] = ()
     isolators: tuple[int, ...] = ()
 

@@ -194,6 +194,7 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 class StoreTable(NamedTuple):
     """Table of a campaign. The rows are read from the store when they are written, because there
     can be millions of runs. Numbers are in SI units; texts were formatted by `cell_text`."""
+
     columns: Sequence[Column]
     rows: Iterable[list[Any]]
 

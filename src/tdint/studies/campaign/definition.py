@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
-from tdint.methods.catalogue import parse as parse_method
 from tdint.model.definition import Model
 from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
@@ -47,6 +46,7 @@ class Distribution:
     """Distribution of a random parameter: `name` is a key of `DISTRIBUTIONS`; `first` and `second`
     are the values of its two parameters, for example median and beta of a lognormal
     distribution."""
+
     name: str
     first: float
     second: float
@@ -101,6 +101,7 @@ class ParameterSweep:
     location : ModelFault | None
         Position of the sweep in the campaign file, for error messages; None: not from a file.
     """
+
     grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     random: Mapping[str, Distribution] = field(default_factory=dict)
     samples: int = 0
@@ -327,18 +328,13 @@ def read_sweep(
     if not (vary or methods or steps):
         return None
     parameters_sweep = _read_vary(vary) if vary else None
-    method_items = (
-        methods.items("a list of methods", "is empty; give at least one method")
-        if methods
-        else None
-    )
-    # `fromkeys` removes duplicates. An invalid method is None.
-    distinct_methods = dict.fromkeys(item.parsed(parse_method) for item in method_items or ())
+    integrators = methods.read() if methods else None
     time_steps = steps.read() if steps else None
+    # `fromkeys` removes duplicates.
     return replace(
         parameters_sweep or ParameterSweep(),
         location=vary.location if vary else None,
-        methods=tuple(method.label for method in distinct_methods if method),
+        methods=tuple(dict.fromkeys(integrator.label for integrator in integrators or ())),
         steps=tuple(dict.fromkeys(time_steps or ())),
     )
 
@@ -405,6 +401,7 @@ def _values(entry: Value, name: str) -> tuple[float, ...]:
 @dataclass(frozen=True)
 class ModelFiles:
     """Buildings of model files, by their paths relative to the working directory."""
+
     files: tuple[str, ...]
 
 
@@ -428,6 +425,7 @@ class InventoryFile:
     stiffness_scatter, damping_scatter : float
         Standard deviations of random factors of stiffness and damping ratio.
     """
+
     file: str
     rules: str
     length: float
@@ -454,6 +452,7 @@ class RecordFiles:
     pairs : PairNames | None
         Naming scheme of the two components of a motion; None: components are separate motions.
     """
+
     files: tuple[str, ...]
     choice: RecordChoice
     pairs: PairNames | None = None
@@ -468,6 +467,7 @@ class SequenceFile:
     rest : float | None
         Time between events, s; None: until free vibration has decayed.
     """
+
     file: str
     choice: RecordChoice
     rest: float | None
@@ -494,6 +494,7 @@ class FieldFile:
     rates : str | None
         CSV file with the annual rates of the events.
     """
+
     file: str
     choice: RecordChoice
     pairs: bool = False
@@ -506,6 +507,7 @@ class FieldFile:
 @dataclass(frozen=True)
 class FactorsFile:
     """Factors of each motion in a CSV file of `tdint scale`."""
+
     file: str
 
 
@@ -518,6 +520,7 @@ class AnalysisOverrides:
     collapse_drift : float | None
         Drift ratio above which a run counts as collapsed.
     """
+
     method: str | None = None
     collapse_drift: float | None = None
     p_delta: bool | None = None
@@ -541,6 +544,7 @@ class CampaignFile:
         Rule that combines the components of pairs (`tdint.studies.motions.pairs`); None: the
         default. Runs do not depend on the rule.
     """
+
     name: str
     source: str
     buildings: ModelFiles | InventoryFile

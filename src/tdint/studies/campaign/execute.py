@@ -50,6 +50,7 @@ class Shard:
     number, count : int
         K, from 1, and the number of shards N.
     """
+
     number: int
     count: int
 
@@ -77,6 +78,7 @@ class Advance:
     seconds : float
         Time since the start of the call, s.
     """
+
     done: int
     runs: int
     before: int
@@ -207,6 +209,7 @@ class CampaignRuns(Tabular):
     warnings : tuple of str
         Unusual values of the buildings, each with its model file, as shown by `check`.
     """
+
     name: str
     asked: int
     statuses: dict[str, int]
@@ -448,6 +451,7 @@ class _Part:
     time_loops : str or None
         Execution of the time loops (`Store.time_loops`).
     """
+
     folder: Path
     name: str
     identity: dict[str, str]

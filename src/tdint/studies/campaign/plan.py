@@ -90,6 +90,7 @@ class Plan:
     factors : str
         Path of the file of scale factors, if any.
     """
+
     name: str
     buildings: Buildings
     motions: tuple[SuiteMotion, ...]

@@ -136,12 +136,13 @@ _INTENSITY = Keys(
     one_of=(("scales", "measure", "factors"),),
 )
 
+_METHOD = TextLine(parse_method)
 _ANALYSIS = Keys(
     (
-        Key("method", TextLine(), "time-integration method with its parameters, for all buildings"),
+        Key("method", _METHOD, "time-integration method with its parameters, for all buildings"),
         Key(
             "methods",
-            EntriesOf(TextLine(), least=1),
+            EntriesOf(_METHOD, 1, None, "a list of methods", "is empty; give at least one method"),
             "several methods, in all combinations with the other values",
         ),
         Key(
@@ -372,13 +373,11 @@ def _check_combinations(section: Section) -> None:
 def _read_analysis(section: Section) -> AnalysisOverrides:
     """Read the settings of the key `analysis` that replace settings of the models: method, collapse
     drift and P-delta. Errors are recorded in the document."""
-    method = section.get("method")
-    parsed_method = method.parsed(parse_method) if method else None
-    if method and section.has("methods"):
-        method.fault("cannot be used with `methods`; remove one of them")
+    method = section.read("method")
+    if section.has("methods"):
+        section.refuse(("method",), "cannot be used with `methods`; remove one of them")
     return AnalysisOverrides(
-        parsed_method.label if parsed_method else None,
-        **section.read_present("collapse_drift", "p_delta"),
+        method.label if method else None, **section.read_present("collapse_drift", "p_delta")
     )
 
 

@@ -31,6 +31,7 @@ _MAX_SENTENCES = 3  # maximum number of levels with a separate sentence
 class _Device(NamedTuple):
     """Mean peak force, N, and mean stroke, m, of the devices of a building in the story where each
     is largest; nan without devices. The stroke is the drift of the story."""
+
     force: float
     stroke: float
 
@@ -38,6 +39,7 @@ class _Device(NamedTuple):
 class _Variant(NamedTuple):
     """Row of the table: a building at a level. Means are over the common motions, in the story or
     floor with the largest mean; `ratio` is the mean drift divided by that of the baseline."""
+
     profile: Profile
     mean_drift: float = math.nan
     largest_drift: float = math.nan
