@@ -23,7 +23,6 @@ from tdint.errors import (
     ModelError,
     OutputError,
     TdintError,
-    UsageError,
     abridged,
     write_out_controls,
 )
@@ -312,12 +311,6 @@ def is_terminal(stream: object) -> bool:
 # The thread removes temporary files and ends the worker processes.
 
 BUG = 1
-_PACKAGES = {"yaml": "pyyaml"} | {
-    name: name
-    for name in ("llvmlite", "matplotlib", "numba", "numpy", "obspy", "platformdirs", "scipy")
-}
-"""Import name and pip name of each dependency, for the message about a missing package."""
-
 OUT_OF_RESOURCES = 5
 """Exit code if the system has not enough memory, or allows no further threads or processes."""
 
@@ -444,8 +437,8 @@ def _signal_word(number: int) -> str:
 def _report_error(error: BaseException, settings: Settings) -> int:
     """Print the message of an exception that ended a command, and return the exit code.
 
-    Errors of click and of tdint, insufficient memory, a limit of threads, a full disk and a missing
-    package have separate messages. Any other exception is reported as a bug, with exit code 1.
+    Errors of click and of tdint, insufficient memory, a limit of threads and a full disk have
+    separate messages. Any other exception is reported as a bug, with exit code 1.
     """
     # The exception is raised again, so that its type selects one of the following clauses.
     try:
@@ -477,12 +470,6 @@ def _report_error(error: BaseException, settings: Settings) -> int:
                 [f"standard output: cannot be written: {error.strerror}"],
                 OutputError.exit_code,
             )
-        elif isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
-            lines = [
-                f"this command requires {error.name}, which is not installed; install it with: "
-                f"pip install {_PACKAGES[error.name]}"
-            ]
-            code = UsageError.exit_code
         else:
             text = " ".join(f"{type(error).__name__}: {error}".split())
             lines, code = [f"internal error (a bug): {text}; run again with --debug"], BUG

@@ -35,12 +35,6 @@ def raises(error: BaseException):
          "Error: one\nError: two\n"),
         (errors.ModelError([errors.ModelFault("a.yaml", i, 1, "k", "bad") for i in (1, 2)]), 3,
          "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n"),
-        (
-            ModuleNotFoundError(name="yaml"),
-            2,
-            "Error: this command requires yaml, which is not installed; install it with: "
-            "pip install pyyaml\n",
-        ),
         (KeyError("x"), 1,
          "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n"),
         (RuntimeError("two\nlines"), 1,

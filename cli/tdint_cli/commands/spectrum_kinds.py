@@ -3,8 +3,9 @@ histories, and comparisons with a published spectrum."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
@@ -486,26 +487,18 @@ class Inelastic(_OscillatorSpectra):
 
         periods = request.chosen_periods()
         hardening = request.hardening or 0.0
+        spectra: Callable[..., list[InelasticSpectrum]] = constant_strength
+        if request.ductility:
+            values, spectra = request.ductility, constant_ductility
+        elif request.strength:
+            values = request.strength
+        else:
+            values = tuple(1.0 / factor for factor in request.reduction or ())
+            spectra = partial(constant_strength, relative_to="elastic")
         lines: list[InelasticSpectrum] = []
         for record in records:
             for damping in request.damping:
-                if request.ductility:
-                    lines += constant_ductility(
-                        record, periods, request.ductility, damping, hardening=hardening
-                    )
-                elif request.strength:
-                    lines += constant_strength(
-                        record, periods, request.strength, damping, hardening=hardening
-                    )
-                else:
-                    lines += constant_strength(
-                        record,
-                        periods,
-                        [1.0 / factor for factor in request.reduction or ()],
-                        damping,
-                        hardening=hardening,
-                        relative_to="elastic",
-                    )
+                lines += spectra(record, periods, values, damping, hardening=hardening)
         return Results(lines, records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
