@@ -1020,9 +1020,16 @@ class PeakWithKeys(Multilinear):
             self.force = 0.0
 
     def stiffness(self, side):
-        """Return the unloading stiffness. The examples do not need its persistent bound."""
+        """Return the unloading stiffness with its bounds by the segments of the curve."""
         far, steepest = max(self.far[side], self.first[side]), max(self.slopes(side))
         soft = steepest * (self.first[side] / far) ** self.unloading
+        ends = [*(drift for drift, _ in self.points[side][1:]), math.inf]
+        for end, slope in zip(ends, self.slopes(side)[1:], strict=True):
+            bound = slope / (1.0 - 0.5 * self.unloading)
+            if end >= far or bound > steepest * (self.first[side] / end) ** self.unloading:
+                soft = max(soft, bound)
+            if end >= far:
+                break
         return min(max(soft, self.curve(side, far) / far), steepest)
 
     def largest(self, drift):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tdint
-from grid.springs import LAWS
+from grid.springs import LAWS, spring_of
 from selection import every
 from tdint.model.building import assemble
 from tdint.model.story_laws import LAWS as TDINT_LAWS
@@ -30,9 +30,28 @@ def test_forces_along_a_path(name, label, seed):
     random, story = np.random.default_rng(seed), example(name, label)
     reversals = np.linspace(0.3, 6.0, 24) * STRENGTH / STIFFNESS * random.uniform(-1.0, 1.0, 24)
     reversals[::5] *= 0.1
-    path = np.interp(np.arange(24 * POINTS + 1) / POINTS, np.arange(25), [0.0, *reversals])
+    follow_both(name, story, reversals)
+
+
+@pytest.mark.parametrize("points", [1, 3])
+def test_unloading_of_the_peak_rule_after_large_drifts(points):
+    """The slopes of the curve bound the unloading stiffness, also at the end of a segment."""
+    drifts = STRENGTH / STIFFNESS * np.array([1.0, 20.0, 60.0])[:points]
+    forces = STRENGTH * np.array([1.0, 6.0, 8.0])[:points]
+    law = {
+        **{"type": "multilinear", "rule": "peak", "last_slope": 0.02 * STIFFNESS},
+        **{"backbone": np.transpose([drifts, forces]).tolist(), "unloading": 0.5},
+    }
+    reversals = STRENGTH / STIFFNESS * np.array([15.0, 10.0, -40.0, 30.0, 300.0, 290.0, -200.0])
+    follow_both("multilinear", {"mass": 1e5, "law": law}, reversals)
+
+
+def follow_both(name, story, reversals):
+    """Require the same forces of tdint and of the separate solver at all reversals of the drift."""
+    count = len(reversals)
+    path = np.interp(np.arange(count * POINTS + 1) / POINTS, np.arange(count + 1), [0, *reversals])
     forces = follow_path(assemble(tdint.load_model({"stories": [story]})), 1, path).shear
-    spring = LAWS[name](story, story["law"])
+    spring = spring_of(story, story["law"])
     for number, drift in enumerate(reversals):
         spring.go(drift)
         expected = forces[(number + 1) * POINTS]
