@@ -132,11 +132,10 @@ class CsvTable:
         for line, cells in self.rows:
             # Refuse additional cells. A decimal comma (0,5), or a comma in a name without quotation
             # marks, splits a cell in two and shifts all cells to its right.
-            if self.overfull(cells):
+            if error := self.surplus(cells):
                 raise self.error(
-                    f"{self.source}:{line}: the row has {pluralize(len(cells), 'cell')}, but the "
-                    f"header has {pluralize(len(self.header), 'column')}; use decimal points, not "
-                    "commas, and quote texts with commas"
+                    f"{self.source}:{line}: {error}; use decimal points, not commas, and quote "
+                    "texts with commas"
                 )
             # A row may omit empty cells at its end. An apostrophe at the start is removed, because
             # tdint writes it before texts that a spreadsheet program would treat as a formula.
@@ -216,9 +215,16 @@ class CsvTable:
         """Return the line number and the text of each cell of a column."""
         return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
 
-    def overfull(self, cells: list[str]) -> bool:
-        """Return True if a row has a cell to the right of the last column that is not empty."""
-        return any(cell.strip() for cell in cells[len(self.header) :])
+    def surplus(self, cells: list[str]) -> str:
+        """Return the error of a row with a cell to the right of the last column that is not empty;
+        empty for any other row."""
+        columns = len(self.header)
+        if len(cells) <= columns or not any(map(str.strip, cells[columns:])):
+            return ""
+        return (
+            f"the row has {pluralize(len(cells), 'cell')}, but the header has "
+            f"{pluralize(columns, 'column')}"
+        )
 
 
 class TextColumn(Sequence[str]):

@@ -345,7 +345,7 @@ def _read_numbers(
             for index in indices
         ]
         part = np.column_stack([numbers_in(column) for column in texts])
-        if np.isnan(part).any() or any(table.overfull(cells) for _, cells in block):
+        if np.isnan(part).any() or any(table.surplus(cells) for _, cells in block):
             # `numbers` reports the first invalid row.
             checked = replace(table, rows=block)
             for index in indices:

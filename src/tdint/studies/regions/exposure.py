@@ -219,11 +219,8 @@ class _Assets:
             if index is not None:
                 column_indices[name] = index
         for line, cells in rows:
-            if len(cells) > len(table.header) and table.overfull(cells):
-                raise ModelError(
-                    f"{file_name}:{line}: the row has {pluralize(len(cells), 'cell')}, but "
-                    f"the header has {pluralize(len(table.header), 'column')}"
-                )
+            if error := table.surplus(cells):
+                raise ModelError(f"{file_name}:{line}: {error}")
             # A row may have fewer cells than the header; its last fields are then missing.
             values = {
                 name: cells[index].strip()

@@ -48,7 +48,6 @@ from tdint.model.mdof_lu import (
 )
 from tdint.model.story import Story
 from tdint.model.story_laws import LAWS
-from tdint.number_parsing import pluralize
 from tdint.studies.regions.exposure import TAXONOMY, read_mapping, stream_exposure
 from tdint.tabular import ResultList
 from tdint.units import LENGTH
@@ -189,18 +188,12 @@ def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]
     # In a table of a million rows almost all rows are valid. Only the other rows are read cell by
     # cell, which is much slower, to list their errors.
     valid = table.valid_rows()
-    width = len(table.table.header)
     first_lines: dict[str, int] = {}  # line of the first building with each id
     for index in np.flatnonzero(~valid).tolist():
         row = _Row(table, index, faults)
         # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
         if index in table.overfull:
-            row.fault(
-                width,
-                "",
-                f"the row has {pluralize(table.overfull[index], 'cell')}, but the header has "
-                f"{pluralize(width, 'column')}",
-            )
+            row.fault(len(table.table.header), "", table.overfull[index])
             continue
         building = row.building()
         # The id must be unique, because tables refer to a building by its id, and the id determines
@@ -255,8 +248,8 @@ class _Table:
         Texts of each column.
     lines : array of int
         Line number of each row.
-    overfull : dict of int to int
-        Number of cells of each row that has more cells than the header, by the index of the row.
+    overfull : dict of int to str
+        Error of each row that has more cells than the header, by the index of the row.
     """
 
     table: CsvTable
@@ -266,7 +259,7 @@ class _Table:
     as_published: bool
     columns: list[TextColumn] = field(default_factory=list)
     lines: array[int] = field(default_factory=lambda: array("i"))
-    overfull: dict[int, int] = field(default_factory=dict)
+    overfull: dict[int, str] = field(default_factory=dict)
 
     def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
         """Read all rows and fill `columns`, `lines` and `overfull`.
@@ -278,8 +271,8 @@ class _Table:
         while block := list(islice(rows, BLOCK)):
             for index, (line, cells) in enumerate(block, start=len(self.lines)):
                 self.lines.append(line)
-                if len(cells) > width and self.table.overfull(cells):
-                    self.overfull[index] = len(cells)
+                if error := self.table.surplus(cells):
+                    self.overfull[index] = error
             # Transpose the block: one tuple of texts for each column. Missing cells at the end of a
             # row are empty, surplus cells are omitted.
             texts = [

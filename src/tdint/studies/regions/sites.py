@@ -391,11 +391,8 @@ class _FieldRows:
         """
         event_column, _, site_column, _, _, value_column = self.columns
         width, site = len(self.table.header), site.strip()
-        if self.table.overfull(cells):
-            return (
-                f"the row has {pluralize(len(cells), 'cell')}, but the header has "
-                f"{pluralize(width, 'column')}"
-            )
+        if error := self.table.surplus(cells):
+            return error
         if not event.strip():
             return f"{event_column} is missing"
         if not record.strip():
