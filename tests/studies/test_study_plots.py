@@ -109,7 +109,7 @@ PAIR = Horizontals(record(0), record(1))
              ["1 pair", "RotD50", "PGV = 0.3 m/s"]),
             (scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
              ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"]),
-            (scale_p695([PAIR] * 3, 1.0, 2.0),
+            (scale_p695([PAIR] * 3, sa(1.0), 2.0),
              ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"]),
             (
                 Scaling(

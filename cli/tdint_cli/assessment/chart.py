@@ -401,6 +401,7 @@ def _chart(
     """Measure the methods on one building. Return the times and errors, the recommended methods and
     time steps (if any), and notes about omitted other programs.
     """
+    from tdint.assessment.chart.peers import with_peers, with_plugins
     from tdint.assessment.chart.problem import ending_together, pose
     from tdint.assessment.chart.work_precision import (
         DEFAULT_METHODS,
@@ -448,35 +449,16 @@ def _chart(
     # Recommend methods only for one building, and only if the errors are meaningful.
     can_recommend = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
     advice = _advice(request, chart, problem) if can_recommend else []
-    chart, omissions = _add_other_programs(
-        request, problem, chart, steps, part_of(progress, 0.2, 1.0)
-    )
-    return chart, advice, omissions
-
-
-def _add_other_programs(
-    request: Request, problem: Problem, chart: Chart, steps: Sequence[float], progress: Progress
-) -> tuple[Chart, list[str]]:
-    """Measure other programs on the problem of a chart, and return the chart with their points, and
-    notes about programs that were omitted.
-
-    With --peers, these are SciPy and OpenSeesPy; programs of plug-ins are always measured.
-    """
+    # Other programs: OpenSeesPy and SciPy on request, and the programs of plug-ins.
+    peer_settings: dict[str, Any] = {
+        "repeats": request.repeat,
+        "progress": part_of(progress, 0.2, 1.0),
+    }
     omissions: list[str] = []
     if request.peers:
-        from tdint.assessment.chart.peers import with_peers
-
-        chart, omissions = with_peers(
-            problem, chart, steps, repeats=request.repeat, progress=progress
-        )
-    if peers():
-        from tdint.assessment.chart.peers import with_plugins
-
-        chart, plugin_omissions = with_plugins(
-            problem, chart, repeats=request.repeat, progress=progress
-        )
-        omissions = [*omissions, *plugin_omissions]
-    return chart, omissions
+        chart, omissions = with_peers(problem, chart, steps, **peer_settings)
+    chart, plugin_omissions = with_plugins(problem, chart, **peer_settings)
+    return chart, advice, [*omissions, *plugin_omissions]
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:

@@ -17,6 +17,7 @@ from tdint.response.runs.damage import divisor_and_period_of_model as type_of_mo
 from tdint.response.spectra.target import TargetSpectrum, read_target
 from tdint.studies.campaign.definition import AnalysisOverrides, InventoryFile
 from tdint.studies.campaign.inputs import adapted, read_rows
+from tdint.studies.motions.intensity import sa
 from tdint.studies.motions.pairs import recording_numbers
 from tdint.studies.motions.scaling import scale, scale_p695, scale_to_target
 from tdint.studies.store.identity import all_differences, differences
@@ -161,7 +162,7 @@ def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
     same(scale(pairs, rule="p695"), scale_p695(pairs))
     same(
         scale(pairs, "sa(0.7)", 3.0, rule="p695", damping=0.03),
-        scale_p695(pairs, 0.7, 3.0, damping=0.03),
+        scale_p695(pairs, sa(0.7), 3.0, damping=0.03),
     )
     for measure in ("pga", "pgv", "sa-avg(1)"):
         with pytest.raises(UsageError, match="the rule p695 scales a set to a value of") as caught:

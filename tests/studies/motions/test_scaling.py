@@ -252,7 +252,7 @@ def test_p695_normalization_and_scaling():
     normalized = scale_p695(motions).factors
     assert normalized == pytest.approx(np.median(velocities) / velocities, rel=1e-12)
     assert np.sort(normalized)[2] == pytest.approx(1.0)
-    scaled = scale_p695(motions, 1.0, 5.0).factors
+    scaled = scale_p695(motions, sa(1.0), 5.0).factors
     assert scaled / normalized == pytest.approx(np.full(5, scaled[0] / normalized[0]), rel=1e-12)
     values = [
         factor * pseudo_accelerations(component, np.array([1.0]), 0.05)[0]
@@ -268,7 +268,7 @@ def test_rules_refuse_incomplete_input():
     with pytest.raises(UsageError, match="p695 requires pairs"):
         scale_p695([record(1)])
     with pytest.raises(UsageError, match="or neither"):
-        scale_p695(pairs(1), 1.0)
+        scale_p695(pairs(1), sa(1.0))
     with pytest.raises(UsageError, match="must be positive"):
         scale_to_value([record(1)], pga(), -1.0)
 

@@ -206,11 +206,16 @@ def scale_to_value(
     RecordError
         A motion is zero.
     """
-    if not (math.isfinite(value) and value > 0.0):
-        raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
+    _check_value(measure, value)
     factors = np.array([factor_to(value, measure, measure.of(motion, pair)) for motion in motions])
     damping = getattr(measure, "damping", SA_DAMPING)
     return Scaling(tuple(motions), factors, "value", pair, damping, measure, value)
+
+
+def _check_value(measure: IntensityMeasure, value: float) -> None:
+    """Raise UsageError if a value of an intensity measure is not a positive number."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
 
 
 def scale_to_target(
@@ -379,7 +384,7 @@ def _minimum_average(fitted: Scaling) -> tuple[float, float]:
 
 def scale_p695(
     pairs: Sequence[GroundMotion],
-    period: float | None = None,
+    measure: IntensityMeasure | None = None,
     value: float | None = None,
     *,
     damping: float = SA_DAMPING,
@@ -387,32 +392,40 @@ def scale_p695(
     """Normalize pairs by their peak velocities and scale the set, as in FEMA P-695 (A.8).
 
     The factor of a pair is median(PGV) / PGV, where PGV is the geometric mean of its components. If
-    a period and a value (pseudo-acceleration, m/s^2) are specified, all factors are multiplied by a
-    common factor, so that the median Sa of all components at that period equals the value.
+    a measure `sa(T)` and a value (pseudo-acceleration, m/s^2) are specified, all factors are
+    multiplied by a common factor, so that the median Sa of all components at the period T equals
+    the value.
 
     Raises
     ------
     UsageError
-        The motions are single components; a value is specified without a period, or is not
-        positive.
+        The motions are single components; the measure is not Sa at one period; a value is specified
+        without a measure, or is not positive.
     RecordError
         A motion is zero.
     """
-    _check_pairs(pairs, "p695")
-    if (period is None) != (value is None):
+    periods = measure.periods if isinstance(measure, SpectralIntensity) else ()
+    # The rule requires Sa at a single period; the period (0.0,) is PGA.
+    if measure is not None and (len(periods) != 1 or periods == (0.0,)):
         raise UsageError(
-            "scaling of a set by the rule p695 requires both a period and a pseudo-acceleration, "
-            f"or neither; got period {period} and value {value}"
+            "the rule p695 scales a set to a value of sa(T) at one period T, got "
+            f"{measure.name}; specify, for example, sa(1) for a period of 1 s, or omit measure and "
+            "value"
+        )
+    _check_pairs(pairs, "p695")
+    if (measure is None) != (value is None):
+        raise UsageError(
+            "scaling of a set by the rule p695 requires both sa(T) and a pseudo-acceleration, or "
+            f"neither; got {measure.name if measure else None} and value {value}"
         )
     # According to FEMA P-695, this removes the variation of the pairs due to magnitude and
     # distance.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
-    if period is None or value is None:
+    if measure is None or value is None:
         return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping)
-    if not (math.isfinite(value) and value > 0.0):
-        raise UsageError(f"Sa({period:g} s): the value must be positive, got {value:g}")
-    measure = sa(period, damping)
+    _check_value(measure, value)
+    measure = sa(periods[0], damping)
     # Multiply all normalized factors by a common factor, so that the median Sa of all components
     # equals the value. This preserves the differences between the motions.
     values = [
@@ -483,21 +496,7 @@ def scale(
         spectrum, compared_periods = target_at(target, periods)
         return scale_to_target(suite, spectrum, compared_periods, rule, damping=damping, pair=pair)
     if rule == "p695":
-        measure_periods = (
-            intensity_measure.periods if isinstance(intensity_measure, SpectralIntensity) else ()
-        )
-        # The rule requires Sa at a single period; the period (0.0,) is PGA.
-        if intensity_measure is not None and (
-            len(measure_periods) != 1 or measure_periods == (0.0,)
-        ):
-            raise UsageError(
-                "the rule p695 scales a set to a value of sa(T) at one period T, got "
-                f"{intensity_measure.name}; specify, for example, sa(1) for a period of 1 s, or "
-                "omit measure and value"
-            )
-        return scale_p695(
-            suite, measure_periods[0] if measure_periods else None, value, damping=damping
-        )
+        return scale_p695(suite, intensity_measure, value, damping=damping)
     if intensity_measure is None or value is None:
         raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
     return scale_to_value(suite, intensity_measure, value, pair)
