@@ -300,7 +300,7 @@ def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: 
         (STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
          "d5-95 ... levels: "),
         (STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"),
-         "bad.csv:2: factor: must be a number"),
+         "bad.csv:2: factor must be a number"),
     ],
 )  # fmt: skip
 def test_invalid_campaign_files_are_refused(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -58,7 +57,7 @@ from tdint.studies.campaign.definition import (
 from tdint.studies.campaign.load_cases import LoadFiles, read_load_cases
 from tdint.studies.fragility.type_states import ClassDamage, read_class_damage
 from tdint.studies.regions.inventory import InventoryRows, read_inventory
-from tdint.studies.regions.sites import read_field, read_grid
+from tdint.studies.regions.sites import factors_in, read_field, read_grid
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _MOST_NAMES = 10  # names listed in a message
@@ -420,18 +419,17 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     )
     table = read_table(sequences.file, format_text, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
-    # Defaults of missing columns: all components, factor 1, units of the record.
+    # Defaults of missing columns: all components, units of the record.
     optional = [
         table.texts(name) if table.has(name) else [""] * len(table.rows)
-        for name in ("component", "factor", "units")
+        for name in ("component", "units")
     ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
     events_by_sequence: dict[str, list[_SequenceEvent]] = {}
-    for name, record, component, factor_text, unit, (line, _) in zip(
-        names, records, *optional, table.rows, strict=True
+    for name, record, component, unit, factor in zip(
+        names, records, *optional, factors_in(table), strict=True
     ):
         file = resolve(record, Path(sequences.file).parent)
-        factor = _factor(sequences.file, line, factor_text or "1")
         events_by_sequence.setdefault(name, []).append(
             _SequenceEvent(file, component, factor, unit.strip())
         )
@@ -524,9 +522,8 @@ def read_factors(file: str) -> FactorTable:
     motions = zip(table.texts("record"), table.texts("component"), strict=True)
     # A motion may have several factors; duplicate factors are ignored.
     factors_of_motion: dict[tuple[str, str], dict[float, None]] = {}
-    for motion, (line, text) in zip(motions, table.lines("factor"), strict=True):
-        factors_of_motion.setdefault(motion, {})[_factor(file, line, text)] = None
-
+    for motion, factor in zip(motions, factors_in(table, empty=False), strict=True):
+        factors_of_motion.setdefault(motion, {})[factor] = None
     # Read the settings that `tdint scale` wrote next to the table. The file of settings is
     # optional, so errors are ignored. Its checksum states whether it belongs to this table.
     settings_file = Path(file.removesuffix(".gz")).with_suffix(".json")
@@ -640,14 +637,3 @@ def _located(table: FactorTable) -> FactorTable:
         (located[file], component): values for (file, component), values in table.by_name.items()
     }
     return replace(table, by_name=by_name)
-
-
-def _factor(file: str, line: int, text: str) -> float:
-    """Return the number in a cell of the column `factor`; raise ModelError if it is not a number or
-    is zero. `file` and `line` are the position of the cell in messages."""
-    factor = number(text)
-    if math.isnan(factor) or factor == 0.0:
-        raise ModelError(
-            f"{file}:{line}: factor: {number_error(text, 'a number that is not zero')}"
-        )
-    return factor

@@ -728,13 +728,17 @@ def _listed_records(file: str) -> list[tuple[str, float]]:
         "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
     )
     table = read_table(file, format_text, columns=("TH_file", "factor"))
-    names = table.texts("TH_file", empty=False)
-    factors = [1.0] * len(names)
-    if table.has("factor"):
-        cells = table.numbers("factor", empty=True)
-        table.check("factor", (factor != 0.0 for factor in cells), "must not be zero")
-        factors = [1.0 if math.isnan(factor) else factor for factor in cells]
-    return list(zip(names, factors, strict=True))
+    return list(zip(table.texts("TH_file", empty=False), factors_in(table), strict=True))
+
+
+def factors_in(table: CsvTable, *, empty: bool = True) -> list[float]:
+    """Return the scale factors in the column `factor`, which must not be zero. If the column is
+    missing, or a cell is empty (which `empty` allows), the factor is 1."""
+    if not table.has("factor"):
+        return [1.0] * len(table.rows)
+    cells = table.numbers("factor", empty=empty)
+    table.check("factor", (factor != 0.0 for factor in cells), "must not be zero")
+    return [1.0 if math.isnan(factor) else factor for factor in cells]
 
 
 def _read_components(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
