@@ -215,6 +215,21 @@ class CsvTable:
         """Return the line number and the text of each cell of a column."""
         return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
 
+    def distinct(self, name: str, noun: str) -> list[str]:
+        """Return the texts of a column, and raise `self.error` if a text is empty or occurs twice.
+
+        `noun` is the noun for the texts in messages.
+        """
+        lines: dict[str, int] = {}
+        for line, text in self.lines(name, empty=False):
+            if text in lines:
+                raise self.error(
+                    f"{self.source}:{line}: {noun} {text[:60]!r} is already on line {lines[text]}; "
+                    "keep only one of these rows"
+                )
+            lines[text] = line
+        return list(lines)
+
     def surplus(self, cells: list[str]) -> str:
         """Return the error of a row with a cell to the right of the last column that is not empty;
         empty for any other row."""

@@ -270,7 +270,7 @@ def test_rows_of_simcenter_files_are_events(region: Path, tdint: Command) -> Non
         ("fields.csv", "record,factor", "record,gmv_MMI", 3, "fields.csv:1: ... gmv_mmi; "),
         ("sites.csv", "37.81", "97.81", 3,
          "sites.csv:3: latitude ... -90 to 90 degrees, got '97.81'"),
-        ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is listed twice"),
+        ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is already on line 2"),
         ("buildings.csv", "Latitude,Longitude", "north,east", 3,
          "buildings.csv:1: no column Latitude"),
         ("fields.csv", "event,site", "event,place", 3, "fields.csv:1: no column site"),

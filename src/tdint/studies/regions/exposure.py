@@ -83,14 +83,7 @@ def read_mapping(source: str) -> CsvTable:
         The table cannot be read, or contains a taxonomy twice.
     """
     table = read_table(source, _MAPPING_REQUIREMENTS)
-    lines: dict[str, int] = {}
-    for line, taxonomy in table.lines(TAXONOMY, empty=False):
-        if taxonomy in lines:
-            raise ModelError(
-                f"{source}:{line}: taxonomy {taxonomy[:60]!r} is already on line "
-                f"{lines[taxonomy]}; keep only one of these rows"
-            )
-        lines[taxonomy] = line
+    table.distinct(TAXONOMY, "taxonomy")
     return table
 
 

@@ -257,7 +257,7 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     table.check(
         "rate", (rate >= 0.0 for rate in values), "must be zero or a positive number per year"
     )
-    rates = _by_name(table, event, "event", values)
+    rates = dict(zip(table.distinct(event, "event"), values, strict=True))
     # An event without a rate would be omitted from all annual losses, so it is an error.
     missing = [name for name in events if name not in rates]
     if missing:
@@ -266,20 +266,6 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
             f"such as {missing[0]!r}; add a row for each event"
         )
     return {name: rates[name] for name in events}
-
-
-def _by_name(table: CsvTable, column: str, noun: str, values: Iterable[Value]) -> dict[str, Value]:
-    """Return a dictionary from the name in each row to the value of the row. ModelError is raised
-    if a name is missing or listed twice.
-    """
-    by_name: dict[str, Value] = {}
-    for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
-        if name in by_name:
-            raise ModelError(
-                f"{table.source}:{line}: {noun} {name!r} is listed twice; use each name once"
-            )
-        by_name[name] = value
-    return by_name
 
 
 @dataclass
@@ -561,7 +547,8 @@ def _site_locations(file: str) -> dict[str, tuple[float, float]]:
         _find_column(table, names) for names in (_SITE_NAMES, _LONGITUDE_NAMES, _LATITUDE_NAMES)
     )
     table.need(site, longitude, latitude)
-    return _by_name(table, site, "site", _degrees(table, longitude, latitude))
+    locations = _degrees(table, longitude, latitude)
+    return dict(zip(table.distinct(site, "site"), locations, strict=True))
 
 
 def _find_column(table: CsvTable, names: Sequence[str]) -> str:
