@@ -99,8 +99,6 @@ def parse_units(text: str) -> Units:
     UsageError
         The unit is unknown, or the factor is not a positive number.
     """
-    if not isinstance(text, str):
-        raise UsageError(f"units must be a text such as 'm/s^2', got {text!r}")
     stripped = text.strip()
     number = _NUMBER.match(stripped)
     factor = float(number[0]) if number else 1.0

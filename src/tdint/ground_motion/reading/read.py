@@ -516,23 +516,16 @@ def _select_components(
 
     Raises
     ------
-    UsageError
-        The component is not a text.
     RecordError
         The file cannot be read, the component is missing or ambiguous, or the components of the
         file have different sampling intervals.
     """
-    if not isinstance(source, str | Path):
-        raise RecordError(f"a record must be a file name, got {source!r:.60}")
     name, component = str(source), choice.component
     data = read_bytes(source)
     parts = read_all_contents(data, name, choice.layout)
     components = [
         channel for part, contents in parts for channel in _group_by_channel(part, contents)
     ]
-    if component is not None and not isinstance(component, str):
-        raise UsageError(f"a component must be a text such as 'HNE', got {component!r}")
-
     components = _without_exported_integrals(components, (component or "").strip().upper())
     if component is not None:
         components = [_choose_channel(components, component, name)]
