@@ -19,7 +19,7 @@ from tdint_cli.options.option_types import (
     ListOf,
     Number,
     PairWish,
-    ValueType,
+    Written,
     span,
     span_at,
 )
@@ -46,43 +46,36 @@ _RULES = ("mean", "asce7", "ec8")
 _BY_PERIOD = ("asce7", "ec8")
 
 
-class _MeasureValue(ValueType):
-    """Option type of an intensity measure with its value and unit, such as pga=0.4g."""
+def _measure_value(text: str) -> tuple[str, float]:
+    """Return the name of an intensity measure and its value in SI units from a text such as
+    pga=0.4g; BadParameter or UsageError for an invalid text."""
+    from tdint.response.spectra.elastic import SA_DAMPING
+    from tdint.studies.motions.intensity import measure_at, scalable_measures, scaling_obstacle
+    from tdint.units import parse_units
 
-    name = "measure"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, float]:
-        """Return the name of the measure, and the value in SI units."""
-        from tdint.response.spectra.elastic import SA_DAMPING
-        from tdint.studies.motions.intensity import (
-            measure_at,
-            scalable_measures,
-            scaling_obstacle,
+    name, _, value = text.partition("=")
+    if reason := scaling_obstacle(name):
+        raise click.BadParameter(
+            f"{name}: ground motions cannot be scaled to this measure, because {reason}"
         )
-        from tdint.units import parse_units
-
-        name, _, text = value.partition("=")
-        if reason := scaling_obstacle(name):
-            self.fail(f"{name}: ground motions cannot be scaled to this measure, because {reason}")
-        if name not in scalable_measures():
-            self.fail(f"{value!r} is not MEASURE=VALUE with {', '.join(scalable_measures())}")
-        unit = measure_at(name, SA_DAMPING, 1.0).unit
-        # A plug-in may have a measure in a unit that ground motions do not have.
-        if unit not in _EXAMPLES:
-            number = parse_positive(name, text.removesuffix(unit))
-            return name, number
-        try:
-            units = parse_units(text)
-        except UsageError as error:
-            self.fail(f"{error}")
-        if not units.has_factor or _SI_UNITS.get(units.quantity) != unit or not units.scale > 0.0:
-            self.fail(
-                f"{text!r} must be a positive number with a unit of {unit}, such as "
-                f"{name}={_EXAMPLES[unit]}"
-            )
-        return name, units.scale
+    if name not in scalable_measures():
+        raise click.BadParameter(
+            f"{text!r} is not MEASURE=VALUE with {', '.join(scalable_measures())}"
+        )
+    unit = measure_at(name, SA_DAMPING, 1.0).unit
+    # A plug-in may have a measure in a unit that ground motions do not have.
+    if unit not in _EXAMPLES:
+        return name, parse_positive(name, value.removesuffix(unit))
+    try:
+        units = parse_units(value)
+    except UsageError as error:
+        raise click.BadParameter(f"{error}") from None
+    if not units.has_factor or _SI_UNITS.get(units.quantity) != unit or not units.scale > 0.0:
+        raise click.BadParameter(
+            f"{value!r} must be a positive number with a unit of {unit}, such as "
+            f"{name}={_EXAMPLES[unit]}"
+        )
+    return name, units.scale
 
 
 @options.request
@@ -158,7 +151,7 @@ class ScaleRequest(RecordsRequest):
         "columns period_s and scatter.",
     )
     to: tuple[str, float] | None = options.option(
-        type=_MeasureValue(),
+        type=Written("measure", _measure_value),
         metavar="MEASURE=VALUE",
         help="Scale to this intensity: sa=0.6g at the period --at, sa-avg=0.4g (geometric mean, "
         "0.2 to 3 times this period), pga=0.4g, pgv=40cm/s, pgd=5cm, arias=2m/s, cav=9m/s, or a "

@@ -205,7 +205,13 @@ def _number_events(
     if per_event is None:
         return np.arange(len(suite)), []
     labels = events_of(suite) if events is None else [str(event or "") for event in events]
-    _check_events_known(suite, labels)
+    unknown = [motion.source for motion, label in zip(suite, labels, strict=True) if not label]
+    if unknown:
+        raise UsageError(
+            f"per_event: the event of {pluralize(len(unknown), 'motion')} is unknown: "
+            f"{', '.join(dict.fromkeys(unknown))}; specify the events of the files (--events "
+            "FILE), or omit these files"
+        )
     return np.unique(labels, return_inverse=True)[1], labels
 
 
@@ -358,23 +364,17 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
                 for name in names:
                     unite(motion, motion_of_recording.setdefault(name, motion))
     # Unite motions with headers that describe the same event differently, for example with and
-    # without the time of day. Compare each pair of distinct descriptions. A description with a time
-    # is compared only with descriptions of about the same time; in chronological order, these are
-    # its neighbors. The default in the sort key is never used: all these motions have a time.
-    described = list(first_motions.values())
-    dated = sorted(
-        (motion for motion in described if events[motion].time),
-        key=lambda motion: events[motion].time or datetime.min,
+    # without the time of day. Compare each pair of distinct descriptions. Two descriptions with a
+    # time are compared only if the times are close; in chronological order, these are neighbors.
+    # Descriptions without a time are the first, and are compared with all others.
+    described = sorted(
+        first_motions.values(), key=lambda motion: events[motion].time or datetime.min
     )
-    undated = [motion for motion in described if not events[motion].time]
-    for rank, motion in enumerate(dated):
-        for other_motion in dated[rank + 1 :]:
+    for rank, motion in enumerate(described):
+        for other_motion in described[rank + 1 :]:
             earlier, later = events[motion].time, events[other_motion].time
-            if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
+            if earlier and later and later - earlier > 2 * SAME_DATE:
                 break
-            unite_if_same_event(motion, other_motion)
-    for rank, motion in enumerate(undated):
-        for other_motion in [*undated[rank + 1 :], *dated]:
             unite_if_same_event(motion, other_motion)
     # The label of a group is the label of its first motion with a known event.
     label_of_group: dict[int, str] = {}
@@ -445,18 +445,6 @@ def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
         [recording_of_file.get(file, f"motion {index}") for file in files]
         for index, files in enumerate(files_by_motion)
     ]
-
-
-def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) -> None:
-    """Raise UsageError if the event of a motion is unknown. `events` contains the label of the
-    event of each motion, empty if unknown. The message lists the files of these motions."""
-    unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
-    if unknown:
-        raise UsageError(
-            f"per_event: the event of {pluralize(len(unknown), 'motion')} is unknown: "
-            f"{', '.join(dict.fromkeys(unknown))}; specify the events of the files (--events "
-            "FILE), or omit these files"
-        )
 
 
 def _event_of_motion(motion: GroundMotion) -> Earthquake:
