@@ -12,7 +12,7 @@ from tdint_cli.options.analysis import damping_of
 from tdint_cli.options.option_types import FileName, ListOf, PairsType, PairWish, drift_ratio
 from tdint_cli.options.record import option as record_option
 from tdint_cli.options.record import warnings_of_suite
-from tdint_cli.terminal import note, warn
+from tdint_cli.terminal import Failures, note, warn
 
 if TYPE_CHECKING:
     from tdint.ground_motion.choice import RecordChoice
@@ -72,14 +72,22 @@ def read_table_of_factors(
     scale -o`) if no record is named. The second result is None with records. Notes and warnings are
     written to the terminal.
 
+    Errors of single unreadable files are not written here. They are in `failures` of the suite, and
+    the caller reports them.
+
+    Parameters
+    ----------
+    pairs : PairWish | None
+        Requested treatment of pairs of horizontal components; None reads single components.
+
     Raises
     ------
     UsageError
-        No records and no table are specified, or both; or a component is specified together
-        with pairs.
+        No records and no table are specified, or both; standard input is given more than once; or
+        a component is specified together with pairs.
     ModelError
         The table cannot be used.
-    TdintError
+    Failures
         No record could be read.
     """
     # Exactly one of the two sources of ground motions is required.
@@ -91,57 +99,27 @@ def read_table_of_factors(
             f"{problem}; specify either records or directories, or the table of `tdint scale -o` "
             "with --factors"
         )
-    if file is None:
-        return read_suite(records, choice, pairs), None
-    from tdint.studies.campaign.inputs import read_factors, read_listed
-
-    _refuse_component_of_pairs(choice, pairs)
-    table, suite = read_listed(read_factors(file), choice, pairs.names if pairs else None)
-    return _report_suite(suite), table
-
-
-def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
-    """Return the ground motions of a command line, and write their notes and warnings to the
-    terminal.
-
-    Errors of single unreadable files are not written here. They are in `failures` of the result,
-    and the caller reports them. If no record could be read, they are raised.
-
-    Parameters
-    ----------
-    pairs : PairWish | None
-        Requested treatment of pairs of horizontal components; None reads single components.
-
-    Raises
-    ------
-    UsageError
-        Standard input is given more than once, or a component is specified together with pairs.
-    TdintError
-        No record could be read.
-    """
-    from tdint.ground_motion.reading import suites
-
-    _refuse_component_of_pairs(choice, pairs)
-    return _report_suite(suites.read_suite(records, choice, pairs.names if pairs else None))
-
-
-def _refuse_component_of_pairs(choice: RecordChoice, pairs: PairWish | None) -> None:
-    """Raise UsageError if pairs of components and a single component are requested."""
     if pairs and choice.component is not None:
         raise UsageError(
             "--component cannot be used with pairs of components, because both are used; omit "
             "--component"
         )
+    names, table = pairs.names if pairs else None, None
+    if file is None:
+        from tdint.ground_motion.reading import suites
 
+        suite = suites.read_suite(records, choice, names)
+    else:
+        from tdint.studies.campaign.inputs import read_factors, read_listed
 
-def _report_suite(suite: Suite) -> Suite:
-    """Write the notes and warnings of a suite to the terminal, and return the suite. Failures with
-    the errors of all records is raised if none could be read.
-    """
-    from tdint_cli.terminal import Failures
-
+        table, suite = read_listed(read_factors(file), choice, names)
     note(*suite.notes)
     if not suite.motions:
         raise Failures(suite.failures)
     warn(*warnings_of_suite(suite.records))
-    return suite
+    return suite, table
+
+
+def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
+    """Return the ground motions of a command line, as `read_table_of_factors`."""
+    return read_table_of_factors(records, None, choice, pairs)[0]
