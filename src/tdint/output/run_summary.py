@@ -11,7 +11,9 @@ from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
+from tdint.output.tables import devices, matrices
 from tdint.output.tables.loads import LOAD_COLUMNS, load_table
+from tdint.output.tables.responses import ELEMENT_COLUMNS, ELEMENT_ERROR, element_table
 from tdint.response.runs.demands import DEMANDS, only
 from tdint.response.runs.outcome import ENERGY_TERMS
 from tdint.system import CLOCKS, clock
@@ -187,9 +189,9 @@ def run_summary(
             "error": energy.error,
         },
         "peaks": _peaks_of(response),
-        **_matrices(response),
+        **matrices.as_json(response),
         **_elements(response),
-        **_devices(response),
+        **devices.as_json(response),
         "check": _check(response.check, response.stories),
         **(
             {"events": [_event_summary(event) for event in response.events]}
@@ -281,16 +283,10 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     )
     columns: list[Column] = []
     if "elements" in content:
-        from tdint.output.tables.responses import ELEMENT_COLUMNS, ELEMENT_ERROR
-
         columns += (*ELEMENT_COLUMNS, *ELEMENT_ERROR)
     if content.keys() & {"attachments", "links"}:
-        from tdint.output.tables import devices
-
         columns += devices.COLUMNS
     if content.keys() & {"rows", "flexure"}:
-        from tdint.output.tables import matrices
-
         columns += matrices.COLUMNS
     known = {column.name: (column.unit, column.meaning) for column in columns} | MEANINGS
     return {key: {"meaning": known[key][1], "unit": known[key][0]} for key in names}
@@ -338,15 +334,6 @@ def _peaks_of(response: Response) -> dict[str, float | int | None]:
     return {key: value for key, value in result.items() if key.startswith(kept)}
 
 
-def _matrices(response: Response) -> dict[str, Any]:
-    """Return the results of models of matrices and flexural stories; empty for others."""
-    if response.model.matrices is None:
-        return {}
-    from tdint.output.tables.matrices import as_json
-
-    return as_json(response)
-
-
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
     """Return the estimated errors of the maximum demands of a run by the key in summary.json; None
     if an error is unknown."""
@@ -356,19 +343,8 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
     return {key: None if math.isnan(error) else error for key, error in errors_by_column.items()}
 
 
-def _devices(response: Response) -> dict[str, Any]:
-    """Return the rows of attachments.csv and links.csv; empty without attachments and links."""
-    if response.devices is None:
-        return {}
-    from tdint.output.tables.devices import as_json
-
-    return as_json(response)
-
-
 def _elements(response: Response) -> dict[str, Any]:
     """Return the rows of elements.csv under the key `elements`; empty without such a table."""
-    from tdint.output.tables.responses import element_table
-
     table = element_table(response)
     return {"elements": table.as_dictionaries()} if table else {}
 

@@ -603,7 +603,7 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
     with caught_messages():  # Warnings of formats that do not match are ignored.
         for plugin in plugins():
             if plugin.name != TEXT_TABLE and _recognizes(plugin, data):
-                return _Recognized(plugin.name, partial(_read_by, plugin, data))
+                return _Recognized(plugin.name, partial(_call, plugin.read_format, data))
         from tdint.ground_motion.formats.text import find_table  # needed only for tables
 
         table = None if is_json(data) else find_table(data, layout)
@@ -613,14 +613,9 @@ def _recognize(data: bytes, layout: TextLayout) -> _Recognized | None:
 def _recognizes(plugin: Plugin, data: bytes) -> bool:
     """Return True if the check of a format accepts a file."""
     try:
-        return bool(_import_function(plugin.is_format)(BytesIO(data)))
+        return bool(_call(plugin.is_format, data))
     except Exception:  # A check that fails on the bytes of another format has not recognized them.
         return False
-
-
-def _read_by(plugin: Plugin, data: bytes) -> Any:
-    """Read a file by the reader of its format; return an ObsPy stream."""
-    return _import_function(plugin.read_format)(BytesIO(data))
 
 
 def _read(recognized: _Recognized) -> tuple[list[Any], list[str]]:
@@ -640,7 +635,8 @@ def _read(recognized: _Recognized) -> tuple[list[Any], list[str]]:
     return traces, messages
 
 
-def _import_function(entry: EntryPoint) -> Any:
-    """Import and return the function of an entry point; warnings of ObsPy are suppressed."""
+def _call(entry: EntryPoint, data: bytes) -> Any:
+    """Import the function of an entry point without warnings of ObsPy, and call it with a file."""
     with quiet_import():
-        return entry.load()
+        function = entry.load()
+    return function(BytesIO(data))
