@@ -428,31 +428,19 @@ def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Fit stripes or a cloud to the runs of a study. Runs without a result count neither as
+    """Fit the requested type of function to the runs of a study; by default stripes if each
+    intensity level has enough runs, otherwise a cloud. Runs without a result count neither as
     exceedance nor as non-exceedance.
 
     Raises
     ------
     UsageError
-        A threshold is missing, stripes cannot be fitted, or the table does not contain the
-        intensity measure.
+        A threshold is missing, stripes are requested for runs without common levels, or the table
+        does not contain the intensity measure.
     ModelError
         The table contains several buildings, or no run has a result.
     """
     runs = _runs_of(table, request)
-    result = _fit_known_runs(table, request, runs)
-    if not runs.pairs.pairs:
-        return result
-    functions = (replace(item, pair_demand=runs.pairs.demand_if_pairs) for item in result.functions)
-    notes = () if request.pair_demand else (runs.pairs.note(),)
-    return replace(result, functions=tuple(functions), notes=(*result.notes, *notes))
-
-
-def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> FragilityResult:
-    """Fit the requested type of function to runs; by default stripes if each intensity level has
-    enough runs, otherwise a cloud. UsageError is raised if no threshold is specified, or stripes
-    are requested for runs without common levels.
-    """
     # Each stripe is a mask of the runs with a result at a level.
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     has_stripes = all(np.sum(stripe) >= MIN_RUNS_PER_LEVEL for stripe in stripes)
@@ -474,19 +462,25 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
         drift = np.where(runs.collapsed, collapse_demand, runs.drift)[is_used]
         im, collapsed, motion = runs.im[is_used], runs.collapsed[is_used], runs.motion[is_used]
         result = _cloud(table, request, im, drift, collapsed, runs.names, motion)
-        functions = tuple(replace(item, failed=failed_count) for item in result.functions)
-        return replace(
-            result, functions=functions, warnings=(omission_text,) if failed_count else ()
+    else:
+        result = FragilityResult.of(
+            fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
+            for drift in request.thresholds
         )
-    fits = [
-        fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
-        for drift in request.thresholds
-    ]
-    bias_text = (
-        "which biases the fits; the bounds are the fits that count all of these runs as exceeding, "
-        "or none of them"
+        omission_text += (
+            ", which biases the fits; the bounds are the fits that count all of these runs as "
+            "exceeding, or none of them"
+        )
+    functions = (
+        replace(item, failed=failed_count, pair_demand=runs.pairs.demand_if_pairs)
+        for item in result.functions
     )
-    return FragilityResult.of(fits, *((f"{omission_text}, {bias_text}",) if failed_count else ()))
+    return replace(
+        result,
+        functions=tuple(functions),
+        warnings=(omission_text,) if failed_count else (),
+        notes=(runs.pairs.note(),) if runs.pairs.pairs and not request.pair_demand else (),
+    )
 
 
 @dataclass(frozen=True)
@@ -606,8 +600,7 @@ def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
     function = function.beside_counts(
         runs.im[has_result], is_exceeding[has_result].astype(float), motion=runs.motion[has_result]
     )
-    failed_count = int(np.sum(~runs.result))
-    if not failed_count:
+    if runs.result.all():
         return function
     all_runs = np.ones_like(runs.result)
     # A fit can be impossible, for example if all runs exceed; then the bound is unknown.
@@ -617,7 +610,7 @@ def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
             bounds.append(_stripes(runs, counted_as_exceeding, all_runs))
         except AnalysisError:
             bounds.append(None)
-    return replace(function, failed=failed_count, bounds=(bounds[0], bounds[1]))
+    return replace(function, bounds=(bounds[0], bounds[1]))
 
 
 def _stripes(runs: _Runs, is_exceeding: NDArray[np.bool_], is_used: NDArray[np.bool_]) -> Fragility:
