@@ -26,7 +26,13 @@ from tdint.model.damping import (
 )
 from tdint.model.dashpots import dashpot_rows
 from tdint.model.definition import Attachment, Force, Link, Model
-from tdint.model.modes import ComplexModes, FreeVibration, Modes, solve_complex_modes
+from tdint.model.modes import (
+    ComplexModes,
+    FreeVibration,
+    Modes,
+    chain_deformations,
+    solve_complex_modes,
+)
 from tdint.model.story import Story, column_name
 from tdint.model.story_laws import CODES, LAWS, Law
 from tdint.model.topology import incidence, springs_of, store_ends
@@ -129,7 +135,7 @@ class Building:
         if self.system is not None:
             return self.system.deformations
         if not self.branched:
-            return np.eye(self.stories) - np.diag(self.linear_terms[rows.LINK, 1:-1], -1)
+            return chain_deformations(self.linear_terms[rows.LINK, :-1])
         return incidence(self.linear_terms, self.masses)
 
     @property

@@ -235,8 +235,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     )
     if facts.soft_story:
         relative_stiffness[0] *= _SOFT_STORY_RATIO
-    links = np.minimum(story_index, 1.0)
-    shape = solve_modes(mass_fractions, relative_stiffness, links).shapes[:, 0]
+    shape = solve_modes(mass_fractions, relative_stiffness).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 
     # The first mode converts the curve of the oscillator to the stories: its shape determines the
@@ -256,9 +255,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     # the curve over the squared frequency of a building with story stiffnesses that are
     # proportional to the story forces.
     if facts.as_published and n > 1:
-        unscaled_omega_squared = (
-            solve_modes(mass_fractions, shear_over_base_shear, links).omega[0] ** 2
-        )
+        unscaled_omega_squared = solve_modes(mass_fractions, shear_over_base_shear).omega[0] ** 2
         curve_omega = 2.0 * math.pi / curve.period
         ground_story_stiffness = (
             curve.acceleration[0]
@@ -268,7 +265,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
         )
         forces *= curve_omega**2 / unscaled_omega_squared / ground_story_stiffness
     stiffness = forces[:, 0] / drifts[:, 0]
-    omega = solve_modes(mass_fractions, stiffness, links).omega
+    omega = solve_modes(mass_fractions, stiffness).omega
     damping: RayleighRatio | RayleighCoefficients = RayleighRatio((ratio, ratio), (1, 2))
     # A single story has no second mode. Its damping is proportional to the mass, a0 = 2 xi omega.
     if n == 1:

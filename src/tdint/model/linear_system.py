@@ -139,15 +139,6 @@ class MatrixVibration(FreeVibration):
             moved_mass=float(self.influence @ load),
         )
 
-    def frequency(self, number: int) -> float:
-        """Return the circular frequency of a mode, counted from 1, rad/s."""
-        return float(self.modes.omega[number - 1])
-
-    @cached_property
-    def first(self) -> tuple[float, Array]:
-        """Circular frequency (rad/s) and shape of the first mode."""
-        return float(self.modes.omega[0]), self.modes.shapes[:, 0]
-
 
 def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
     """Return the matrices of a model that has matrices or flexural stories, and its vibration.
@@ -176,6 +167,7 @@ def assemble_system(model: Model) -> tuple[LinearSystem, MatrixVibration]:
         drifts[0] -= flexure.base[1]
     vibration = MatrixVibration(
         *(np.diagonal(mass), np.diagonal(stiffness), np.zeros(n)),
+        deformations=drifts,
         mass_matrix=mass,
         stiffness_matrix=stiffness,
         influence=influence,

@@ -337,7 +337,7 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     )
     force_after_yield = (row.overstrength - 1.0) * strength
     masses = np.full(n, mass)
-    modes = solve_modes(masses, stiffness, np.minimum(stories_below, 1.0))
+    modes = solve_modes(masses, stiffness)
     damping_ratio = row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio
     damping_ratio *= scatter.damping
     return DerivedBuilding(

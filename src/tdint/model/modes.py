@@ -233,17 +233,26 @@ _VIBRATES = 1e-7
 errors of a double eigenvalue are of the order of the square root of the machine precision, 1e-8."""
 
 
-def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
-    """Compute the modes of a chain with springs between neighboring floors.
+def solve_modes(
+    mass: Array, stiffness: Array, deformations: Array | None = None, roof: int = -1
+) -> Modes:
+    """Compute the modes of masses with springs.
 
-    The matrix M^(-1/2) K M^(-1/2) is L^T L with a bidiagonal L. The singular values of L are the
-    circular frequencies. Their computation without the product L^T L keeps the relative accuracy of
-    the lowest frequency in tall buildings.
+    The matrix M^(-1/2) K M^(-1/2) is L^T L with L = diag(k)^(1/2) B M^(-1/2), the spring
+    stiffnesses k and the deformations B u of the springs for the displacements u. The singular
+    values of L are the circular frequencies. Their computation without the product L^T L keeps the
+    relative accuracy of the lowest frequency in tall buildings.
 
     Parameters
     ----------
-    mass, stiffness, link : ndarray, shape (n,)
-        Masses (kg), spring stiffnesses (N/m), and links to the floor below (1) or the ground (0).
+    mass : ndarray, shape (n,)
+        Masses, kg.
+    stiffness : ndarray, shape (springs,)
+        Spring stiffnesses, N/m.
+    deformations : ndarray, shape (springs, n), optional
+        Matrix B; by default that of a chain (`chain_deformations`).
+    roof : int
+        Index of the roof in the array of masses.
 
     Raises
     ------
@@ -251,29 +260,21 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
         A spring stiffness is not positive (P-delta exceeds the stiffness of a story).
     """
     _check_springs(stiffness)
+    if deformations is None:
+        deformations = chain_deformations(np.ones(mass.size))
     root_mass = np.sqrt(mass)
-    root_spring = np.sqrt(stiffness)
-    # The story drifts are B u with the displacements u, so K = B^T diag(k) B with the spring
-    # stiffnesses k. In the coordinates M^(1/2) u the matrix is L^T L with
-    # L = diag(k)^(1/2) B M^(-1/2). Row i of `lower` is spring i: its entries are on the diagonal
-    # and below.
-    n = mass.size
-    lower = np.zeros((n, n))
-    # In the flattened matrix, successive elements of a diagonal are at a distance of n + 1
-    # elements.
-    lower.flat[:: n + 1] = root_spring / root_mass
-    lower.flat[n :: n + 1] = -(root_spring * link)[1:] / root_mass[:-1]
     # The singular values are in decreasing order, and are therefore reversed.
-    _, omega, right_vectors = np.linalg.svd(lower)
-    return _named_modes(omega, right_vectors, mass, -1)
-
-
-def _named_modes(omega: Array, right_vectors: Array, mass: Array, roof: int) -> Modes:
-    """Return the modes of the singular values `omega` in decreasing order and of their vectors."""
-    omega = omega[::-1]
-    shapes = (right_vectors[::-1] / np.sqrt(mass)).T
+    _, omega, right_vectors = np.linalg.svd(np.sqrt(stiffness)[:, None] * deformations / root_mass)
+    shapes = (right_vectors[::-1] / root_mass).T
     signs = np.where(shapes[roof] < 0.0, -1.0, 1.0)
-    return Modes(omega, shapes * signs, mass, roof=roof)
+    return Modes(omega[::-1], shapes * signs, mass, roof=roof)
+
+
+def chain_deformations(link: Array) -> Array:
+    """Return the matrix of the deformations of the springs between neighboring floors, shape
+    (n, n): spring i connects floor i to the floor below, or to the ground if element i of `link` is
+    0 instead of 1."""
+    return np.asarray(np.eye(link.size) - np.diag(link[1:], -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +290,7 @@ class FreeVibration:
         P-delta part of the spring stiffnesses, N/m, for error messages.
     deformations : ndarray, shape (springs, n), optional
         Matrix of the deformations of all springs of a building with attachments or links
-        (`tdint.model.topology.incidence`), which replaces `link`.
+        (`tdint.model.topology.incidence`) or of a linear system, which replaces `link`.
     roof : int
         Index of the roof in the array of masses.
     """
@@ -305,12 +306,10 @@ class FreeVibration:
     def modes(self) -> Modes:
         """All modes; raises the errors of `solve_modes`."""
         _check_springs(self.stiffness, self.geometric)
-        if self.deformations is not None:
-            # As in `solve_modes`, with one row of L for each spring
-            factor = np.sqrt(self.stiffness)[:, None] * self.deformations / np.sqrt(self.mass)
-            _, omega, right_vectors = np.linalg.svd(factor)
-            return _named_modes(omega, right_vectors, self.mass, self.roof)
-        return solve_modes(self.mass, self.stiffness, self.link)
+        deformations = self.deformations
+        if deformations is None:
+            deformations = chain_deformations(self.link)
+        return solve_modes(self.mass, self.stiffness, deformations, self.roof)
 
     def frequency(self, number: int) -> float:
         """Return the circular frequency of a mode, counted from 1, rad/s.

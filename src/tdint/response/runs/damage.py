@@ -193,12 +193,9 @@ def divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tupl
         raise ModelError(
             f"{name}: damage by {demand} requires the heights of the stories; add the heights"
         )
-    # A story is linked to the story below it (1), except for the first story (0).
-    links = np.minimum(np.arange(len(stories)), 1.0)
     modes = solve_modes(
         np.array([story.mass for story in stories]),
         np.array([story.stiffness for story in stories]),
-        links,
     )
     divisors = {
         "": 1.0,
