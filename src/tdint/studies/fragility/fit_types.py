@@ -135,11 +135,24 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             name = damage.type if by == TYPE else damage.building
             collector = collectors.setdefault(name, _RunCollector(damage.states))
             collector.add(damage, intensities.of(damage), motion_of_record, rule)
-        runs_by_group = {
-            name: collectors[name].runs(measure, intensities.unit) for name in sorted(collectors)
-        }
-    fits = _fit_groups(runs_by_group, request, rule)
-    failed = sum(runs.failed for runs in runs_by_group.values())
+    # The error of an impossible fit takes the place of the function.
+    fits: list[Fragility | AnalysisError] = []
+    for name in sorted(collectors):
+        runs = collectors[name].runs(measure, intensities.unit)
+        for state, fit in zip(runs.states.states, fit_states(runs, request), strict=True):
+            if isinstance(fit, AnalysisError):
+                fits.append(AnalysisError(f"{name}, {state}: {fit}"))
+                continue
+            fits.append(
+                replace(
+                    fit,
+                    type=name,
+                    state=state,
+                    modeling_dispersion=request.modeling_dispersion,
+                    pair_demand=rule.demand_if_pairs,
+                )
+            )
+    failed = sum(collector.failed for collector in collectors.values())
     warnings = (f"{folder}: omitted {pluralize(failed, 'run')} without a result",) if failed else ()
     notes: tuple[str, ...] = (intensities.note,) if intensities.note else ()
     if rule.pairs and not request.pair_demand:
@@ -240,31 +253,6 @@ class _RunCollector:
             name=measure.label(shortest if is_same_period else None),
             unit=unit,
         )
-
-
-def _fit_groups(
-    runs_by_group: Mapping[str, TypeRuns], request: FragilityRequest, rule: PairRule
-) -> list[Fragility | AnalysisError]:
-    """Fit a fragility function for each group of runs and each of its damage states. A fit that is
-    impossible is replaced by its error, which names the group and the state.
-    """
-    fits: list[Fragility | AnalysisError] = []
-    for group_name, runs in runs_by_group.items():
-        fits_of_states = fit_states(runs, request)
-        for state_name, fit_or_error in zip(runs.states.states, fits_of_states, strict=True):
-            if isinstance(fit_or_error, AnalysisError):
-                fits.append(AnalysisError(f"{group_name}, {state_name}: {fit_or_error}"))
-                continue
-            fits.append(
-                replace(
-                    fit_or_error,
-                    type=group_name,
-                    state=state_name,
-                    modeling_dispersion=request.modeling_dispersion,
-                    pair_demand=rule.demand_if_pairs,
-                )
-            )
-    return fits
 
 
 def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
