@@ -9,7 +9,6 @@ from pathlib import Path
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.number_parsing import abbreviate, pluralize
 from tdint.studies.campaign.campaign_tables import status_table
-from tdint.studies.campaign.cluster import Cluster
 from tdint.studies.campaign.execute import Shard, cluster, threads
 from tdint.studies.campaign.execute import merge as merge_stores
 from tdint.studies.campaign.inputs import read_inputs
@@ -62,10 +61,9 @@ def run(request: CampaignRequest) -> None:
             )
         shard = Shard(int(first), int(last))
     if request.dask is not None:
-        scheduler = Cluster(request.dask)
+        engine = cluster(request.dask)
         if request.jobs is not None:
             raise UsageError("--jobs cannot be used with --dask; omit --jobs")
-        engine = cluster(scheduler)
     else:
         engine = threads(request.jobs or processors())
     campaign = load_campaign(request.arguments[0])

@@ -12,11 +12,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import suppress
-from dataclasses import dataclass
 from ipaddress import ip_address
 from itertools import islice
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
@@ -34,41 +33,30 @@ give up."""
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Cluster:
-    """Address of a Dask scheduler. The TLS certificates are read from the configuration of Dask.
+def check_address(address: str) -> bool:
+    """Check the address of a Dask scheduler, tcp://HOST:PORT or tls://HOST:PORT, and return True if
+    the connection is encrypted.
 
-    Attributes
-    ----------
-    address : str
-        tcp://HOST:PORT or tls://HOST:PORT.
+    Anyone who can connect to a scheduler can execute code there, so a scheduler on another machine
+    requires certificates, which are read from the configuration of Dask.
 
     Raises
     ------
     UsageError
         The address is invalid, or an unencrypted connection would leave this machine.
     """
-
-    address: str
-
-    def __post_init__(self) -> None:
-        """Check the address. Anyone who can connect to a scheduler can execute code there, so a
-        scheduler on another machine requires certificates."""
-        parts = _parse_address(self.address)
-        if not (self.is_encrypted or is_loopback(parts.hostname or "")):
-            raise UsageError(
-                f"{self.address}: connections to another machine must be encrypted, because anyone "
-                "who can connect to the port can execute code; start scheduler and workers with "
-                "--tls-ca-file, --tls-cert and --tls-key, and use a tls:// address"
-            )
-
-    @property
-    def is_encrypted(self) -> bool:
-        """True for a tls:// address."""
-        return urlsplit(self.address).scheme == "tls"
+    parts = _parse_address(address)
+    has_certificates = parts.scheme == "tls"
+    if not (has_certificates or is_loopback(parts.hostname or "")):
+        raise UsageError(
+            f"{address}: connections to another machine must be encrypted, because anyone who can "
+            "connect to the port can execute code; start scheduler and workers with --tls-ca-file, "
+            "--tls-cert and --tls-key, and use a tls:// address"
+        )
+    return has_certificates
 
 
-def _parse_address(address: str) -> Any:
+def _parse_address(address: str) -> SplitResult:
     """Split a scheduler address into scheme, host and port; raise UsageError if it is invalid."""
     # For an invalid port, access to `port` raises a ValueError.
     with suppress(ValueError):
@@ -97,9 +85,10 @@ def is_loopback(host: str) -> bool:
 
 
 def on_cluster(
-    cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]
+    address: str, chunk: Callable[[int], Chunk], numbers: Sequence[int]
 ) -> Iterator[ChunkResult]:
-    """Run chunks on a Dask cluster and yield their results in order of completion.
+    """Run chunks on a Dask cluster and yield their results in order of completion. `address` is the
+    address of the scheduler.
 
     Chunks of a worker that fails are re-run on another worker.
 
@@ -116,7 +105,7 @@ def on_cluster(
         Workers were lost repeatedly while running the same chunk. Exceptions raised by a chunk are
         also raised here.
     """
-    client = _connect(cluster)
+    client = _connect(address)
     try:
         yield from _results(client, chunk, iter(numbers))
     finally:
@@ -142,7 +131,7 @@ def run_chunk_with_plugins(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk)
     return run_chunk(chunk)
 
 
-def _connect(cluster: Cluster) -> Any:
+def _connect(address: str) -> Any:
     """Connect to the Dask scheduler of a cluster and return the client. UsageError is raised if
     Dask is not installed, a certificate is missing, or no scheduler responds at the address.
     """
@@ -153,15 +142,13 @@ def _connect(cluster: Cluster) -> Any:
             "--dask requires Dask, which is not installed; install it on this machine and on the "
             "workers with: pip install 'tdint[dask]'"
         ) from None
-    security = _security(Security(require_encryption=True), cluster)
+    security = _security(Security(require_encryption=True), address)
     connection: Future[Any] = Future()
 
     def connect() -> None:
         """Create the client, and store it or its exception in `connection`."""
         try:
-            client = Client(
-                cluster.address, security=security, timeout=_TIMEOUT, set_as_default=False
-            )
+            client = Client(address, security=security, timeout=_TIMEOUT, set_as_default=False)
             connection.set_result(client)
         except Exception as error:
             connection.set_exception(error)
@@ -170,9 +157,7 @@ def _connect(cluster: Cluster) -> Any:
     # respond.
     threading.Thread(target=connect, daemon=True).start()
     if not wait([connection], _NOTICE_AFTER).done:
-        _log.info(
-            "%s: no response from the scheduler yet; waiting up to ten seconds", cluster.address
-        )
+        _log.info("%s: no response from the scheduler yet; waiting up to ten seconds", address)
         wait([connection], _TIMEOUT - _NOTICE_AFTER)
     error = (
         connection.exception()
@@ -182,7 +167,7 @@ def _connect(cluster: Cluster) -> Any:
     if error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise UsageError(
-            f"{cluster.address}: no scheduler responds ({text}); start a Dask scheduler, or "
+            f"{address}: no scheduler responds ({text}); start a Dask scheduler, or "
             "correct the address"
         )
     return connection.result()
@@ -197,18 +182,18 @@ _CERTIFICATES = {
 variables that set them in the configuration of Dask."""
 
 
-def _security(configured: Any, cluster: Cluster) -> Any:
+def _security(configured: Any, address: str) -> Any:
     """Return the certificates in the configuration of Dask for an encrypted connection; None for a
     connection within this machine. UsageError names a certificate that is not configured or cannot
     be read; the error of the connection would not name it.
     """
-    if not cluster.is_encrypted:
+    if not check_address(address):
         return None
     for name, variable in _CERTIFICATES.items():
         file = getattr(configured, name)
         if not file:
             raise UsageError(
-                f"{cluster.address}: the configuration of Dask contains no {name}, which a tls:// "
+                f"{address}: the configuration of Dask contains no {name}, which a tls:// "
                 f"address requires; set it there, or by the environment variable {variable}"
             )
         try:

@@ -23,7 +23,7 @@ from tdint.model.limits import LimitCheck
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.compiled_steps import kernels
 from tdint.studies.campaign.chunks import ChunkResult, run_chunk, spectral_accelerations
-from tdint.studies.campaign.cluster import Cluster, on_cluster
+from tdint.studies.campaign.cluster import check_address, on_cluster
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.studies.campaign.reader import load_campaign
@@ -165,9 +165,11 @@ def threads(jobs: int) -> Engine:
     )
 
 
-def cluster(scheduler: Cluster) -> Engine:
-    """Return an engine that uses the workers of a Dask cluster."""
-    return lambda plan, numbers: on_cluster(scheduler, plan.chunk, numbers)
+def cluster(address: str) -> Engine:
+    """Return an engine that uses the workers of a Dask cluster. UsageError is raised if the address
+    of the scheduler is invalid (`check_address`)."""
+    check_address(address)
+    return lambda plan, numbers: on_cluster(address, plan.chunk, numbers)
 
 
 def compile_for(plan: Plan) -> None:
