@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -102,21 +102,6 @@ def _inner_group(parameter: LawParameter, group: str) -> str:
     )
 
 
-class _LawType:
-    """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
-
-    def schema(self) -> Schema:
-        """Return the JSON schema: a name of a law without parameters, or a mapping for each law."""
-        names_without_parameters = [name for name, law in laws().items() if not law.parameters]
-        mappings = [
-            Keys((Key("type", Choice((law.name,)), law.formula, True), FRACTURE, *_law_keys(law)))
-            for law in laws().values()
-        ]
-        return Either((Choice(tuple(names_without_parameters)), *mappings)).schema()
-
-
-LAW = _LawType()
-
 _COSINE = Bounds(0.0, 1.0, low_allowed=False)
 _ANGLE = Bounds(0.0, 90.0, high_allowed=False)  # degrees
 _INCLINATION = (
@@ -135,28 +120,51 @@ _INCLINATION = (
 """Keys of an inclined dashpot or element."""
 
 
-class _ElementType:
-    """Type of an entry of `elements`: a mapping with the type of a law and its parameters."""
+@dataclass(frozen=True)
+class _LawType:
+    """Type of a mapping with the type of a law, its parameters and further keys.
+
+    Attributes
+    ----------
+    keys : tuple of Key
+        Further keys.
+    is_name_allowed : bool
+        True if the name of a law without parameters may replace the mapping.
+    """
+
+    keys: tuple[Key, ...] = ()
+    is_name_allowed: bool = False
 
     def schema(self) -> Schema:
         """Return the JSON schema: a mapping for each law."""
-        mappings = [
+        types: list[ValueType] = [
             Keys(
                 (
                     Key("type", Choice((law.name,)), law.formula, True),
-                    Key("name", TextLine(), "name in tables, unique within the story"),
-                    Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
-                    *_INCLINATION,
+                    *self.keys,
                     FRACTURE,
                     *_law_keys(law),
                 )
             )
             for law in laws().values()
         ]
-        return Either(tuple(mappings)).schema()
+        if self.is_name_allowed:
+            names = (name for name, law in laws().items() if not law.parameters)
+            types.insert(0, Choice(tuple(names)))
+        return Either(tuple(types)).schema()
 
 
-ELEMENTS = EntriesOf(_ElementType(), least=1)
+LAW = _LawType(is_name_allowed=True)
+ELEMENTS = EntriesOf(
+    _LawType(
+        (
+            Key("name", TextLine(), "name in tables, unique within the story"),
+            Key("stiffness", NOT_NEGATIVE, "initial stiffness; default for a gap: 0"),
+            *_INCLINATION,
+        )
+    ),
+    least=1,
+)
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
@@ -269,23 +277,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     values: list[float] = []
     earlier: dict[str, tuple[float, ...]] = {}
     for parameter in law.parameters:
-        if parameter.many:
-            entry = section.need(parameter.name, f"give {_NUMBER_LIST}")
-            items = entry.items(_NUMBER_LIST, "must contain at least one number") if entry else None
-            bounds = _bounds(parameter)
-            # The unit of the j-th number is force divided by length to the power j.
-            numbers = tuple(
-                item.number(bounds, unit.factor(force=1, length=-j))
-                for j, item in enumerate(items or (), start=1)
-            )
-            if not numbers:
-                numbers = (math.nan,)
-        elif parameter.points:
-            numbers = _read_points(groups[parameter.group], parameter, unit, earlier)
-        elif parameter.choices:
-            numbers = (_read_choice(groups[parameter.group], parameter, earlier),)
-        else:
-            numbers = (_read_number(groups[parameter.group], parameter, unit, earlier),)
+        numbers = _read_parameter(groups[parameter.group], parameter, unit, earlier)
         values += numbers
         # The default of a parameter may be an earlier parameter. If parameters of several groups
         # have the same name, the first of them is the default.
@@ -330,29 +322,56 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     return value.section(keys) or math.nan
 
 
-def _read_points(
+def _read_parameter(
     group: Group, parameter: LawParameter, unit: ModelUnits, earlier: EarlierParameters
 ) -> tuple[float, ...]:
-    """Return drift (m) and force (N) of each point, with the points that the file omits.
+    """Return the numbers of a parameter in SI units, its default if it is omitted, or nan after an
+    error.
 
-    Infinite points complete an open-ended list; `four_points` completes four points, from the
-    parameters that have already been read (`earlier`). All numbers are nan after reporting an
-    error, and if `_read_group` has reported an error of the group. The group is None if it is
-    optional and omitted.
+    `earlier` contains the parameters that have already been read, in SI units.
     """
-    invalid_points = (math.nan,) * (2 * parameter.points)
-    point_list = f"{parameter.point_count_text} [drift, force]"
+    unknown = (math.nan,) * (2 * parameter.points or 1)
+    # The file specifies one number for all parameters of the group, or the group has an error.
     if isinstance(group, float):
-        return invalid_points
-    # If the file omits the points of the negative direction, `default` is the name of the points of
-    # the positive direction, which then apply to both.
-    is_omitted = group is None or not group.has(parameter.name)
-    if is_omitted and (numbers := default_numbers(parameter, earlier)):
-        return numbers
-    value = group.need(parameter.name, f"give {point_list}") if group else None
+        return tuple(group for _ in unknown)
+    if group is None:
+        return default_numbers(parameter, earlier) or unknown
+    # `without` applies only if the file omits the group.
+    default = default_numbers(replace(parameter, without=None), earlier)
+    if default and not group.has(parameter.name):
+        return default
+    if parameter.points:
+        return _read_points(group, parameter, unit) or unknown
+    if parameter.choices:
+        value = group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
+        name = value.choice(parameter.choices, parameter.name) if value else None
+        return unknown if name is None else (float(parameter.choices.index(name)),)
+    bounds = _bounds(parameter)
+    if parameter.many:
+        value = group.need(parameter.name, f"give {_NUMBER_LIST}")
+        items = value.items(_NUMBER_LIST, "must contain at least one number") if value else None
+        # The unit of the j-th number is force divided by length to the power j.
+        numbers = tuple(
+            item.number(bounds, unit.factor(force=1, length=-j))
+            for j, item in enumerate(items or (), start=1)
+        )
+        return numbers or unknown
+    return (group.number(parameter.name, bounds, unit.factor(parameter.force, parameter.length)),)
+
+
+def _read_points(
+    group: Section, parameter: LawParameter, unit: ModelUnits
+) -> tuple[float, ...] | None:
+    """Return drift (m) and force (N) of each point, with the points that the file omits; None after
+    reporting an error.
+
+    Infinite points complete an open-ended list; `four_points` completes four points.
+    """
+    point_list = f"{parameter.point_count_text} [drift, force]"
+    value = group.need(parameter.name, f"give {point_list}")
     items = value.items(point_list) if value else None
     if value is None or items is None:
-        return invalid_points
+        return None
     # All points are read before their number is checked, so that all errors are reported.
     pairs = [item.items("a point [drift, force]") for item in items]
     has_allowed_length = parameter.least_points <= len(pairs) <= parameter.points
@@ -366,7 +385,7 @@ def _read_points(
         value.fault(
             f"must be {point_list}, got {pluralize(len(pairs), 'entry')}{''.join(long_forms[:1])}"
         )
-        return invalid_points
+        return None
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [
         [
@@ -376,7 +395,7 @@ def _read_points(
         for pair in pairs
     ]
     if not all(points):
-        return invalid_points
+        return None
     if not parameter.open_ended:
         return four_points(points)
     if points[0][0] == 0.0:
@@ -384,47 +403,9 @@ def _read_points(
             "must be the first corner, whose force over its drift is the initial stiffness, not "
             "the origin; omit a point [0, 0]"
         )
-        return invalid_points
+        return None
     coordinates = [number for point in points for number in point]
     return (*coordinates, *[math.inf] * (2 * parameter.points - len(coordinates)))
-
-
-def _read_choice(group: Group, parameter: LawParameter, earlier: EarlierParameters) -> float:
-    """Return the index of a name in `choices`, or nan after an error."""
-    is_omitted = isinstance(group, Section) and not group.has(parameter.name)
-    if is_omitted and (numbers := default_numbers(parameter, earlier)):
-        return numbers[0]
-    value = (
-        group.need(parameter.name, f"give one of {', '.join(parameter.choices)}")
-        if isinstance(group, Section)
-        else None
-    )
-    name = value.choice(parameter.choices, parameter.name) if value else None
-    return math.nan if name is None else float(parameter.choices.index(name))
-
-
-def _read_number(
-    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: EarlierParameters
-) -> float:
-    """Return a parameter in SI units, its default if it is omitted, or nan after an error.
-
-    `earlier` contains the parameters that have already been read, in SI units.
-    """
-    bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
-    default = (
-        earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
-    )
-    # The file specifies one number for all parameters of the group.
-    if isinstance(group, float):
-        return group
-    # The file omits the group: `without` has priority over the default.
-    if group is None:
-        if parameter.without is not None:
-            return parameter.without
-        return math.nan if default is None else default
-    if default is not None and not group.has(parameter.name):
-        return default
-    return group.number(parameter.name, bounds, factor)
 
 
 def _bounds(parameter: LawParameter) -> Bounds:
