@@ -148,8 +148,6 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
         # Without the file of the shared memory, no process has opened a store with a log.
         if not _uses_log(target) or is_there(shared_memory):
             return _begin_reading(target, name, "mode=ro")
-        if _is_empty(log) and _is_empty(journal):
-            return _begin_reading(target, name, "immutable=1")
     except (sqlite3.OperationalError, OutputError) as error:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_BUSY) & 0xFF
         is_restricted = code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
@@ -171,11 +169,6 @@ def _uses_log(file: Path) -> bool:
             return stream.read(_POSITION_OF_LOG.stop)[_POSITION_OF_LOG] == b"\2\2"
     except OSError:  # opening the store reports the error
         return False
-
-
-def _is_empty(file: Path) -> bool:
-    """Return True if a file is missing or empty."""
-    return not is_there(file) or not file.stat().st_size
 
 
 def _begin_reading(file: Path, name: str, mode: str) -> sqlite3.Connection:
@@ -203,8 +196,7 @@ def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Con
     OutputError
         The files cannot be copied, or another process changes them.
     """
-    logs = [path for path in additional if not _is_empty(path)]
-    files = [file, *logs]
+    files = [file, *filter(is_there, additional)]
 
     def states() -> list[tuple[int, int]]:
         """Return the modification time, ns, and the size of each file."""
@@ -220,8 +212,7 @@ def _read_copy(file: Path, name: str, additional: Iterable[Path]) -> sqlite3.Con
             raise OutputError(f"{name}: cannot be read: {error.strerror or error}") from None
         if is_changed:
             raise OutputError(f"{name}: another process is changing the file; try again")
-        mode = "mode=rw" if logs else "immutable=1"
-        with closing(_begin_reading(Path(folder, file.name), name, mode)) as copied:
+        with closing(_begin_reading(Path(folder, file.name), name, "mode=rw")) as copied:
             connection = sqlite3.connect(":memory:", isolation_level=None)
             with closed_on_failure(connection):
                 copied.backup(connection)
