@@ -479,9 +479,7 @@ class PairCurve(IdaCurve):
         """Return the intensity where the pair first reaches the drift ratio `threshold`: the
         smaller capacity of the two components for the rule `larger`, or the capacity of the mean
         curve for the rule `mean`."""
-        if threshold >= self.collapse_drift:
-            return self.collapse
-        if self.demand == MEAN:
+        if self.demand == MEAN or threshold >= self.collapse_drift:
             return super().capacity(threshold)
         return _smallest([part.capacity(threshold) for part in self.parts])
 

@@ -160,9 +160,7 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
     resurrection = ("D", "white", "capacity, no collapse at a higher level")
     censored = ("^", "white", "does not collapse up to here")
     groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {
-        collapse: [],
-        resurrection: [],
-        censored: [],
+        mark: [] for mark in (collapse, resurrection, censored)
     }
     for curve in study.motion_curves:
         if curve.stable:

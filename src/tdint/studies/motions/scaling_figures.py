@@ -43,7 +43,7 @@ from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 GRAY = "0.72"
 """Color of the line of a single record in a suite."""
 
-_PAIR_PREFIXES = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
+_PAIR_NAMES = {GEOMETRIC_MEAN: "geometric mean", "rotd50": "RotD50", "rotd100": "RotD100"}
 _SPECTRAL_NAMES = {"sa": "Sa", "sa-avg": "Sa_avg"}
 
 
@@ -51,17 +51,13 @@ MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
 _PERIODS = (0.05, 5.0, 120)
 """First period (s), last period (s) and number of periods of the spectra of a scaled suite."""
 _MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling interval
-_PAIR_TEXTS = {
-    GEOMETRIC_MEAN: "geometric mean of both components",
-    "rotd50": "RotD50",
-    "rotd100": "RotD100",
-}
 
 
 def pair_text(demand: str) -> str:
     """Return the text in figures for a measure of both components of a pair; a `demand` that is not
-    in `_PAIR_TEXTS` is returned unchanged."""
-    return _PAIR_TEXTS.get(demand, demand)
+    in `_PAIR_NAMES` is returned unchanged."""
+    suffix = " of both components" if demand == GEOMETRIC_MEAN else ""
+    return f"{_PAIR_NAMES.get(demand, demand)}{suffix}"
 
 
 def single_style(several: bool) -> dict[str, Any]:
@@ -86,7 +82,7 @@ def measure_words(name: str) -> str:
     with suppress(ValueError):
         period = f"{_period_text(float(period))} s"
     symbol = MEASURES[measure].symbol if measure in MEASURES else ""
-    text = _PAIR_PREFIXES.get(pair, "") + (symbol or _SPECTRAL_NAMES.get(measure, measure))
+    text = f"{_PAIR_NAMES.get(pair, '')} {symbol or _SPECTRAL_NAMES.get(measure, measure)}".strip()
     return f"{text}({period})" if period else text
 
 
@@ -165,7 +161,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
     title = f"{subject}{changed(records)}, {scaling_texts[scaling.rule]}\n"
     title += f"{100.0 * scaling.damping:g} % damping"
     if noun == "pair" and scaling.rule != "p695":
-        title += f", {_PAIR_TEXTS[scaling.pair]}"
+        title += f", {pair_text(scaling.pair)}"
     return titled(figure, title)
 
 
