@@ -208,6 +208,27 @@ _SPELLINGS = {
 }
 """Other spellings of characters and words in a unit, replaced in this order."""
 
+_LENGTH_WORDS = (
+    ("micro(?=met)|\N{GREEK SMALL LETTER MU}|\N{MICRO SIGN}", "u"),
+    ("nano(?=met)", "n"),
+    ("milli(?=met)", "m"),
+    ("centi(?=met)", "c"),
+    ("kilo(?=met)", "k"),
+    (r"met(?:er|re)s?\b", "m"),
+    (r"\binch(?:es)?\b", "in"),
+    (r"\bf(?:oo|ee)t\b", "ft"),
+)
+"""Regular expressions of the words of units of length, and their symbols, replaced in this order."""
+
+
+def abbreviated(text: str) -> str:
+    """Return a unit in lower case with symbols in place of the words of lengths: mm for
+    millimeter, ft for feet."""
+    for word, symbol in _LENGTH_WORDS:
+        text = re.sub(word, symbol, text)
+    return text
+
+
 _NAMES = {"gals": "gal", "gs": "g", "milli-g": "mg", "millig": "mg", "milligs": "mg", "g's": "g"}
 """Other names of units."""
 
@@ -348,18 +369,6 @@ _QUANTITIES = {
 }
 _UNITS = {unit: quantity for quantity, units in _QUANTITIES.items() for unit in units}
 
-_LENGTH_WORDS = {
-    "meter": "m",
-    "metre": "m",
-    "centimeter": "cm",
-    "centimetre": "cm",
-    "millimeter": "mm",
-    "millimetre": "mm",
-    "inch": "in",
-    "inche": "in",
-    "foot": "ft",
-    "feet": "ft",
-}
 _FORCE_WORDS = {"newton": "N", "lb": "lbf", "pound": "lbf", "k": "kip", "kp": "kgf"}
 _MASS_WORDS = {
     "kilogram": "kg",
@@ -371,7 +380,7 @@ _MASS_WORDS = {
 """Other names of units, without the s of the plural. A `ton` is not listed, because it has three
 sizes."""
 
-_WORDS = ((LENGTH, _LENGTH_WORDS), (FORCE, _FORCE_WORDS), (MASS, _MASS_WORDS))
+_WORDS = ((FORCE, _FORCE_WORDS), (MASS, _MASS_WORDS))
 
 _MASS_PRODUCT = re.compile(r"(\w+?)[-*. ]*s(?:\^2|2)/(\w+)", re.IGNORECASE)
 """Mass as a product of force, squared second and length, such as `lb-s2/in`."""
@@ -383,7 +392,7 @@ def _size(name: str, factors: Mapping[str, float]) -> float:
     Only units of the quantity whose factors are `factors` are recognized.
     """
     words: Mapping[str, str] = next((words for units, words in _WORDS if units is factors), {})
-    lower = name.strip().lower()
+    lower = abbreviated(name.strip().lower())
     by_lower_case = {unit.lower(): unit for unit in factors}
     # m is one thousandth and M is one million: a mN is not a MN, and a mg is not a Mg.
     if name.strip() == "Mg":

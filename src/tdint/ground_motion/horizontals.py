@@ -26,16 +26,7 @@ _QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
 _NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
 _EAST = re.compile(r"E-?W\d?|([A-Z]{2})?E", re.IGNORECASE)
 _MIN_AZIMUTH = 4  # degrees; the component names 1, 2 and 3 are channel numbers
-_PERPENDICULAR_AXES = {
-    "1": "2",
-    "2": "1",
-    "X": "Y",
-    "Y": "X",
-    "R": "T",
-    "T": "R",
-    "N": "P",
-    "P": "N",
-}
+_PERPENDICULAR_AXES = ({"1", "2"}, {"X", "Y"}, {"R", "T"}, {"N", "P"})
 """Last characters of the names of two perpendicular components, for example HN1 and HN2, radial and
 transverse (R, T), fault-normal and fault-parallel (FN, FP)."""
 
@@ -306,7 +297,7 @@ def at_right_angles(component: str, other: str) -> bool:
     return (
         bool(name and other_name)
         and name[:-1] == other_name[:-1]
-        and _PERPENDICULAR_AXES.get(name[-1]) == other_name[-1]
+        and {name[-1], other_name[-1]} in _PERPENDICULAR_AXES
     )
 
 

@@ -413,17 +413,10 @@ def join_records(records: Sequence[Record], starts: Sequence[int]) -> Record:
         merged[name] = tuple(
             dict.fromkeys(item for record in records for item in getattr(record, name))
         )
-    defaults = {
-        "id": "",
-        "units": "",
-        "units_from": "",
-        "quantity": "acceleration",
-        "scale": 1.0,
-        "event": "",
-    }
-    for name, default in defaults.items():
+    for name in ("id", "units", "units_from", "quantity", "scale", "event"):
         values = {getattr(record, name) for record in records}
-        merged[name] = values.pop() if len(values) == 1 else default
+        # The defaults of a dataclass are attributes of the class; an id has no default.
+        merged[name] = values.pop() if len(values) == 1 else getattr(Record, name, "")
     return replace(
         records[0],
         acceleration=samples,

@@ -10,10 +10,12 @@ from tdint.ground_motion.record import Input, Record
 from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.limits import QUANTITIES
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.output.tables import devices, matrices
 from tdint.output.tables.loads import LOAD_COLUMNS, load_table
 from tdint.output.tables.responses import ELEMENT_COLUMNS, ELEMENT_ERROR, element_table
+from tdint.output.verdicts import limits_summary
 from tdint.response.runs.demands import DEMANDS, only
 from tdint.response.runs.outcome import ENERGY_TERMS
 from tdint.system import CLOCKS, clock
@@ -116,16 +118,8 @@ MEANINGS |= {
     for demand in DEMANDS
 }
 LIMIT_MEANINGS = {
-    f"{name}{part}{suffix(unit)}": (unit, f"{text} {name.replace('_', ' ')}")
-    for name, unit in (
-        ("drift_ratio", "1"),
-        ("residual_drift_ratio", "1"),
-        ("isolator_displacement", "m"),
-        ("floor_acceleration", "m/s^2"),
-        ("attachment_stroke", "m"),
-        ("link_deformation", "m"),
-        ("link_force", "N"),
-    )
+    f"{name}{part}{suffix(quantity.unit)}": (quantity.unit, f"{text} {quantity.text}")
+    for name, quantity in QUANTITIES.items()
     for part, text in (
         ("", "demand with the largest ratio to its limit:"),
         ("_limit", "limit of the"),
@@ -206,7 +200,7 @@ def run_summary(
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
         **_damage(response),
-        **_limits(limits),
+        **({"limits": limits_summary(limits, mean=False)} if limits else {}),
     }
     notes = (*response.warnings, *response.notes)
     return _with_provenance(content, response.record, settings, notes, inputs)
@@ -413,16 +407,6 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "errors": peak_errors(stories, check.errors),
         "corrected_peaks": peaks(check.corrected) if check.corrected else None,
     }
-
-
-def _limits(checks: Sequence[LimitCheck]) -> dict[str, Any]:
-    """Return the part of summary.json about limits; empty if the run has no limits."""
-    if not checks:
-        return {}
-    # Imported here, because runs without limits do not need it.
-    from tdint.output.verdicts import limits_summary
-
-    return {"limits": limits_summary(checks, mean=False)}
 
 
 def _damage(response: Response) -> dict[str, Any]:

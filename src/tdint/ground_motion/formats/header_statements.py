@@ -37,9 +37,6 @@ _LONGEST_STATEMENT = 1000
 """Characters of the longest line that states properties. The time to search a line for words may
 increase with the square of its length."""
 
-_SECONDS = {"MS": 1e-3, "MSEC": 1e-3}
-"""Units of an interval other than the second, s."""
-
 _ITEMS = r"(?:POINTS|DATA|SAMPLES|VALUES|PTS|STEPS)"
 _COUNTS = tuple(
     re.compile(pattern, re.IGNORECASE)
@@ -357,8 +354,8 @@ def _stated_intervals(lines: Sequence[str]) -> Iterator[float]:
     for line in lines:
         for pattern in _INTERVALS:
             for match in pattern.finditer(line):
-                unit = (match[3] or match[1] or "").upper()
-                interval = float(match[2]) * _SECONDS.get(unit, 1.0)
+                unit = (match[3] or match[1] or "").lower()
+                interval = float(match[2]) * SECONDS[unit]
                 is_time = bool(match[3]) or not _OTHER_UNIT.match(line, match.end())
                 if is_time and MIN_STEP <= interval <= MAX_STEP:
                     yield interval

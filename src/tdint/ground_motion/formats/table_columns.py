@@ -16,16 +16,8 @@ from tdint.errors import RecordError
 from tdint.units import GROUND_MOTION, canonical
 
 TIME, OTHER = "time", "other"
-SECONDS = {
-    "": 1.0,
-    "s": 1.0,
-    "sec": 1.0,
-    "secs": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-}
+SECONDS = dict.fromkeys(("", "s", "sec", "secs", "second", "seconds"), 1.0)
+SECONDS |= dict.fromkeys(("ms", "msec"), 1e-3)
 """Values of the units of time, s."""
 
 MOTIONS = ("acceleration", "velocity", "displacement")

@@ -27,7 +27,7 @@ from tdint.ground_motion.messages import caught_messages, obspy_function, one_li
 from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
-from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY, canonical
+from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY, abbreviated, canonical
 
 _BAND_START, _BAND_END = math.sqrt(0.5), 0.1
 """Amplitudes of the digital filters of the recorder at the start and at the end of the frequency
@@ -66,21 +66,6 @@ _UNITS |= {
 }
 """Number of derivatives and value in SI units of each unit, in the spelling of `canonical`."""
 
-_SPELLINGS = (
-    ("\N{GREEK SMALL LETTER MU}|\N{MICRO SIGN}|micro(?=met)", "u"),
-    ("nano(?=met)", "n"),
-    ("milli(?=met)", "m"),
-    ("centi(?=met)", "c"),
-    ("kilo(?=met)", "k"),
-    (r"met(?:er|re)s?\b", "m"),
-    (r"\binch(?:es)?\b", "in"),
-    (r"\bf(?:oo|ee)t\b", "ft"),
-    (r"\s+per\s+", "/"),
-    (r"[()\[\]]", ""),
-)
-"""Regular expressions and their replacements for the lower case of a unit in a StationXML file, in
-addition to the spellings that `canonical` recognizes."""
-
 
 @dataclass(frozen=True)
 class InputUnit:
@@ -108,10 +93,8 @@ def parse_input_unit(text: str | None) -> InputUnit | None:
     description that follows ` - ` is ignored. Return None for all other units and without a unit.
     """
     text = (text or "").partition(" - ")[0].strip()
-    unit = text.lower()
-    for spelling, replacement in _SPELLINGS:
-        unit = re.sub(spelling, replacement, unit)
-    known = _UNITS.get(canonical(unit))
+    unit = re.sub(r"\s+per\s+", "/", abbreviated(text.lower()))
+    known = _UNITS.get(canonical(re.sub(r"[()\[\]]", "", unit)))
     return InputUnit(text, *known) if known else None
 
 
