@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -23,7 +22,6 @@ from tdint.units import OutputUnits
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tdint.response.runs.outcome import Response
     from tdint.studies.recordings.compare import Comparison
 
 
@@ -44,25 +42,6 @@ def _sensors(comparisons: Sequence[Comparison]) -> str:
 
 _MOST_SENSORS = 6
 """Maximum number of sensors at the base that a report lists."""
-
-
-def _comparison_error(response: Response) -> str:
-    """Return a clause on the estimated error of a peak drift and on the energy imbalance."""
-    imbalance = (
-        f"the energy imbalance is {number_text(100.0 * abs(response.energy.error), 2)} % of the "
-        "input energy"
-    )
-    if response.check is None or response.check.drift_error is None:
-        return f"the error of the time integration was not estimated; {imbalance}"
-    if not math.isfinite(response.check.drift_error):
-        return (
-            f"the error of the drift of story {response.check.drift_story} is not known, because "
-            f"it moves in the run for the error estimate only; {imbalance}"
-        )
-    return (
-        "the largest estimated error of a peak drift is "
-        f"{number_text(100.0 * response.check.drift_error, 2)} %; {imbalance}"
-    )
 
 
 def comparison_page(
@@ -99,7 +78,8 @@ def comparison_page(
         assumptions(
             integration,
             (
-                _comparison_error(response),
+                "the error of the time integration was not estimated; the energy imbalance is "
+                f"{number_text(100.0 * abs(response.energy.error), 2)} % of the input energy",
                 f"the ground motion is that of the base, unscaled: {_sensors(comparisons)}",
                 f"recorded and computed responses are filtered from {band[0]:g} to {band[1]:g} Hz "
                 "(zero phase)"
