@@ -11,15 +11,20 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tdint
-from csv_rows import rows
+from csv_rows import rows as csv_rows
 from tdint.errors import AnalysisError
+from tdint.kernels import layout as rows
+from tdint.kernels import linear_terms
 from tdint.kernels.building import load_or_compile, process, store, target
+from tdint.kernels.building.compilable import EVERYTHING
+from tdint.kernels.laws import selection
 from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, parse
 from tdint.response.runs.analysis_kernels import run_interpreted
@@ -37,8 +42,8 @@ for file, method in json.loads(sys.argv[1]):
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_absolute_acceleration.tolist()]))
 """  # noqa: E501
 LAWS = (
-    "ten-story-bilinear", "base-isolated", "three-story-concrete", "collapse-prone-frame",
-    "softening", "hardening",
+    "ten-story-bilinear", "base-isolated", "absorber-frame", "three-story-concrete", "infill-frame",
+    "collapse-prone-frame", "softening", "blast-frame", "hardening",
 )  # fmt: skip
 CASES = [(str(CONFIGS / "ten-story.yaml"), name) for name in catalogue()]
 CASES += [
@@ -89,8 +94,25 @@ def test_interpreted_division_by_zero_gives_infinity():
         return array[0, 0]
 
     array = np.zeros((2, 2))
-    assert load_or_compile.as_views(kernel)(2.0, array) == 1.0
+    assert load_or_compile.as_views(kernel, EVERYTHING)(2.0, array) == 1.0
     np.testing.assert_array_equal(array, [[1.0, np.inf], [0.0, 0.0]])
+
+
+def test_interpreted_kernels_omit_features_only_during_a_call():
+    def kernel(array, fails):
+        seen.append((linear_terms.TREE, selection.HAS_ELEMENTS, linear_terms.FORCES, rows.ELEMENTS))
+        return 1 / array[0] if fails else 0.0
+
+    seen, array = [], np.zeros(1)
+    plain = load_or_compile.as_views(kernel, replace(EVERYTHING, tree=False, elements=False))
+    for fails in (False, True):  # the second call is repeated with arrays
+        plain(array, fails)
+    load_or_compile.as_views(kernel, EVERYTHING)(array, False)
+    omitted, complete = (False, False, True, rows.ELEMENTS), (True, True, True, rows.ELEMENTS)
+    assert seen == [omitted, omitted, omitted, complete]
+    with pytest.raises(KeyError):
+        load_or_compile.as_views(lambda _: {}[0], replace(EVERYTHING, tree=False))(array)
+    assert linear_terms.TREE
 
 
 @pytest.fixture
@@ -228,7 +250,7 @@ def test_first_run_succeeds_in_every_environment(tmp_path, way, cache):
             messages
         )
         compiled = tdint.run(tmp_path / "model.yaml").stories.peak_drift[0]
-        (row,) = rows(tmp_path / "out" / "stories.csv")
+        (row,) = csv_rows(tmp_path / "out" / "stories.csv")
         assert float(row["peak_drift_m"]) == pytest.approx(compiled, rel=1e-8)
     finally:
         end_marked_processes(str(tmp_path))

@@ -15,7 +15,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -23,7 +23,14 @@ from zlib import crc32
 import numpy as np
 
 from tdint.errors import AnalysisError, OutputError, UsageError
-from tdint.kernels.building.compilable import EVERYTHING, FRACTURES, Compilable, Variant, parse
+from tdint.kernels.building.compilable import (
+    EVERYTHING,
+    FEATURES,
+    FRACTURES,
+    Compilable,
+    Variant,
+    parse,
+)
 from tdint.system import lock, locked, processors, spawn_detached
 
 if TYPE_CHECKING:
@@ -335,7 +342,7 @@ def interpret_while_compiling(
             return False  # all kernels of the time loop have an object file
         others = [(kernel, kernel.required_variant(variant)) for kernel, variant in other_kernels()]
         for kernel, variant in [*in_loop, *_load_existing(others, False)]:
-            kernel.install(variant, as_views(kernel.function), interpreted=True)
+            kernel.install(variant, as_views(kernel.function, variant), interpreted=True)
     folder = store.writable() if setting != "never" else None
     background = ""
     if folder:
@@ -405,11 +412,13 @@ def compile_in_background() -> None:
                 load_or_compile(pairs)
 
 
-def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a Python function of a kernel that accesses its arrays through memory views.
+def as_views(function: Callable[..., Any], variant: Variant) -> Callable[..., Any]:
+    """Return a Python function of a kernel that accesses its arrays through memory views, without
+    the features that `variant` omits.
 
     A call requires two thirds of the time of a call with NumPy arrays, because the elements of
-    memory views are Python numbers. If an operation fails that arrays allow and Python numbers do
+    memory views are Python numbers, and again two thirds of it without the tests of the features of
+    a building with plain stories. If an operation fails that arrays allow and Python numbers do
     not, such as a division by zero, the arrays are restored and the call is repeated with arrays.
     """
     python_function = _python_function(function)
@@ -421,20 +430,45 @@ def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
             return function(*arguments)
         # The kernel changes its arrays. The copies restore them if the call fails half-way.
         saved = [array.copy() for array in arrays]
-        try:
-            views = [
-                argument.data if isinstance(argument, np.ndarray) else argument
-                for argument in arguments
-            ]
-            return function(*views)
-        except (ArithmeticError, TypeError, ValueError, NotImplementedError, AttributeError):
-            # Python numbers do not allow an operation. Repeat the call with the restored arrays.
-            for array, values in zip(arrays, saved, strict=True):
-                if array.flags.writeable:
-                    array[...] = values
-            return python_function(*arguments)
+        with _only_features_of(variant):
+            try:
+                views = [
+                    argument.data if isinstance(argument, np.ndarray) else argument
+                    for argument in arguments
+                ]
+                return function(*views)
+            except (ArithmeticError, TypeError, ValueError, NotImplementedError, AttributeError):
+                # Python numbers do not allow an operation. Repeat the call with restored arrays.
+                for array, values in zip(arrays, saved, strict=True):
+                    if array.flags.writeable:
+                        array[...] = values
+                return python_function(*arguments)
 
     return call
+
+
+@contextmanager
+def _only_features_of(variant: Variant) -> Iterator[None]:
+    """Let the Python functions of kernels omit the features that a variant does not have.
+
+    Modules of kernels state each feature by a constant with its name, such as `TREE`, `_TREE` or
+    `HAS_ELEMENTS`, which is True in a process that does not compile (`tdint.kernels.compiling`).
+    """
+    omitted = [feature.upper() for feature in FEATURES if not getattr(variant, feature)]
+    constants = [
+        (module, name)
+        for module in [*sys.modules.values()]
+        if getattr(module, "__name__", "").startswith(("tdint.kernels.", "tdint.methods."))
+        for name in (prefix + feature for feature in omitted for prefix in ("", "_", "HAS_"))
+        if vars(module).get(name) is True
+    ]
+    for module, name in constants:
+        setattr(module, name, False)
+    try:
+        yield
+    finally:
+        for module, name in constants:
+            setattr(module, name, True)
 
 
 # ---- Compilation in advance
