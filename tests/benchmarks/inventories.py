@@ -10,7 +10,7 @@ Markdown table. The reference solution is `impulse4` with a 16th of the sampling
 
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,10 +18,10 @@ import numpy as np
 from common import components
 
 import tdint
+from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.model.mdof_lu import BuildingFacts
 from tdint.response.runs.batch import Subject
-from tdint.response.runs.prepared import Motions
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run, spectral_accelerations
 from tdint.studies.regions.inventory import InventoryRow, derive_row, model_text
 
@@ -76,19 +76,19 @@ def _multilinear(text: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def motions() -> Motions:
+def motions() -> dict[int, Record]:
     """Return the horizontal ground motions of records."""
-    return Motions(dict(enumerate(components())))
+    return dict(enumerate(components()))
 
 
-def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> np.ndarray:
+def campaign(subjects: Sequence[Subject], suite: Mapping[int, Record], dt: float) -> np.ndarray:
     """Return the peak drift ratios of all runs; nan for a run that collapsed or failed.
 
     Parameters
     ----------
     subjects : sequence of Subject
         Buildings with their methods.
-    suite : Motions
+    suite : mapping of int to Record
         Ground motions; each is scaled by all factors of `SCALES`.
     dt : float
         Time step, s.
@@ -98,11 +98,10 @@ def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> np.ndarr
     ndarray, shape (buildings, runs)
         The runs are ordered by ground motion and then by scale.
     """
-    runs, drifts = [Run(motion, scale) for motion in suite.records for scale in SCALES], []
+    runs, drifts = [Run(motion, scale) for motion in suite for scale in SCALES], []
     for subject in subjects:
         spectral = {
-            n: spectral_accelerations(record, [subject.period])[0]
-            for n, record in suite.records.items()
+            n: spectral_accelerations(record, [subject.period])[0] for n, record in suite.items()
         }
         rows = Batch(0, subject, suite, spectral, CampaignSettings(dt=dt)).results(runs).runs
         # The second and third column of a row are the ground motion and its scale.
@@ -113,7 +112,7 @@ def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> np.ndarr
     return np.array(drifts, dtype=float)
 
 
-def print_errors(suite: Motions, interval: float) -> None:
+def print_errors(suite: Mapping[int, Record], interval: float) -> None:
     """Print the tables of errors for both laws; `interval` is the sampling interval, s."""
     for law in ("trilinear", "multilinear"):
         models = buildings(law)
@@ -136,4 +135,4 @@ def print_errors(suite: Motions, interval: float) -> None:
 
 if __name__ == "__main__":
     suite = motions()
-    print_errors(suite, suite.records[0].dt)
+    print_errors(suite, suite[0].dt)

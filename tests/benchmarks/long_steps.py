@@ -27,7 +27,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.response.arguments import model_record
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import STORY_QUANTITIES
-from tdint.response.runs.prepared import Motions, PreparedBuilding
+from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.time_steps import choose_steps
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run, building_step
 
@@ -163,7 +163,6 @@ def tolerance():
     strength.
     """
     records = dict(enumerate(components()))
-    motions = Motions(records)
     runs = [Run(number, scale) for number in records for scale in (0.25, 0.5, 1.0, 1.5)]
     # From the strongest to the weakest run.
     ranked = sorted(runs, key=lambda run: -run.scale * records[run.motion].pga)
@@ -175,7 +174,7 @@ def tolerance():
         batch = Batch(
             0,
             Subject(building, method),
-            motions,
+            records,
             dict.fromkeys(records),
             CampaignSettings(stories=True),
         )

@@ -60,12 +60,12 @@ def test_forces_are_not_scaled_with_ground_motion():
 
 def test_samples_of_a_batch_can_be_read_only():
     building, record = prepared.PreparedBuilding.of(ten_linear()), noise(samples=11)
-    runs = [prepared.RunSpec(0, 11, 1.0, Steps(record.dt, 10))]
     samples = record.acceleration.copy()
-    batch = building.integrate_batch(parse("impulse4"), record.dt, samples, runs)
+    runs = [prepared.RunSpec(samples, 1.0, Steps(record.dt, 10))]
+    batch = building.integrate_batch(parse("impulse4"), record.dt, runs)
     assert batch.ends[0, 1] == 10
     samples.flags.writeable = False
-    again = building.integrate_batch(parse("impulse4"), record.dt, samples, runs)
+    again = building.integrate_batch(parse("impulse4"), record.dt, runs)
     assert np.array_equal(again.peaks, batch.peaks)
 
 

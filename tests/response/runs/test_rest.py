@@ -23,7 +23,6 @@ from tdint import load_model, run
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import AT_REST, REST_PERIODS
 from tdint.response.runs.outcome import FailedRun
-from tdint.response.runs.prepared import Motions
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, Run
 from tdint.units import parse_output_units
 
@@ -42,7 +41,7 @@ def test_run_until_rest_equals_run_of_campaign(damping, rests):
     batch = Batch(
         0,
         Subject(building, "impulse4"),
-        Motions({0: record}),
+        {0: record},
         {0: None},
         CampaignSettings(until_rest=True),
     )

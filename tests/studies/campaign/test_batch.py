@@ -13,7 +13,7 @@ from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.response.runs.batch import Outcomes, Subject, run_batch
 from tdint.response.runs.demands import DEMANDS, demand_errors, demands
 from tdint.response.runs.outcome import STORY_QUANTITIES, FailedRun
-from tdint.response.runs.prepared import Motions, PreparedBuilding
+from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.runs.sequence import run_sequence
 from tdint.studies.campaign.chunks import REPEATS, Batch, CampaignSettings, Run, RunRow
 
@@ -27,7 +27,7 @@ RUNS = [Run(motion, scale) for motion in RECORDS for scale in SCALES]
 
 def batch(model: str, method: str, **settings: bool | float) -> Batch:
     subject = Subject(tdint.load_model(f"configs/{model}.yaml"), method)
-    return Batch(0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), CampaignSettings(**settings))
+    return Batch(0, subject, RECORDS, dict.fromkeys(RECORDS), CampaignSettings(**settings))
 
 
 def single(runs: Batch, run: Run, **wishes: float) -> tdint.response.runs.outcome.Response:
@@ -144,7 +144,7 @@ def test_errors_of_events_in_sequence(fixed: int) -> None:
     joined = JoinedRecord.of(short, 5.0, fixed=fixed)
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "moment4")
     (row,) = (
-        Batch(0, subject, Motions({0: joined}), {0: None}, CampaignSettings(check=True))
+        Batch(0, subject, {0: joined}, {0: None}, CampaignSettings(check=True))
         .results([Run(0, 1.0)])
         .runs
     )
@@ -175,7 +175,7 @@ def test_failed_run_is_repeated_with_finer_steps() -> None:
     runs = Batch(
         0,
         subject,
-        Motions({0: noise}),
+        {0: noise},
         {0: None},
         CampaignSettings(dt=0.1, duration=noise.duration),
     )
@@ -201,7 +201,7 @@ def test_failed_attempt_is_integrated_once(method: str, monkeypatch: pytest.Monk
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     settings = CampaignSettings(dt=0.1, duration=noise.duration)
     model = tdint.load_model("configs/hardening.yaml")
-    runs = Batch(0, Subject(model, method), Motions({0: noise}), {0: None}, settings)
+    runs = Batch(0, Subject(model, method), {0: noise}, {0: None}, settings)
     individual = []
     real = PreparedBuilding.integrate
 
@@ -244,10 +244,10 @@ def test_number_of_repetitions_of_failing_run(
     """Each repetition halves the time step; finally, the row has the status of the failure."""
     of, steps = batch("hardening", "newmark-average"), []
 
-    def failing(subject: Subject, motions: Motions, runs: list[Any], **named: Any) -> Outcomes:
+    def failing(subject: Subject, runs: list[Any], **named: Any) -> Outcomes:
         steps.extend(run[2].h for run in runs)
         return replace(
-            run_batch(subject, motions, runs, **named), failures={0: FailedRun("", status, "", 0.1)}
+            run_batch(subject, runs, **named), failures={0: FailedRun("", status, "", 0.1)}
         )
 
     monkeypatch.setattr("tdint.studies.campaign.chunks.run_batch", failing)

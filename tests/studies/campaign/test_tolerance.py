@@ -12,7 +12,6 @@ from tdint.ground_motion.record import Record
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.case import Case
 from tdint.response.runs.outcome import STORY_QUANTITIES
-from tdint.response.runs.prepared import Motions
 from tdint.response.runs.step_choice import choose_step, step_within
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, Rows, Run, building_step
 
@@ -38,9 +37,7 @@ PEAK_DRIFT = [quantity.name for quantity in STORY_QUANTITIES].index("peak_drift"
 
 
 def results(subject: Subject, runs: list[Run], largest: float | None) -> Rows:
-    batch = Batch(
-        0, subject, Motions(RECORDS), dict.fromkeys(RECORDS), CampaignSettings(stories=True)
-    )
+    batch = Batch(0, subject, RECORDS, dict.fromkeys(RECORDS), CampaignSettings(stories=True))
     return batch.results(runs, largest)
 
 

@@ -52,8 +52,8 @@ from tdint.response.runs.prepared import (
     NO_FREE_VIBRATION,
     STEPS_COMPLETED,
     BatchResult,
-    Motions,
     PreparedBuilding,
+    RunSpec,
 )
 from tdint.response.time_steps import Steps
 
@@ -117,7 +117,7 @@ class Subject:
         return Subject, (self.model, self.method)
 
 
-RunOfMotion = tuple[int, float, Steps]
+RunOfMotion = tuple[Record, float, Steps]
 """Number of a ground motion, its scale factor, and the time steps."""
 
 RunResult = tuple[Response | Collapse, int | None]
@@ -262,7 +262,6 @@ def _run_of(peaks: StoryPeaks, i: int) -> StoryPeaks:
 
 def run_batch(
     subject: Subject,
-    motions: Motions,
     runs: Sequence[RunOfMotion],
     *,
     check: bool = False,
@@ -276,8 +275,8 @@ def run_batch(
 
     Parameters
     ----------
-    runs : sequence of (int, float, Steps)
-        Number of the ground motion, scale factor and time steps of each run.
+    runs : sequence of (Record, float, Steps)
+        Ground motion, scale factor and time steps of each run.
     to_rest : bool, default False
         Continue with the ground at rest until free vibration has decayed.
     histories : tuple of (int, callable), optional
@@ -301,8 +300,8 @@ def run_batch(
 
     def case(i: int) -> Case:
         """Return the case of run `i`."""
-        number, scale, _ = runs[i]
-        return (sampled[i] if sampled else subject).case(motions.records[number], scale)
+        record, scale, _ = runs[i]
+        return (sampled[i] if sampled else subject).case(record, scale)
 
     if to_rest and subject.model.excitation.tables:
         runs = [(*run[:2], until_forces_end(subject.model, run[2])) for run in runs]
@@ -325,13 +324,14 @@ def run_batch(
                 ),
             )
         return outcomes
-    building, specs = prepared.building, [motions.run_spec(*run) for run in runs]
+    building = prepared.building
+    specs = [RunSpec(record.acceleration, scale, steps) for record, scale, steps in runs]
     if sampled:
         subject.model.require_springs("a varied parameter")
         buildings = [item.prepared.building for item in sampled]
         building = _of_runs(building, buildings)
         batch = prepared.integrate_sampled(
-            subject.integrator, h, motions.samples, list(zip(buildings, specs, strict=True))
+            subject.integrator, h, list(zip(buildings, specs, strict=True))
         )
     else:
         criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
@@ -339,7 +339,6 @@ def run_batch(
         batch = prepared.integrate_batch(
             subject.integrator,
             h,
-            motions.samples,
             specs,
             criterion,
             every=every,

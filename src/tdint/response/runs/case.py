@@ -898,8 +898,8 @@ def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
     """
     steps = until_forces_end(case.model, steps)
     criterion = rest_criterion(case.prepared, steps.h)
-    spec = RunSpec(start=0, size=case.ground.size, scale=1.0, steps=steps)
-    batch = case.prepared.integrate_batch(case.method, steps.h, case.ground, [spec], criterion)
+    spec = RunSpec(case.ground, 1.0, steps)
+    batch = case.prepared.integrate_batch(case.method, steps.h, [spec], criterion)
     code, count, at_rest = batch.ends[0].tolist()
     # The number of completed steps is known at the ends of windows only. A failed step is within
     # the next window.

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,6 @@ import numpy as np
 from tdint import system
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError
-from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant, bind
 from tdint.kernels.building.load_or_compile import (
@@ -105,43 +104,15 @@ class RunSpec(NamedTuple):
 
     Attributes
     ----------
-    start, size : int
-        First sample and number of samples of the ground motion in the concatenated samples.
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2.
+    scale : float
+        Factor on the ground acceleration.
     """
 
-    start: int
-    size: int
+    ground: Array
     scale: float
     steps: Steps
-
-
-@dataclass(frozen=True)
-class Motions:
-    """Ground motions whose samples are concatenated to a single array for compiled runs.
-
-    Attributes
-    ----------
-    records : mapping of int to Record
-        Ground motions; the keys are arbitrary numbers of the caller.
-    """
-
-    records: Mapping[int, Record]
-
-    @cached_property
-    def samples(self) -> Array:
-        """Accelerations of all ground motions, m/s^2."""
-        return np.concatenate([record.acceleration for record in self.records.values()])
-
-    @cached_property
-    def starts(self) -> Mapping[int, int]:
-        """First sample of each ground motion in `samples`."""
-        sizes = [record.acceleration.size for record in self.records.values()]
-        # `accumulate` also returns the total size, which is not the start of a ground motion.
-        return dict(zip(self.records, accumulate(sizes, initial=0), strict=False))
-
-    def run_spec(self, number: int, scale: float, steps: Steps) -> RunSpec:
-        """Return the specification of a run under a ground motion times a factor."""
-        return RunSpec(self.starts[number], self.records[number].acceleration.size, scale, steps)
 
 
 # Columns of `BatchResult.ends`
@@ -564,7 +535,6 @@ class PreparedBuilding:
         self,
         integrator: Integrator,
         h: float,
-        samples: Array,
         runs: Sequence[RunSpec],
         criterion: RestCriterion = NO_FREE_VIBRATION,
         *,
@@ -575,8 +545,6 @@ class PreparedBuilding:
 
         Parameters
         ----------
-        samples : ndarray
-            Concatenated ground accelerations of all runs, m/s^2.
         every : int
             Number of steps between two rows of a history.
         on_history : callable, optional
@@ -588,9 +556,9 @@ class PreparedBuilding:
         space = self._loaded_arrays(integrator, h, row_count)
         space.steps_per_row = every
         result = BatchResult.empty(len(runs), self.building)
-        integrate_run = self._repeatable(integrator, h, max(run.size for run in runs), space)
+        integrate_run = self._repeatable(integrator, h, max(run.ground.size for run in runs), space)
         for i, run in enumerate(runs):
-            integrate_run(samples[run.start : run.start + run.size], run, result, i, criterion)
+            integrate_run(run, result, i, criterion)
             if on_history:
                 reached = int(space.totals[rows.STEPS_REACHED])
                 result.ends[i, STEPS_COMPLETED] = reached
@@ -599,11 +567,7 @@ class PreparedBuilding:
         return result
 
     def integrate_sampled(
-        self,
-        integrator: Integrator,
-        h: float,
-        samples: Array,
-        runs: Sequence[tuple[Building, RunSpec]],
+        self, integrator: Integrator, h: float, runs: Sequence[tuple[Building, RunSpec]]
     ) -> BatchResult:
         """Integrate runs of buildings that differ from this building in parameter values.
 
@@ -617,7 +581,7 @@ class PreparedBuilding:
             coefficients of the method must not depend on the varied values.
         """
         result = BatchResult.empty(len(runs), self.building)
-        size = max(spec.size for _, spec in runs)
+        size = max(spec.ground.size for _, spec in runs)
         varied_arrays = ("linear_terms", "law_parameters", "modal")
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
         for i, (building, spec) in enumerate(runs):
@@ -638,7 +602,7 @@ class PreparedBuilding:
                 getattr(prepared.building, name)[...] = getattr(building, name)
             space.flags[rows.UNRESOLVED_MODES] = building.fastest * h > MAX_RESOLVED_OMEGA_DT
             space.limits[...] = collapse_limits(building, self.collapse_drift)
-            integrate_run(samples[spec.start : spec.start + spec.size], spec, result, i)
+            integrate_run(spec, result, i)
         return result
 
     def _repeatable(
@@ -648,8 +612,8 @@ class PreparedBuilding:
         times.
 
         `size` is the maximum number of samples of a ground motion. All runs share the arrays of
-        `space` and a single list of arguments. The function (ground acceleration, `RunSpec`,
-        `BatchResult`, index, `RestCriterion`) stores the results of the run in the row `index` of
+        `space` and a single list of arguments. The function (`RunSpec`, `BatchResult`,
+        index, `RestCriterion`) stores the results of the run in the row `index` of
         the `BatchResult`. Without a criterion, the run ends with its last step.
         """
         # Copies of all arrays that a run changes
@@ -662,7 +626,6 @@ class PreparedBuilding:
         n = self.building.stories
 
         def integrate_run(
-            acceleration: Array,
             run: RunSpec,
             result: BatchResult,
             i: int,
@@ -671,8 +634,8 @@ class PreparedBuilding:
             """Integrate a run and store its results."""
             for array, initial_values in initial:
                 array[...] = initial_values
-            np.multiply(acceleration, run.scale, out=ground[: len(acceleration)])
-            ground[len(acceleration) :] = 0.0
+            np.multiply(run.ground, run.scale, out=ground[: len(run.ground)])
+            ground[len(run.ground) :] = 0.0
             # The run is integrated in a single call, because it is short.
             code = loop(run.steps, 0, run.steps.count)
             completed, at_rest = 0 if code < 0 else run.steps.count, not criterion.windows

@@ -43,7 +43,6 @@ from tdint.response.runs.many_results import (
     store_values,
 )
 from tdint.response.runs.outcome import StoryErrors, StoryPeaks
-from tdint.response.runs.prepared import Motions
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
@@ -468,8 +467,7 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
     ):
         runs, subject = list(group), request.subjects[model]
         numbers = [run.number for run in runs]
-        motions = Motions({run.record: request.records[run.record] for run in runs})
-        specs = [(run.record, run.scale, run.steps) for run in runs]
+        specs = [(request.records[run.record], run.scale, run.steps) for run in runs]
         # If parameters vary, the arrays of one building are changed from run to run, except for
         # runs that need an individual building (`individual_sample`).
         sampled: list[Subject] = []
@@ -480,7 +478,6 @@ def _integrate_part(request: RunsRequest, result: Runs, part: Sequence[RunSpec])
             subject = request.varied(model, individual)
         outcomes = run_batch(
             subject,
-            motions,
             specs,
             check=request.check,
             histories=(result.every, _history_writer(subject, result, runs))

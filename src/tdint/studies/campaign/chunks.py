@@ -36,7 +36,6 @@ from tdint.response.runs.outcome import (
     FailedRun,
     Response,
 )
-from tdint.response.runs.prepared import Motions
 from tdint.response.runs.sequence import event_responses, sequence_of
 from tdint.response.runs.settings import RunSettings
 from tdint.response.runs.step_choice import step_within
@@ -349,7 +348,7 @@ class Batch:
 
     Attributes
     ----------
-    motions : Motions
+    motions : mapping of int to Record
         Ground motions with their numbers in the campaign.
     spectral : mapping of int to float | None
         Sa(T1) of each motion at the scale factor 1, m/s^2.
@@ -357,7 +356,7 @@ class Batch:
 
     number: int
     subject: Subject
-    motions: Motions
+    motions: Mapping[int, Record]
     spectral: dict[int, float | None]
     settings: CampaignSettings
 
@@ -374,7 +373,7 @@ class Batch:
         results = Rows()
         single_runs = []
         for run in runs:
-            record = self.motions.records[run.motion]
+            record = self.motions[run.motion]
             if isinstance(record, JoinedRecord):
                 results.extend(self._run_sequence(run, max_step))
             elif isinstance(record, LoadCase):
@@ -425,7 +424,7 @@ class Batch:
         spectral = self.spectral[run.motion]
         single_run_batch = replace(
             self,
-            motions=Motions({run.motion: sequence.joined}),
+            motions={run.motion: sequence.joined},
             spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
             subject=self.subject.throughout(),
             settings=replace(self.settings, duration=None),
@@ -474,7 +473,7 @@ class Batch:
 
     def _case(self, run: Run) -> Case:
         """Return the analysis case of a run."""
-        return self.subject.case(self.motions.records[run.motion], run.scale)
+        return self.subject.case(self.motions[run.motion], run.scale)
 
     def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
         """Integrate runs that have the same time step, without error estimates in a single call.
@@ -482,10 +481,9 @@ class Batch:
         others are appended to `results`.
         """
         settings = self.settings
-        run_requests = [(job.run.motion, job.run.scale, job.steps) for job in jobs]
+        run_requests = [(self.motions[job.run.motion], job.run.scale, job.steps) for job in jobs]
         outcomes = run_batch(
             self.subject,
-            self.motions,
             run_requests,
             check=settings.check,
             to_rest=settings.until_rest,
@@ -548,7 +546,7 @@ class Batch:
         values |= {
             "dt": job.steps.h,
             "status": status,
-            "pga": self.motions.records[job.run.motion].pga * factor,
+            "pga": self.motions[job.run.motion].pga * factor,
             "sa_t1": None if spectral is None else spectral * factor,
             "repeats": job.repeats,
         }
@@ -604,7 +602,6 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     """
     # Measure the time of this thread: the time of the process includes chunks of other threads.
     start_time = time.thread_time()
-    motions = Motions(chunk.records)
     # A subject is a building with its time integration method. `Sa(T1)` of a motion is computed
     # together for the first periods of all buildings.
     subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
@@ -615,7 +612,7 @@ def run_chunk(chunk: Chunk) -> ChunkResult:
     )
     rows = Rows()
     for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
-        batch = Batch(building_runs.number, subject, motions, sa_t1, chunk.settings)
+        batch = Batch(building_runs.number, subject, chunk.records, sa_t1, chunk.settings)
         rows.extend(batch.results(building_runs.runs, building_runs.max_step))
     return ChunkResult(chunk.number, rows, time.thread_time() - start_time)
 

@@ -25,7 +25,6 @@ from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyModel, AnyMotion, model_of, motion_of
 from tdint.response.runs.batch import Subject
 from tdint.response.runs.outcome import UNSTABLE
-from tdint.response.runs.prepared import Motions
 from tdint.response.runs.settings import RunSettings, settings_from
 from tdint.studies.campaign.buildings import ModelBuilding
 from tdint.studies.campaign.chunks import Batch, CampaignSettings, ChunkResult, Rows, Run, RunRow
@@ -469,7 +468,7 @@ class _WorkItem:
     @property
     def record(self) -> Record:
         """Record of the runs. It includes the mainshock if a mainshock has damaged the building."""
-        return self.batch.motions.records[self.number]
+        return self.batch.motions[self.number]
 
     def curve(self, runs: RecordRuns, collapse_drift: float) -> IdaCurve:
         """Return the IDA curve of the record.
@@ -523,7 +522,7 @@ class _WorkItem:
         batch = Batch(
             0,
             subject,
-            Motions({number: run_record}),
+            {number: run_record},
             {number: None},
             # The peaks of attachments and links are stored with those of stories. After a mainshock
             # they would include it.
