@@ -200,34 +200,29 @@ def limit_table(
         Reason by the same name if no limit is met because of a collapse or a missing result. It is
         part of the result if the demand is below the limit.
     """
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[dict[str, Cell]] = []
     has_names = any(checks_by_name)
     has_levels = any(check.level for checks in checks_by_name.values() for check in checks)
     for name, checks in checks_by_name.items():
         for level, level_checks in by_level(checks).items():
             for check in level_checks:
                 quantity = QUANTITIES[check.quantity]
-                row = [name] if has_names else []
-                row += [level or "-"] if has_levels else []
-                row += [
-                    quantity.text,
+                row: dict[str, Cell] = {"building": name} if has_names else {}
+                row |= {"level": level or "-"} if has_levels else {}
+                row |= {
+                    "quantity": quantity.text,
                     # A number is not divided from its noun in a narrow column.
-                    f"{quantity.location}\u00a0{check.place(check.story)}",
-                    _demand(check, units),
-                    _limit(check, units),
-                    f"{number_text(check.ratio, unlike=1.0)}",
-                    _result(check, reasons.get(name, "")),
-                ]
+                    "place": f"{quantity.location}\u00a0{check.place(check.story)}",
+                    "mean demand" if mean else "demand": _demand(check, units),
+                    "limit": _limit(check, units),
+                    "demand/limit": f"{number_text(check.ratio, unlike=1.0)}",
+                    "result": _result(check, reasons.get(name, "")),
+                }
                 if mean:
-                    row += [_text(check, check.largest, units), check.motion]
-                rows.append(tuple(row))
-    columns = ["building"] if has_names else []
-    columns += ["level"] if has_levels else []
-    columns += ["quantity", "place", "mean demand" if mean else "demand", "limit"]
-    columns += ["demand/limit", "result"]
-    if mean:
-        columns += ["largest", "motion"]
-    return Table.of_units(dict.fromkeys(columns, TEXT), rows)
+                    row |= {"largest": _text(check, check.largest, units), "motion": check.motion}
+                rows.append(row)
+    columns = rows[0] if rows else ()
+    return Table.of_units(dict.fromkeys(columns, TEXT), [tuple(row.values()) for row in rows])
 
 
 def _result(check: LimitCheck, reason: str) -> str:
