@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,10 @@ from tdint.arrays import Array, cached_property
 from tdint.csv_table import number
 from tdint.errors import ModelError, TdintError, UsageError
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
+from tdint.model.keys.fields import Section
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.studies.motions.intensity import IntensityMeasure, factor_to
 from tdint.studies.regions.inventory import InventoryRows
-
-if TYPE_CHECKING:
-    from tdint.model.keys.fields import Section
 
 MAX_DISTANCE = 15e3
 """Default maximum distance of a building from its site, m; equal to the default of

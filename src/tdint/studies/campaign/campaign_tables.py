@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import islice, repeat
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -41,12 +41,10 @@ from tdint.studies.campaign.story_profiles import (
     profiles,
 )
 from tdint.studies.campaign.variants import Ratios
+from tdint.studies.fragility.measures import RunMeasure
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import PartTable
 from tdint.units import SI, OutputUnits, Quantity, suffix
-
-if TYPE_CHECKING:
-    from tdint.studies.fragility.measures import RunMeasure
 
 EVENT = Column.named("event", "event of a ground motion field", TEXT)
 

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, islice
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -21,12 +21,10 @@ from tdint.response.runs.demands import RUN
 from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.studies.campaign.campaign_tables import StoreTable, numeric, run_heads
 from tdint.studies.fragility.fragility_function import Fragility
+from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import STORIES
 from tdint.tabular import import_optional
 from tdint.units import ACCELERATION, LENGTH, VELOCITY
-
-if TYPE_CHECKING:
-    from tdint.studies.store.result_store import Store
 
 _ROWS_AT_ONCE = 131_072  # rows per row group of a Parquet file
 

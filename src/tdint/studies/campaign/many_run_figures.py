@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,15 +14,12 @@ from tdint.errors import UsageError
 from tdint.model.status import DONE, FALLEN
 from tdint.number_parsing import pluralize
 from tdint.output.figures.style import INK, LIGHT, titled
-from tdint.response.runs.many_results import SCALE
+from tdint.response.runs.many_results import SCALE, Runs
 from tdint.response.runs.outcome import STORY_QUANTITIES, Gradient
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import Profile
 from tdint.studies.campaign.suite_figures import draw_drift_profiles, profile_picture
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.response.runs.many_results import Runs
 
 _MOST_PARAMETERS = 6  # maximum number of panels of derivatives
 _MAX_PLAIN_POWER = 3  # power of ten up to which the axis has plain numbers

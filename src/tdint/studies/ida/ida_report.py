@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,15 +30,12 @@ from tdint.studies.fragility.fragility_report import (
 )
 from tdint.studies.fragility.fragility_tables import fit_table_of
 from tdint.studies.ida import ida_figures
+from tdint.studies.ida.ida import IdaSettings, IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
 from tdint.studies.ida.ida_tables import limit_capacities, motion_curves
 from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.ida.ida import IdaSettings, IdaStudy
-
 
 # ---- Incremental dynamic analysis
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from tdint.output.figures.static_curves import MATCHED, MOTION
 from tdint.output.figures.style import (
     COLORS,
     plain_logarithmic,
@@ -14,11 +15,8 @@ from tdint.output.figures.style import (
     titled,
 )
 from tdint.output.spectrum_text import spectrum_text
+from tdint.studies.motions.matching import Match
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.motions.matching import Match
-from tdint.output.figures.static_curves import MATCHED, MOTION
 
 
 def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:

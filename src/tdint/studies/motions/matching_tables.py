@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from tdint.output.tables.table import Table
-
-if TYPE_CHECKING:
-    from tdint.studies.motions.matching import Match
 from tdint.output.tables.spectra import MATCHED, SPECTRUM, record_table
+from tdint.output.tables.table import Table
+from tdint.studies.motions.matching import Match
 
 
 def match_table(matches: Sequence[Match]) -> Table:

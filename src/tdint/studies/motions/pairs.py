@@ -16,9 +16,9 @@ under a component, and a pair has no result if a component has no result.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
@@ -32,13 +32,9 @@ from tdint.ground_motion.horizontals import (
     motion_names,
     with_component,
 )
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import abbreviate, pluralize
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
 PAIR_DEMANDS = (LARGER, MEAN, SEPARATE)

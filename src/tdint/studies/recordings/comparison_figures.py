@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from tdint.arrays import Array
 from tdint.model.building import assemble
 from tdint.output.figures.spectrum_curves import log_periods
+from tdint.output.figures.static_curves import COMPUTED, MAX_ROWS, RECORDED, WORST_ROWS
 from tdint.output.figures.style import (
     LIGHT,
     is_narrow,
@@ -19,11 +20,8 @@ from tdint.output.figures.style import (
     record_name,
     titled,
 )
+from tdint.studies.recordings.compare import Comparison, FloorComparison, FloorSpectra
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.recordings.compare import Comparison, FloorComparison, FloorSpectra
-from tdint.output.figures.static_curves import COMPUTED, MAX_ROWS, RECORDED, WORST_ROWS
 
 _ENERGY_BOUNDS = (0.0005, 0.9995)
 """Fractions of the final integral of the squared recorded motion. They determine the start and the

@@ -5,18 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tdint.arrays import Array
 from tdint.model.definition import Model
 from tdint.output.summary import input_of, inputs_summary, model_input, schema, versions
-from tdint.output.tables.table import FLOOR, TEXT, Column, Table, rows_of
-from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.recordings.compare import Comparison
-    from tdint.studies.recordings.fit import Fit, FittedValue
 from tdint.output.tables.buildings import COMPARISON_SPECTRA, of_event
+from tdint.output.tables.table import FLOOR, TEXT, Column, Table, rows_of
+from tdint.studies.recordings.compare import Comparison
+from tdint.studies.recordings.fit import Fit, FittedValue
+from tdint.units import SI, OutputUnits
 
 COMPARISON = (
     FLOOR,

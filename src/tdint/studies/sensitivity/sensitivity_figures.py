@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from matplotlib.figure import Figure
 
+from tdint.output.figures.runs import QUANTITY_LABELS
 from tdint.output.figures.style import (
     COLORS,
     LIGHT,
@@ -14,11 +15,8 @@ from tdint.output.figures.style import (
     scaled_unit,
     titled,
 )
+from tdint.studies.sensitivity.sensitivity import ParameterEffect
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.sensitivity.sensitivity import ParameterEffect
-from tdint.output.figures.runs import QUANTITY_LABELS
 
 
 def sensitivity_picture(

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from tdint.output.tables.table import TEXT, Column, Table
+from tdint.studies.sensitivity.sensitivity import ParameterEffect
 from tdint.units import SI, OutputUnits
-
-if TYPE_CHECKING:
-    from tdint.studies.sensitivity.sensitivity import ParameterEffect
-
 
 _PEAK = (
     Column(
