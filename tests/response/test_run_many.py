@@ -110,6 +110,15 @@ def test_jobs_and_history_do_not_change_results(method):
     assert np.nanmax(np.abs(both[0].history["drift"])) <= np.max(both[0].stories.peak_drift)
 
 
+def test_histories_of_building_with_attachments_are_those_of_floors():
+    building = tdint.load_model("configs/absorber-frame.yaml")
+    found = tdint.run_many(building, RECORDS[0], method="impulse4", history=True)
+    single = tdint.run(building, RECORDS[0], method="impulse4", history=True)
+    for name, kept in found.history.items():
+        values = getattr(single.history, HISTORY_FIELDS[name])[: kept.shape[1]]
+        np.testing.assert_array_equal(kept[0, : len(values)], values)
+
+
 def test_status_of_collapsed_diverged_and_refused_runs():
     """Collapsed, diverged and refused runs have the status of single runs and do not prevent the
     other runs."""

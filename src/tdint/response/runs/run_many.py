@@ -517,13 +517,14 @@ def _history_writer(
         (array, loop_results.HISTORIES[HISTORY_FIELDS[name]])
         for name, array in result.history.items()
     ]
-    building, loads, n = prepared.building, prepared.loads, prepared.building.stories
+    building, loads, n = prepared.building, prepared.loads, prepared.building.floors
 
     def on_history(i: int, rows: Array) -> None:
         """Write the history of run `i`; nan after its end and for stories above its roof."""
         for array, compute in targets:
             history = array[runs[i].number]
-            history[: len(rows), :n] = compute(building, loads, time[: len(rows)], rows)
+            values = compute(building, loads, time[: len(rows)], rows)
+            history[: len(rows), :n] = values[:, :n]  # without attachments and links
             if len(rows) < array.shape[1] or n < array.shape[2]:
                 history[len(rows) :] = history[:, n:] = math.nan
 
