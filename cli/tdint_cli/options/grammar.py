@@ -288,29 +288,13 @@ def recorded_words(command: click.Command, arguments: Sequence[str]) -> tuple[st
     arguments : sequence of str
         The command line after the name of the command.
     """
-    unrecorded: dict[str, click.Option] = {}
-    for parameter in command.params:
-        if isinstance(parameter, click.Option) and not getattr(parameter, "recorded", False):
-            unrecorded |= dict.fromkeys(parameter.opts, parameter)
-    # `letters` contains the letter of each short name of these options, such as q for -q.
-    letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
-    result: list[str] = []
-    remaining = iter(arguments)
-    for word in remaining:
-        if word == "--":
-            return (*result, word, *remaining)
-        item = unrecorded.get(word.partition("=")[0])
-        if item is None:
-            # Flags of a single letter may precede another option in the same word: -qo DIR.
-            if word[:1] == "-" and word[1:2] and word[1:2] in letters:
-                word = f"-{word[1:].lstrip(letters)}"
-                if word != "-":
-                    result.append(word)
-            else:
-                result.append(word)
-        elif not item.is_flag and "=" not in word:
-            next(remaining, None)  # skip the value of the option
-    return tuple(result)
+    unrecorded = {
+        name: not parameter.is_flag
+        for parameter in command.params
+        if isinstance(parameter, click.Option) and not getattr(parameter, "recorded", False)
+        for name in parameter.opts
+    }
+    return tuple(_split_options(arguments, unrecorded)[1])
 
 
 def shown_when_asked(
@@ -569,12 +553,22 @@ def _split_options(args: Sequence[str], options: Mapping[str, bool]) -> tuple[li
     `options` is True for an option with a value."""
     selected: list[str] = []
     others: list[str] = []
+    # `letters` contains the letter of each short name, such as q for -q.
+    letters = "".join(name[1] for name in options if not name.startswith("--"))
     words = iter(args)
     for word in words:
+        if word == "--":
+            return selected, [*others, word, *words]
         name, equals, _ = word.partition("=")
-        (selected if name in options else others).append(word)
-        if options.get(name) and not equals:
-            selected.append(next(words, ""))
+        if name in options:
+            selected.append(word)
+            if options[name] and not equals:
+                selected.append(next(words, ""))
+        # Flags of a single letter may precede another option in the same word: -qo DIR.
+        elif word[:1] == "-" and word[1:2] and word[1:2] in letters:
+            others += [f"-{rest}"] if (rest := word[1:].lstrip(letters)) else []
+        else:
+            others.append(word)
     return selected, others
 
 
