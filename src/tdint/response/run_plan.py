@@ -37,7 +37,6 @@ class RunsRequest:
     """
 
     subjects: tuple[Subject, ...]
-    methods: tuple[str, ...]
     records: tuple[Record, ...]
     dt: float | None
     duration: float | None

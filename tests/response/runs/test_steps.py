@@ -5,12 +5,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from building_cases import Force, Law, model, oscillator, story, ten_linear
+from building_cases import Force, Law, model, oscillator, story
 from tdint import run
 from tdint.errors import UsageError
-from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
-from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.time_steps import Steps, choose_steps
 
 
@@ -84,13 +82,6 @@ def test_frequency_bound_is_close_to_maximum_frequency(n):
     assert building.fastest <= 1.02 * building.modes().omega[-1]
     uniform = assemble(model([story(1.0, 1.0)] * n))
     assert uniform.fastest <= 2.0
-
-
-def test_history_rows_must_divide_steps():
-    with pytest.raises(ValueError, match=r"time steps, 200, .* history rows, 30"):
-        PreparedBuilding.of(ten_linear()).integrate(
-            parse("newmark-average"), Steps(0.01, 200), history_rows=30
-        )
 
 
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])

@@ -809,15 +809,6 @@ def _interstep_warnings(response: Response) -> list[str]:
     ]
 
 
-def validated_case(argument: Case) -> Case:
-    """Return the argument, or raise UsageError if it is not a Case."""
-    if not isinstance(argument, Case):
-        raise UsageError(
-            f"case must be a result of prepare(model, record), got {type(argument).__name__}"
-        )
-    return argument
-
-
 def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
     """Select the runs of a batch that failed, collapsed or diverged (`_WRONG_BALANCE`): their
     results are not simply the peaks at their end."""

@@ -218,7 +218,7 @@ def gradient_of(
     record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
     subject = Subject(case.model, label)
     check = response.check is not None
-    request = RunsRequest((subject,), (label,), (record,), None, None, check, {})
+    request = RunsRequest((subject,), (record,), None, None, check, {})
     plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
     # The index None adds the axis of the runs, with a single run.
     peaks = each_array(itemgetter(None), response.stories)
@@ -263,8 +263,7 @@ def differentiate(
         Subject(subject.model, default_reference_method(subject.case(None)).label)
         for subject in request.subjects
     )
-    labels = tuple(subject.method for subject in subjects)
-    other_request = replace(request, subjects=subjects, methods=labels, check=False)
+    other_request = replace(request, subjects=subjects, check=False)
     others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
     base = integrate(other_request, others, 1, ())
     other = _differentiated(other_request, others, base.stories, {}, 1, names, integrate)

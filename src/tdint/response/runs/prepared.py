@@ -446,17 +446,7 @@ class PreparedBuilding:
         history_rows : int, default 0
             Number of rows of the history after the row of t = 0. It must divide the number of
             steps: with all steps every step is stored, with 0 no history.
-
-        Raises
-        ------
-        ValueError
-            The number of steps is not a multiple of `history_rows`.
         """
-        if history_rows and steps.count % history_rows:
-            raise ValueError(
-                f"the number of time steps, {steps.count}, must be a multiple of the number of "
-                f"history rows, {history_rows}"
-            )
         space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
         space.steps_per_row = steps.count // history_rows if history_rows else 1
         loop = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)

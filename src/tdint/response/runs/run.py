@@ -22,7 +22,7 @@ from tdint.response.arguments import (
     record_of,
 )
 from tdint.response.defaults import NO_METHOD
-from tdint.response.runs.case import Case, extend_to_rest, validated_case
+from tdint.response.runs.case import Case, extend_to_rest
 from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.response.runs.outcome import FailedRun as FailedRun
 from tdint.response.runs.outcome import Response
@@ -204,8 +204,6 @@ def prepare(
         The model or the record is invalid.
     """
     model = model_of(model)
-    if not isinstance(method, str | None):
-        raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     specification = method_of(model, method)
     is_chosen = not (method or model.analysis.method)
     remarks = (f"{NO_METHOD}; using {specification}",) if is_chosen else ()
@@ -244,7 +242,6 @@ def run_case(
     AnalysisError
         As by `run` (`FailedRun`).
     """
-    case = validated_case(case)
     settings = RunSettings(
         dt=dt, duration=duration, until_rest=until_rest, check=check is not False
     )

@@ -211,8 +211,6 @@ def run_many(
                 "call run_many for each method and time step"
             )
         return for_each_method(run_many, locals())
-    if not isinstance(method, str | None):
-        raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     try:
         request, plan, result, threads, file = _requested(
             (models, records, scales, zip_records),
@@ -224,7 +222,7 @@ def run_many(
     except KeyboardInterrupt:
         if not partial:
             raise
-        empty_request = RunsRequest((), (), (), None, None, False, {})
+        empty_request = RunsRequest((), (), None, None, False, {})
         return _empty_result(empty_request, [], every, {})
     _integrate_plan(request, result, plan, threads, progress, partial=partial)
     runs = replace(result, failures=dict(sorted(result.failures.items())))
@@ -274,7 +272,6 @@ def _requested(
     subjects = tuple(Subject(model, method_of(model, method)) for model in buildings)
     request = RunsRequest(
         subjects,
-        tuple(subject.integrator.label for subject in subjects),
         motions,
         number_of(dt, "dt"),
         number_of(duration, "duration"),
@@ -431,7 +428,7 @@ def _empty_result(
     return Runs(
         models=tuple(subject.model for subject in request.subjects),
         records=request.records,
-        methods=request.methods,
+        methods=tuple(subject.integrator.label for subject in request.subjects),
         model=np.array([run.model for run in plan], np.int64),
         record=np.array([run.record for run in plan], np.int64),
         scale=np.array([run.scale for run in plan]),

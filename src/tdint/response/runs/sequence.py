@@ -15,7 +15,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.record import Record, at_one_interval, join_records, rest_intervals
 from tdint.response.arguments import number_of, ratio_of
 from tdint.response.runs import loop_results
-from tdint.response.runs.case import REST_PERIODS, Case, extend_to_rest, validated_case
+from tdint.response.runs.case import REST_PERIODS, Case, extend_to_rest
 from tdint.response.runs.error_estimate import (
     factors,
     reference,
@@ -149,7 +149,7 @@ def run_sequence(
     FailedRun
         As by `tdint.run`.
     """
-    case, rest = validated_case(case), number_of(rest, "rest")
+    rest = number_of(rest, "rest")
     settings = RunSettings(dt=dt, until_rest=until_rest, check=check is not False)
     return integrate_sequence(
         case,
