@@ -431,7 +431,7 @@ class Command(HelpAsData):
         if "--to" in option_names:
             args = _with_measures(args)
         try:
-            remaining = super().parse_args(ctx, args)
+            remaining = super().parse_args(ctx, [*args])  # click removes the words that it parses
         except click.NoSuchOption as error:
             if error.option_name in DESCRIBED_OPTIONS and "--inventory" in option_names:
                 raise UsageError(self._described_line(ctx, args, error.option_name)) from None
