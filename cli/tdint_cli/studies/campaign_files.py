@@ -466,11 +466,21 @@ def execute_in_memory(plan: Plan, engine: Engine, request: SuiteRequest) -> None
 
 
 def _report(profiles: Profiles, advance: Advance) -> list[TdintError]:
-    """Print the results of a call, and return the errors of `Profiles.report_results`."""
+    """Print the results of a call, and return the errors of `Profiles.report_results`.
+
+    The first line is the number of runs that the call has completed, with --debug their duration
+    and rate, and the number of runs of earlier calls.
+    """
     store = profiles.store
     if profiles.request.baseline is not None and is_complete(store):
         emit_table(profiles.ratios(stories=False))
-    _report_progress(advance)
+    new_runs = advance.done - advance.before
+    if new_runs:
+        before = f", {advance.before} before" if advance.before else ""
+        duration = f" in {advance.seconds:.3g} s ({_rate(advance)})" if is_debug() else ""
+        say(f"{pluralize(new_runs, 'run')}{duration}{before}.")
+    else:
+        say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
     report_outcomes(store)
     return profiles.report_results()
 
@@ -527,21 +537,6 @@ def _open_store(
             raise
         refuse_protected(folder / name for name in (*_WRITTEN_FILES, FILE))
         return open_replacement(folder / FILE, Identity.of(plan, buildings))
-
-
-def _report_progress(advance: Advance) -> None:
-    """Report the number of runs that this call has completed, with --debug their duration and rate.
-
-    The number of runs of earlier calls follows. If this call has completed no runs, all runs were
-    completed by earlier calls.
-    """
-    new_runs = advance.done - advance.before
-    if new_runs:
-        before = f", {advance.before} before" if advance.before else ""
-        duration = f" in {advance.seconds:.3g} s ({_rate(advance)})" if is_debug() else ""
-        say(f"{pluralize(new_runs, 'run')}{duration}{before}.")
-    else:
-        say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
 
 
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:

@@ -449,7 +449,10 @@ class Batch:
             # before the event of interest. In this case, report the demands of the last event. Only
             # studies of `tdint ida` have such records, and they do not store rows of stories.
             if record.fixed and len(events) > record.fixed:
-                run_row = _with_demands_of_event(run_row, events[-1])
+                stories, errors = events[-1].stories, events[-1].errors
+                (demands,) = demand_cells(stories)
+                run_errors = demand_errors(stories, errors) if run_row.errors and errors else ()
+                run_row = run_row.changed(**demands)._replace(errors=run_errors)
         rows = replace(joined_rows, runs=[run_row], shocks=rows_of_events)
         return rows.with_scale(run.scale)
 
@@ -551,15 +554,6 @@ class Batch:
             "repeats": job.repeats,
         }
         return RunRow(self.number, *job.run, tuple(values.get(quantity.name) for quantity in RUN))
-
-
-def _with_demands_of_event(row: RunRow, event: EventResponse) -> RunRow:
-    """Return a row in which the demands of the run, and their errors, are replaced by the demands
-    of a single event.
-    """
-    (demands,) = demand_cells(event.stories)
-    errors = demand_errors(event.stories, event.errors) if row.errors and event.errors else ()
-    return row.changed(**demands)._replace(errors=errors)
 
 
 # ---- Chunks
