@@ -576,8 +576,8 @@ class _FieldRecords:
         self.motions: list[SuiteMotion] = []
         self.failures: list[TdintError] = []
         self.notes: list[str] = []
-        # By directory, then by file: the files of all components of the same motion
-        self._files: dict[Path, dict[str, list[str]]] = {}
+        # By directory, then by file: the name of the motion, which its components have in common
+        self._motion_names: dict[Path, dict[str, str]] = {}
 
     def motions_of(
         self,
@@ -650,17 +650,12 @@ class _FieldRecords:
         """
         folder = Path(path).parent
         # Read each directory a single time.
-        if folder not in self._files:
+        if folder not in self._motion_names:
             files = [str(file) for file in sorted(folder.iterdir())]
-            files_by_motion: dict[str, list[str]] = {}
-            for file, motion_name in zip(files, motion_names(files), strict=True):
-                files_by_motion.setdefault(motion_name, []).append(file)
-            self._files[folder] = {
-                file: component_files
-                for component_files in files_by_motion.values()
-                for file in component_files
-            }
-        return self._files[folder].get(str(Path(path)), [path])
+            self._motion_names[folder] = dict(zip(files, motion_names(files), strict=True))
+        name_of_file = self._motion_names[folder]
+        motion_name = name_of_file.get(str(Path(path)))
+        return [file for file, name in name_of_file.items() if name == motion_name] or [path]
 
 
 def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
