@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -23,9 +23,11 @@ _NEEDS = (
     "a table of forces is a CSV file with a column of times, such as time_s, and columns of "
     "forces, such as roof_kN"
 )
-_TIME_NAMES = ("time", "t")
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0}
 """Factors to s of the units in the name of the column of times; s without a unit."""
+
+_TIME_COLUMN = re.compile(rf"(?:time|t)(?:(?:_| ?[(\[])({'|'.join(_TIMES)})[)\]]?)?")
+"""Name of the column of times in lower case: `time`, `t_ms`, `time (s)` or `t[s]`."""
 
 _OTHER_UNITS = {*LENGTH, *MASS, *VELOCITY, *ACCELERATION} - {"t"}
 """Units that a column of forces must not have. `t` is allowed, because it can belong to a name."""
@@ -246,20 +248,12 @@ def _read_file(path: str, wanted: Sequence[_Request], unit: float | str) -> list
 
 def _time_column(table: CsvTable) -> tuple[str, float]:
     """Return the name of the column of times in lower case, and the factor of its unit to s."""
-    names: Mapping[str, float] = {
-        **dict.fromkeys(_TIME_NAMES, 1.0),
-        **{
-            form.format(name, unit): factor
-            for form in ("{}_{}", "{} ({})", "{}({})", "{} [{}]", "{}[{}]")
-            for name in _TIME_NAMES
-            for unit, factor in _TIMES.items()
-        },
-    }
-    found = [name for name in table.header if name in names]
-    if len(found) != 1:
+    matches = [match for name in table.header if (match := _TIME_COLUMN.fullmatch(name))]
+    if len(matches) != 1:
         # Without a column of times, the file can be of another type. Its text is not repeated.
-        problem = f"several columns of times, {', '.join(found)}; keep one of them"
-        if not found:
+        names = ", ".join(match[0] for match in matches)
+        problem = f"several columns of times, {names}; keep one of them"
+        if not matches:
             problem = (
                 f"no column of times, such as time_s or time_ms, among "
                 f"{pluralize(len(table.titles), 'column')}; the first line must contain the names "
@@ -268,7 +262,7 @@ def _time_column(table: CsvTable) -> tuple[str, float]:
             if len(table.titles) == 1 and re.search(r"[;\t]", table.titles[0]):
                 problem += "; separate columns by commas, and write decimals with a point"
         raise ModelError(f"{table.source}:{table.header_line}: {problem}")
-    return found[0], names[found[0]]
+    return matches[0][0], _TIMES[matches[0][1] or "s"]
 
 
 def _column_and_factor(

@@ -66,7 +66,6 @@ from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
     ROOF,
-    ByName,
     Choice,
     Either,
     EntriesOf,
@@ -74,6 +73,7 @@ from tdint.model.keys.fields import (
     Integer,
     Key,
     Keys,
+    NamedEntries,
     Schema,
     Section,
     TextLine,
@@ -194,7 +194,7 @@ _TABLE_FORCE = Keys(
         Key("file", TextLine(), "CSV file with times and forces, relative to the model file"),
         Key(
             "floors",
-            ByName(TextLine(), "a mapping of floors to columns", "", dict),
+            NamedEntries(TextLine(), description="a mapping of floors to columns"),
             "column of each floor, with an optional factor: {2: roof_kN, 1: 0.6 roof_kN}",
         ),
         Key("floor", _FLOOR, "floor, from 1 at the bottom, or roof, instead of floors"),
@@ -349,19 +349,13 @@ def _suppression_reason(text: str) -> str:
 _PLAUSIBILITY = TextLine(_suppression_reason)
 
 
-def _lines_of_report(_: Value, lines: dict[str, tuple[Value, Any]]) -> tuple[tuple[str, str], ...]:
-    """Return the names and texts of the lines at the top of a report."""
-    return tuple((name, (text or "").strip()) for name, (_, text) in lines.items())
-
-
 _REPORT_HEAD = Either(
     (
         TextLine(parse_head),
-        ByName(
+        NamedEntries(
             TextLine(may_be_empty=True),
-            "NAME: TEXT",
-            "must contain at least one line",
-            _lines_of_report,
+            description="NAME: TEXT",
+            empty_message="must contain at least one line",
         ),
     ),
     "a text or a mapping of lines",
@@ -554,7 +548,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
         page_units=page_units,
-        page_head=section.read("report") or (),
+        page_head=_read_report_head(section),
         damage=_read_damage(section.get("damage")),
         limits=_read_limits(section, unit, stories, attachments, links),
         plausibility_off=section.read("plausibility") or "",
@@ -569,6 +563,14 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already contains the model; give the record as a file")
     return model
+
+
+def _read_report_head(section: Section) -> tuple[tuple[str, str], ...]:
+    """Return the names and texts of the lines at the top of a report."""
+    head = section.read("report") or ()
+    if isinstance(head, dict):
+        return tuple((name, (text or "").strip()) for name, (_, text) in head.items())
+    return tuple(head)
 
 
 def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUnits, OutputUnits]:

@@ -179,35 +179,24 @@ class EntriesOf(NamedTuple):
         return {"type": "array", "items": self.type.schema(), **limits}
 
 
-class ByName(NamedTuple):
+class NamedEntries(NamedTuple):
     """Mapping with names that the user chooses.
 
     Attributes
     ----------
+    pattern : str
+        Regular expression of the names; empty for any names.
+    least : int
+        Minimum number of entries.
     description, empty_message : str
         Description of the mapping in messages; message if it is empty.
-    make : callable
-        Converts the mapping. Receives the `Value` of the mapping and a dictionary with the names in
-        the file as keys and, as values, pairs of `Value` and converted value.
     """
-
-    type: ValueType
-    description: str
-    empty_message: str
-    make: Callable[..., Any]
-
-    def schema(self) -> Schema:
-        """Return the JSON schema of a mapping with any names and values of the type."""
-        return {"type": "object", "additionalProperties": self.type.schema()}
-
-
-class NamedEntries(NamedTuple):
-    """Mapping with names of a pattern, or with any names, that a function in `tdint.model.config`
-    reads; `least` is the minimum number of entries."""
 
     type: ValueType
     pattern: str = ""
     least: int = 0
+    description: str = ""
+    empty_message: str = ""
 
     def schema(self) -> Schema:
         """Return the JSON schema of the mapping."""
@@ -482,7 +471,7 @@ class Value:
                 return self.boolean()
             case Choice(names, description):
                 return self.choice(names, description)
-            case ByName():
+            case NamedEntries():
                 return self._read_by_name(self.type)
             case PathOf():
                 return self.file(stdin=True)
@@ -503,7 +492,7 @@ class Value:
         # These are the types of a scalar.
         allowed_types: Any = (Bounds, Integer, Choice, PathOf, TextLine)
         if self.is_mapping:
-            allowed_types = Keys | ByName
+            allowed_types = Keys | NamedEntries
         elif self.is_list:
             allowed_types = EntriesOf
         for value_type in either.types:
@@ -544,23 +533,19 @@ class Value:
             self.fault(f"must be {declared.description}")
         return values
 
-    def _read_by_name(self, declared: ByName) -> Any:
-        """Convert a mapping from names that the user chose, such as damage states, by
-        `declared.make`; None if the entry is not a mapping, or is empty although names are
-        required.
+    def _read_by_name(self, declared: NamedEntries) -> dict[str, tuple[Value, Any]] | None:
+        """Return the entries of a mapping and their converted values by name; None if the entry is
+        not a mapping, or is empty although names are required.
+
+        An invalid entry is reported, and its converted value is None.
         """
-        # Each entry is a `Value`: the unconverted value in the file, with its line.
         entries = self.named(declared.description, declared.empty_message)
         if entries is None:
             return None
-        # Convert each entry to the declared type. An invalid entry is reported, and its converted
-        # value is None or another value that `make` must handle. `make` also receives the entries,
-        # so that it can report errors with their lines.
-        values = {
+        return {
             name: (entry, replace(entry, type=declared.type).read())
             for name, entry in entries.items()
         }
-        return declared.make(self, values)
 
     def _make_object(self, keys: Keys) -> Any:
         """Return the object that `keys.make` builds from the entries of the mapping.

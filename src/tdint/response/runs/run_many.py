@@ -246,7 +246,7 @@ def run_many(
 
 def _requested(
     inputs: tuple[Any, Any, Any, bool],
-    analysis: tuple[str | None, Any, Any, bool],
+    analysis: tuple[Any, Any, Any, bool],
     samples: tuple[Mapping[str, Any], bool, str],
     kept: tuple[Any, Any, Any],
     jobs: int | None,

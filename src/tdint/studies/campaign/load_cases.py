@@ -11,13 +11,13 @@ from tdint.model.definition import Model
 from tdint.model.keys.fields import (
     ANY,
     ROOF,
-    ByName,
     Choice,
     Either,
     EntriesOf,
     Integer,
     Key,
     Keys,
+    NamedEntries,
     TextLine,
     Value,
 )
@@ -37,7 +37,7 @@ LOAD_CASES = Keys(
         ),
         Key(
             "floors",
-            ByName(TextLine(), "a mapping of floors to columns", "", dict),
+            NamedEntries(TextLine(), description="a mapping of floors to columns"),
             "column of each floor, with an optional factor: {roof: top_kN, 1: 0.6 top_kN}",
         ),
         Key(

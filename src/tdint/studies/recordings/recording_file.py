@@ -13,13 +13,13 @@ from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
     ROOF,
-    ByName,
     Choice,
     Either,
     EntriesOf,
     Integer,
     Key,
     Keys,
+    NamedEntries,
     PathOf,
     TextLine,
     Value,
@@ -132,11 +132,10 @@ _BAND = EntriesOf(
     POSITIVE, 2, 2, "a list of two frequencies (Hz) in increasing order", growing=True
 )
 _WINDOW = EntriesOf(NOT_NEGATIVE, 2, 2, "a list of two times (s) in increasing order", growing=True)
-_FLOORS = ByName(
+_FLOORS = NamedEntries(
     _SENSORS,
-    f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
-    "must name at least one floor",
-    make=lambda value, floors: floors,
+    description=f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
+    empty_message="must name at least one floor",
 )
 RECORDING = Keys(
     (
