@@ -47,7 +47,6 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.studies.floors import suite_spectra
-from tdint_cli.studies.maps import check_map, polygons_of_districts
 from tdint_cli.studies.suite_limits import SuiteLimits
 from tdint_cli.terminal import (
     Failures,
@@ -770,7 +769,7 @@ def write_exports(profiles: Profiles, folder: Path, *, simcenter: bool) -> None:
     """
     store, by, has_map = profiles.store, profiles.by, profiles.request.geojson
     if has_map:
-        check_map(store, profiles.request.event or (), by, complete=is_complete(store))
+        map_tables.check_map(store, profiles.request.event or (), by, complete=is_complete(store))
     optional = {SIMCENTER: simcenter, GEOJSON: has_map, DISTRICTS: has_map and by is not None}
     # Files that an earlier call has written are updated also, because outdated files could be
     # mistaken for the current state.
@@ -811,7 +810,8 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
     can_map = is_complete(store) and map_tables.is_mapped(store)
     districts: Writer | None = None
     if by is not None and DISTRICTS in names:
-        polygons = polygons_of_districts(store, profiles.request.polygons, by)
+        file = profiles.request.polygons
+        polygons = None if file is None else map_tables.read_polygons(store, file, by)
         features = map_tables.district_features(store, by, polygons, events)
         districts = partial(map_tables.write_geojson, features)
     buildings = map_tables.building_features(store, profiles.units, events)

@@ -12,6 +12,7 @@ import numpy as np
 
 from tdint.errors import UsageError
 from tdint.files import MOST_BYTES, read_whole, record_digest
+from tdint.number_parsing import abbreviate
 from tdint.output.tables.table import digits, names
 from tdint.response.runs.demands import RUN
 from tdint.studies.campaign.campaign_tables import copied_columns, numeric
@@ -23,10 +24,11 @@ from tdint.studies.fragility.building_damage import (
     building_damages,
     damage_by_motion,
     group_damages,
+    has_losses,
     stored_states,
     value_and_count,
 )
-from tdint.studies.fragility.damage_tables import LOSS, has_costs, probability_name
+from tdint.studies.fragility.damage_tables import LOSS, check_column, has_costs, probability_name
 from tdint.studies.motions.pairs import combine
 from tdint.studies.store.result_store import Store
 from tdint.studies.store.schema import RUNS
@@ -70,15 +72,44 @@ def is_mapped(store: Store) -> bool:
     return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
 
 
-def check_events(store: Store, requested: Collection[str]) -> None:
-    """Raise UsageError if the campaign has no event with a requested name."""
+def check_map(store: Store, requested: Collection[str], by: str | None, *, complete: bool) -> None:
+    """Raise UsageError if a map cannot be written from a store.
+
+    A map requires coordinates of the buildings, the results of all runs, and known events. A map of
+    districts also requires the column of the districts and damage states with losses.
+
+    Parameters
+    ----------
+    requested : collection of str
+        Names of the events on the map.
+    by : str | None
+        Column of the districts; None without a map of districts.
+    complete : bool
+        True if all runs are completed.
+    """
+    if not is_mapped(store):
+        raise UsageError(
+            f"{store.name}: the buildings have no coordinates; a map requires an inventory with "
+            "the columns Latitude and Longitude"
+        )
+    if not complete:
+        raise UsageError(
+            f"{store.name}: not all runs are completed, and a map requires the results of all "
+            "ground motions; run `tdint campaign` again first"
+        )
     events = store.events()
     for name in requested:
         if name not in events:
-            # The message lists the first ten events, followed by dots if there are more.
-            known_names = ", ".join(events[:10]) + ", ..." * (len(events) > 10)
-            reason = f"it has {known_names}" if events else "only ground motion fields have events"
+            known_names = f"it has {abbreviate(events, 10)}"
+            reason = known_names if events else "only ground motion fields have events"
             raise UsageError(f"--event {name}: {store.name} has no such event; {reason}")
+    if by is not None:
+        check_column(store, by)
+        if not has_losses(store):
+            raise UsageError(
+                f"--geojson --by {by}: a map of districts requires losses; add `damage` with "
+                "`losses` to the campaign file"
+            )
 
 
 def building_features(
@@ -317,7 +348,7 @@ def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]
     return positions
 
 
-def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feature]:
+def read_polygons(store: Store, source: str, by: str) -> dict[str, Feature]:
     """Read the polygons of a GeoJSON file.
 
     The result contains the geometry of each value of the property `by`, for example of each name of
@@ -328,9 +359,8 @@ def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feat
     source : str
         GeoJSON file: a FeatureCollection of polygons with longitude and latitude in degrees.
     by : str
-        Name of the property; the column of the inventory has the same name, regardless of case.
-    values : iterable of str
-        Values of the column. Each value must have a polygon.
+        Name of the property, and of the column of the inventory, regardless of case. Each value of
+        the column must have a polygon.
 
     Raises
     ------
@@ -368,10 +398,11 @@ def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feat
                     f"{source}: two polygons have the {by} {name!r}; merge them to a MultiPolygon"
                 )
             polygons[name] = geometry
-    missing = [value for value in dict.fromkeys(values) if value and value not in polygons]
-    if missing:
-        missing_text = ", ".join(missing[:10]) + ", ..." * (len(missing) > 10)
-        raise UsageError(f"{source}: no polygon of {by} {missing_text}; {format_text}")
+    # The cells that the store keeps for a building are in the order of the columns.
+    column = [title.lower() for title in store.inventory_columns()].index(by.lower())
+    districts = {store.copied_cells(number)[column] for number in store.buildings()}
+    if missing := sorted(districts - {"", *polygons}):
+        raise UsageError(f"{source}: no polygon of {by} {abbreviate(missing, 10)}; {format_text}")
     return polygons
 
 
