@@ -471,7 +471,7 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
             {
                 "selected": list(scaling.chosen),
                 "left_out": scaling.left_out,
-                "limits_of_factors": list(scaling.limits or ()),
+                "limits_of_factors": list(scaling.limits),
                 "at_limit": {
                     "selected": [name for name, _ in scaling.at_limit],
                     "others": scaling.others_at_limit,
@@ -489,7 +489,7 @@ def _limit_line(scaling: Scaling) -> str:
 
     The line counts selected and other ground motions. It is empty without such factors.
     """
-    low, high = scaling.limits or (0.0, math.inf)
+    low, high = scaling.limits
     if not scaling.at_limit and not scaling.others_at_limit:
         return ""
     text = (

@@ -119,11 +119,13 @@ def test_regression_line_agrees_with_least_squares():
     rng = np.random.default_rng(6)
     x, magnitude = rng.standard_normal(40), rng.uniform(5.0, 8.0, 40)
     y = 0.3 + 1.4 * x + 0.2 * magnitude + 0.1 * rng.standard_normal(40)
-    found = line(x, y, {"magnitude": magnitude, "constant": np.ones(40)})
+    each = np.arange(40)  # each run is under another motion
+    found = line(x, y, {"magnitude": magnitude, "constant": np.ones(40)}, "pgv", each)
     design = np.column_stack([np.ones(40), x])
     solution, residual, *_ = np.linalg.lstsq(design, y, rcond=None)
     beta = math.sqrt(residual[0] / 38.0)
-    error = beta * math.sqrt(np.linalg.inv(design.T @ design)[1, 1])
+    slopes = [np.polyfit(np.delete(x, i), np.delete(y, i), 1)[0] for i in each]
+    error = math.sqrt(39.0 * float(np.var(slopes)))
     reported = (found.slope, found.beta, found.slope_error, found.proficiency)
     assert reported == pytest.approx((solution[1], beta, error, beta / solution[1]), rel=1e-9)
     assert found.r_squared == pytest.approx(np.corrcoef(x, y)[0, 1] ** 2, rel=1e-9)
@@ -132,7 +134,7 @@ def test_regression_line_agrees_with_least_squares():
         np.polyfit(magnitude, y - design @ solution, 1)[0], rel=1e-9
     )
     assert dependence.characteristic == "magnitude" and dependence.p_value < 1e-6
-    exact = line(x, 2.0 * x + 1.0, {})
+    exact = line(x, 2.0 * x + 1.0, {}, "pgv", each)
     assert (exact.slope, exact.beta) == pytest.approx((2.0, 0.0), abs=1e-12)
 
 
@@ -151,14 +153,15 @@ def test_runs_under_one_motion_are_clustered():
         float(centered[motion == number] @ residuals[motion == number]) ** 2 for number in range(9)
     )
     error = math.sqrt(total * 9 / 8 * 35 / 34) / float(centered @ centered)
-    (found,) = line(x, y, {"magnitude": magnitude}, motion=motion).dependences
-    (alone,) = line(x, y, {"magnitude": magnitude}).dependences
+    (found,) = line(x, y, {"magnitude": magnitude}, "pgv", motion).dependences
+    (alone,) = line(x, y, {"magnitude": magnitude}, "pgv", np.arange(36)).dependences
     assert found.p_value == pytest.approx(2.0 * student.sf(abs(slope) / error, 8), rel=1e-9)
     assert found.p_value > 2.0 * alone.p_value  # which counts 36 runs as 36 motions
     (thrice,) = line(
         *(np.tile(values, 3) for values in (x, y)),
         {"magnitude": np.tile(magnitude, 3)},
-        motion=np.tile(motion, 3),
+        "pgv",
+        np.tile(motion, 3),
     ).dependences
     expected = error * math.sqrt(107 / 106 * 34 / 35)
     assert thrice.p_value == pytest.approx(2.0 * student.sf(abs(slope) / expected, 8), rel=1e-9)
@@ -166,9 +169,9 @@ def test_runs_under_one_motion_are_clustered():
 
 def test_too_few_runs_and_constant_measure_are_refused():
     with pytest.raises(AnalysisError, match="at least 3 completed runs, got 2"):
-        line(np.zeros(2), np.zeros(2), {})
+        line(np.zeros(2), np.zeros(2), {}, "pgv", np.arange(2))
     with pytest.raises(AnalysisError, match="the same value in all runs"):
-        line(np.zeros(3), np.arange(3.0), {})
+        line(np.zeros(3), np.arange(3.0), {}, "pgv", np.arange(3))
 
 
 def folder_of(tmp_path: Path, buildings=("a",)) -> Path:

@@ -160,14 +160,14 @@ def line(
     x: Array,
     y: Array,
     characteristics: dict[str, Array],
-    name: str = "the measure",
-    motion: NDArray[np.intp] | None = None,
+    name: str,
+    motion: NDArray[np.intp],
 ) -> MeasureFit:
     """Fit a line by least squares to logarithms of the intensity measure and of the demand, and
     lines of its residuals over characteristics of the ground motions.
 
-    Runs with the same number in `motion` are correlated; by default all runs are independent. Name
-    and unit of the result are empty, and no runs count as omitted.
+    Runs with the same number in `motion` are correlated. Name and unit of the result are empty, and
+    no runs count as omitted.
 
     Raises
     ------
@@ -194,16 +194,12 @@ def line(
     dependences = []
     for characteristic, values in characteristics.items():
         if np.ptp(values) > 0.0:
-            dependence = linregress(values, residuals)
-            if motion is None:
-                p_value = dependence.pvalue
-            else:
-                p_value = _clustered_p_value(values, residuals, motion)
-            dependences.append(Dependence(characteristic, float(dependence.slope), float(p_value)))
-    slope_error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
-    slope, correlation = float(fit.slope), float(fit.rvalue)
+            change = float(linregress(values, residuals).slope)
+            p_value = _clustered_p_value(values, residuals, motion)
+            dependences.append(Dependence(characteristic, change, p_value))
+    slope, slope_error, r_squared = float(fit.slope), _slope_error(x, y, motion), fit.rvalue**2
     return MeasureFit(
-        "", "", x.size, 0, slope, slope_error, beta, correlation * correlation, tuple(dependences)
+        "", "", x.size, 0, slope, slope_error, beta, float(r_squared), tuple(dependences)
     )
 
 

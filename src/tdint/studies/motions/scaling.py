@@ -99,7 +99,7 @@ class Scaling(Tabular):
         For a selection: number of motions that were not considered, by reason.
     events : tuple of str
         For a selection with a maximum per event: event of each motion.
-    limits : tuple of two floats | None
+    limits : tuple of two floats
         For a selection: minimum and maximum factor.
     others_at_limit : int
         For a selection: number of motions that were not selected and would have a factor at a
@@ -122,7 +122,7 @@ class Scaling(Tabular):
     left_out: dict[str, int] = field(default_factory=dict)
     unselected_spectra: Array | None = None
     events: tuple[str, ...] = ()
-    limits: tuple[float, float] | None = None
+    limits: tuple[float, float] = (0.0, math.inf)
     others_at_limit: int = 0
 
     def _headline(self) -> str:
@@ -156,8 +156,6 @@ class Scaling(Tabular):
     def at_limit(self) -> list[tuple[str, float]]:
         """Motions of a selection with a factor at one of the limits, as file and component, and
         their factors; empty if the selection has no limits."""
-        if self.limits is None:
-            return []
         # A factor that equals a limit except for rounding is outside the slightly reduced range.
         low, high = self.limits
         return self.beyond(low * (1.0 + _LIMIT_TOLERANCE), high * (1.0 - _LIMIT_TOLERANCE))
