@@ -34,6 +34,11 @@ _LONGEST_STATEMENT = 900
 """Characters; readers of header lines omit the end of longer lines."""
 
 
+_ALWAYS_STATED = ("seed", "seed_component", "factor", "processing")
+_STATED_IF_MATCHED = ("target", "change", "largest_misfit", "mean_misfit", "warnings")
+"""Keys of an origin in a JSON file: of every motion, and of matched motions."""
+
+
 class MotionOrigin(NamedTuple):
     """Origin of a component of a ground motion that tdint wrote.
 
@@ -70,17 +75,12 @@ class MotionOrigin(NamedTuple):
     @property
     def summary(self) -> dict[str, Any]:
         """Content of the origin in a JSON file; numbers that do not apply are omitted."""
-        content: dict[str, Any] = {"seed": self.seed, "seed_component": self.seed_component}
-        content |= {"factor": self.factor, "processing": list(self.processing)}
-        if self.target:
-            content |= {
-                "target": self.target,
-                "change": self.change,
-                "largest_misfit": self.largest_misfit,
-                "mean_misfit": self.mean_misfit,
-                "warnings": list(self.warnings),
-            }
-        return content
+        values = self._asdict()
+        names = _ALWAYS_STATED + (_STATED_IF_MATCHED if self.target else ())
+        return {
+            name: list(values[name]) if isinstance(values[name], tuple) else values[name]
+            for name in names
+        }
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> MotionOrigin:
@@ -91,18 +91,13 @@ class MotionOrigin(NamedTuple):
         LookupError, TypeError, ValueError
             The content was not written by tdint.
         """
-        return cls(
-            seed=str(content["seed"]),
-            seed_component=str(content["seed_component"]),
-            processing=tuple(map(str, content["processing"])),
-            target=str(content.get("target", "")),
-            factor=float(content["factor"]),
-            **{
-                name: float(content.get(name, math.nan))
-                for name in ("change", "largest_misfit", "mean_misfit")
-            },
-            warnings=tuple(map(str, content.get("warnings", ()))),
-        )
+        values: dict[str, Any] = {}
+        matched = [name for name in _STATED_IF_MATCHED if name in content]
+        for name in (*_ALWAYS_STATED, *matched):
+            default = cls._field_defaults.get(name, "")
+            value = map(str, content[name]) if isinstance(default, tuple) else content[name]
+            values[name] = type(default)(value)
+        return cls(**values)
 
     @property
     def text(self) -> str:
