@@ -27,7 +27,13 @@ from tdint.studies.campaign.campaign_summary import campaign_summary, without_er
 from tdint.studies.campaign.execute import Advance, Engine, Shard, execute_plan
 from tdint.studies.campaign.plan import Plan
 from tdint.studies.campaign.reuse import reuse_results
-from tdint.studies.campaign.story_profiles import FloorSuite, Profile, profiles
+from tdint.studies.campaign.story_profiles import (
+    FloorSuite,
+    Profile,
+    floor_suites,
+    profiles,
+    run_floors,
+)
 from tdint.studies.campaign.variant_report import comparison_parts
 from tdint.studies.campaign.variants import check_baseline, comparisons, ratios
 from tdint.studies.fragility.building_damage import has_losses
@@ -40,13 +46,13 @@ from tdint.studies.store.identity import Identity
 from tdint.studies.store.opening import open_replacement, open_store, write_from_store
 from tdint.studies.store.result_store import FILE, Store, foreign_file_error
 from tdint.studies.store.schema import AnotherStudyError, UntrustedStoreError
+from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.demand_limits import check_limit_options, without_limits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
 from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
-from tdint_cli.studies.floors import suite_spectra
 from tdint_cli.studies.suite_limits import SuiteLimits
 from tdint_cli.terminal import (
     Failures,
@@ -736,23 +742,37 @@ def _suite_contents(
         contents[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
         return contents
-    floor_files, floor_spectra = suite_spectra(
-        request.floor_request,
-        plan,
-        store,
-        request.jobs,
-        profiles.units,
-        plot=request.plot is not None,
-    )
-    contents |= floor_files
+    suites: list[FloorSuite] = []
+    if request.floor_request.floors:
+        suites = _add_floor_spectra(contents, profiles, plan)
     if request.report is not None:
-        contents[str(Path(request.report).absolute())] = profiles.report(plan, floor_spectra)
+        contents[str(Path(request.report).absolute())] = profiles.report(plan, suites)
     if request.im:
         measures = [run_measure(name) for name in request.im]
         columns = studies.campaign_tables.measure_columns(measures)
         table = Table.of(columns, measured(plan, store, measures))
         contents[MEASURES] = table.in_units(profiles.units).csv()
     return contents
+
+
+def _add_floor_spectra(
+    contents: dict[str, Content], profiles: Profiles, plan: Plan
+) -> list[FloorSuite]:
+    """Add the files of the floor spectra to the contents by their names, and return the spectra
+    under the suite. UsageError is raised if a building has no such floor."""
+    request, store, units = profiles.request, profiles.store, profiles.units
+    wanted, tables = request.floor_request, studies.campaign_tables
+    # A store contains no response histories, so the runs are repeated for the floor motions.
+    oscillators = wanted.chosen_periods(), wanted.floor_damping
+    floors = run_floors(plan, store, wanted.floors, *oscillators, request.jobs or processors())
+    suites = list(floor_suites(store, floors))
+    contents[SPECTRA] = tables.run_floor_table(store, floors).in_units(units).csv()
+    contents[SPECTRA_MEAN] = tables.floor_suite_table(store, suites).in_units(units).csv()
+    if request.plot is not None and suites:
+        periods = store.first_periods()  # marked by the figure
+        draw = partial(studies.suite_figures.floor_suite_picture, suites, units, periods)
+        contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
+    return suites
 
 
 def write_exports(profiles: Profiles, folder: Path, *, simcenter: bool) -> None:
