@@ -742,9 +742,7 @@ def _suite_contents(
         contents[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
         return contents
-    suites: list[FloorSuite] = []
-    if request.floor_request.floors:
-        suites = _add_floor_spectra(contents, profiles, plan)
+    suites = _add_floor_spectra(contents, profiles, plan)
     if request.report is not None:
         contents[str(Path(request.report).absolute())] = profiles.report(plan, suites)
     if request.im:
@@ -759,9 +757,12 @@ def _add_floor_spectra(
     contents: dict[str, Content], profiles: Profiles, plan: Plan
 ) -> list[FloorSuite]:
     """Add the files of the floor spectra to the contents by their names, and return the spectra
-    under the suite. UsageError is raised if a building has no such floor."""
+    under the suite; empty if no floor is requested. UsageError is raised if a building has no such
+    floor."""
     request, store, units = profiles.request, profiles.store, profiles.units
     wanted, tables = request.floor_request, studies.campaign_tables
+    if not wanted.floors:
+        return []
     # A store contains no response histories, so the runs are repeated for the floor motions.
     oscillators = wanted.chosen_periods(), wanted.floor_damping
     floors = run_floors(plan, store, wanted.floors, *oscillators, request.jobs or processors())
