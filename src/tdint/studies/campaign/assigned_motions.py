@@ -8,8 +8,6 @@ workflow.
 from __future__ import annotations
 
 import hashlib
-import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tdint.arrays import Array, cached_property
-from tdint.csv_table import number
-from tdint.errors import ModelError, TdintError, UsageError
+from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
-from tdint.model.keys.fields import Section
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.studies.motions.intensity import IntensityMeasure, factor_to
 from tdint.studies.regions.inventory import InventoryRows
@@ -607,30 +603,3 @@ class MeasureLevels:
 Levels = Scales | MotionFactors | MeasureLevels
 """Scale factors of motions: `count` returns the number of factors of a motion, `factors` its
 factors for each building, and `description` the settings."""
-
-
-def read_max_distance(section: Section) -> float:
-    """Return the maximum distance of a building from its site, m: the value of the key
-    `max_distance` of the section, or the default. An invalid value is recorded as an error of the
-    file, and the default is returned."""
-    value = section.get("max_distance")
-    return (value.parsed(parse_distance) if value else None) or MAX_DISTANCE
-
-
-def parse_distance(text: str) -> float:
-    """Convert the text of a distance to m. The text is a number of km, or a number with the unit
-    `km` or `m`.
-
-    Raises
-    ------
-    UsageError
-        The text is not a positive distance.
-    """
-    match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
-    meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
-    if not meters > 0.0:
-        raise UsageError(
-            f"must be a positive distance in km or with a unit, such as 15 or 800 m, "
-            f"got {text!r:.40}"
-        )
-    return meters
