@@ -823,16 +823,6 @@ def study_plausibility_warnings(models: Iterable[tuple[Model, Building]]) -> tup
     return tuple(lines)
 
 
-def suppression_reason(model: Model) -> list[str]:
-    """Return a note with the reason if the model switches plausibility warnings off; otherwise an
-    empty list."""
-    return (
-        [f"plausibility warnings are not shown: {model.plausibility_off}"]
-        if model.plausibility_off
-        else []
-    )
-
-
 def unusual_stories(usual_range: UsualRange, values: Array | Sequence[float]) -> list[str]:
     """Return a warning about the stories with unusual values; empty if all values are usual.
 
@@ -873,7 +863,9 @@ def unusual(usual_range: UsualRange, values: Mapping[str, float]) -> list[str]:
 def model_notes(model: Model) -> list[str]:
     """Return notes on a model: the reason for a suppressed plausibility check, and the modes to
     which the last of several modal damping ratios applies."""
-    notes = suppression_reason(model)
+    notes = []
+    if model.plausibility_off:
+        notes.append(f"plausibility warnings are not shown: {model.plausibility_off}")
     if massless := [
         model.rows[i] if model.rows else f"floor {i + 1}"
         for i, story in enumerate(model.stories)

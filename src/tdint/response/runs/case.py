@@ -603,7 +603,7 @@ class Case:
                     f"may become {100.0 * growth:.2g} % larger; use a longer duration, or omit it",
                 )
         late = 0.0 if result.completed > steps.count else steps.late
-        bound = interstep_peak_errors(self.building, space, late, stories)
+        bound = interstep_peak_errors(self.building, space, late, slice(self.building.floors))
         response = Response(
             model=self.model,
             record=self.record,

@@ -69,9 +69,9 @@ def device_peaks(building: Building, space: Workspace, late: float) -> DevicePea
     `interstep_peak_errors`; None without them."""
     if not building.branched:
         return None
-    peaks = all_peaks(building, space)
-    bounds = columns(_interstep_errors(building, space, late, peaks), building.device_columns)
-    return DevicePeaks(device_columns(building, peaks), device_energy(building, space), bounds)
+    peaks = device_columns(building, all_peaks(building, space))
+    bounds = interstep_peak_errors(building, space, late, building.device_columns)
+    return DevicePeaks(peaks, device_energy(building, space), bounds)
 
 
 def device_columns(building: Building, peaks: StoryPeaks) -> StoryPeaks:
@@ -196,25 +196,16 @@ def _base(building: Building) -> NDArray[np.intp]:
 
 
 def interstep_peak_errors(
-    building: Building, space: Workspace, late: float, stories: StoryPeaks
+    building: Building, space: Workspace, late: float, part: slice
 ) -> StoryErrors:
     """Return bounds of the errors that arise because peaks are read at time steps only: the
     possible excess of each peak, and the approximate change of each residual drift.
 
     If the time step does not resolve the highest modes, peaks between time steps may exceed the
     peaks at time steps. Residual drifts are read at the end of the last time step, `late` s after
-    the requested end; their error is the change of the drifts in this interval.
+    the requested end; their error is the change of the drifts in this interval. The result contains
+    the columns `part` of the stories, attachments and links.
     """
-    if not building.branched:
-        return _interstep_errors(building, space, late, stories)
-    bounds = _interstep_errors(building, space, late, all_peaks(building, space))
-    return columns(bounds, slice(building.floors))
-
-
-def _interstep_errors(
-    building: Building, space: Workspace, late: float, stories: StoryPeaks
-) -> StoryErrors:
-    """Return the result of `interstep_peak_errors` for all columns; `stories` are their peaks."""
     drift_change = np.zeros(building.stories)
     if late > 0.0:
         velocity, acceleration = (
@@ -226,7 +217,7 @@ def _interstep_errors(
         )
         # Taylor series of second order, with absolute values of its terms.
         drift_change = late * velocity + 0.5 * late**2 * acceleration
-    reported = vars(stories)
+    reported = vars(all_peaks(building, space))
     peaks_between_steps = space.peaks[rows.PEAK_ROWS :]
     # If the time steps resolve the motion, all peaks between them are stored as 0. The bounds are
     # then the reported peaks, and the possible excess is 0.
@@ -240,7 +231,7 @@ def _interstep_errors(
         quantity.name: bounds[quantity.name] - reported[quantity.name]
         for quantity in STORY_QUANTITIES
     }
-    return StoryErrors(**{**differences, "residual_drift": drift_change})
+    return columns(StoryErrors(**{**differences, "residual_drift": drift_change}), part)
 
 
 def energy_errors(totals: Array) -> Array:

@@ -222,7 +222,7 @@ def _parts(joined: Case, sequence: EventSequence, steps: Steps) -> tuple[EventRe
     for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
         stories = loop_results.story_peaks(building, space)
         # Residual drifts are read at the end of the part, so that the last step is 0 s late.
-        bound = loop_results.interstep_peak_errors(building, space, 0.0, stories)
+        bound = loop_results.interstep_peak_errors(building, space, 0.0, slice(building.floors))
         events.append(EventResponse(record, start * dt, stories, bound))
     return tuple(events)
 
