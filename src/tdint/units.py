@@ -218,7 +218,7 @@ _LENGTH_WORDS = (
     (r"\binch(?:es)?\b", "in"),
     (r"\bf(?:oo|ee)t\b", "ft"),
 )
-"""Regular expressions of the words of units of length, and their symbols, replaced in this order."""
+"""Regular expressions of the words of units of length, and their symbols, replaced in order."""
 
 
 def abbreviated(text: str) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_disk_space, is_there, write_files
-from tdint.ground_motion.origin import matched_text
+from tdint.ground_motion.origin import matched_clause
 from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
@@ -309,7 +309,8 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
     from tdint.output.spectrum_text import spectrum_text
     from tdint.output.verdicts import limit_verdicts
 
-    matched = matched_text([response.record] if response.record else [], spectrum_text)
+    origin = response.record.origin if response.record else None
+    matched = matched_clause([origin], 1, spectrum_text)
     return limit_verdicts(
         response.limit_checks(limit),
         units,

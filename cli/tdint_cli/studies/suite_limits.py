@@ -35,7 +35,7 @@ class SuiteLimits:
     limit : float, str or None
         Drift limit or performance level of the command line; None for the limits of the models.
     matched : str
-        Clause on matched ground motions (`tdint.ground_motion.origin.matched_text`) and on scale
+        Clause on matched ground motions (`tdint.ground_motion.origin.matched_clause`) and on scale
         factors.
     """
 

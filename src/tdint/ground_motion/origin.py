@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, is_file, read_at_most, record_digest
@@ -242,32 +242,15 @@ def _checksum(samples: ArrayLike) -> str:
     return sha256(np.asarray(samples, dtype="<f8").tobytes()).hexdigest()[:16]
 
 
-class HasOrigin(Protocol):
-    """Component of a ground motion."""
-
-    @property
-    def name(self) -> str:
-        """File and component."""
-
-    @property
-    def origin(self) -> MotionOrigin | None:
-        """Origin of the component."""
-
-
-def matched_text(records: Iterable[HasOrigin], name: Callable[[str], str] = str) -> str:
-    """Return a clause on the matched motions among the components of a suite; empty without them.
+def matched_clause(
+    origins_of_records: Iterable[MotionOrigin | None], count: int, name: Callable[[str], str] = str
+) -> str:
+    """Return a clause on the matched motions among the `count` components of a suite; empty without
+    them.
 
     For example `matched to ec8:... (seed factors 0.42 to 4.7)`. `name` is a function that returns
     the printed name of a target; by default, the target is stated as on the command line.
     """
-    components = list(records)
-    return matched_clause([record.origin for record in components], len(components), name)
-
-
-def matched_clause(
-    origins_of_records: Iterable[MotionOrigin | None], count: int, name: Callable[[str], str] = str
-) -> str:
-    """Return the clause of `matched_text` from the origins of `count` components."""
     origins = [origin for origin in origins_of_records if origin and origin.target]
     if not origins:
         return ""
@@ -280,12 +263,3 @@ def matched_clause(
         share = f"{len(origins)} of {pluralize(count, 'component')}"
         return f"partly matched to {target} ({share}, {factor_text})"
     return f"matched to {target} ({factor_text})"
-
-
-def match_warnings(records: Iterable[HasOrigin]) -> list[str]:
-    """Return the warnings about matched motions when they were matched, each with its file."""
-    return [
-        f"{record.name}: {text}"
-        for record in records
-        for text in (record.origin.warnings if record.origin else ())
-    ]

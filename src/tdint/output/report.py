@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tdint.ground_motion.origin import match_warnings, matched_text
+from tdint.ground_motion.origin import matched_clause
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
@@ -363,10 +363,15 @@ def motion_chapter(
         if len(levels) > 1:
             parts.append(f"Level {number} of {len(levels)}{scaling}:")
         parts.append(motion_table(records, component_names(records)).in_units(units))
-        if matched := matched_text(records, spectrum_text):
+        origins = [record.origin for record in records]
+        if matched := matched_clause(origins, len(origins), spectrum_text):
             parts.append(f"The ground motions are {matched}; change: rms, relative to the seed:")
             parts.append(match_origin_table(records, component_names(records)))
-            if warnings := match_warnings(records):
+            if warnings := [
+                f"{record.name}: {text}"
+                for record in records
+                for text in (record.origin.warnings if record.origin else ())
+            ]:
                 parts += ["Warnings of the match:", once(warnings)]
         # A figure of more spectra would be a gray area.
         if len(records) <= MAX_MOTIONS and not drawn:

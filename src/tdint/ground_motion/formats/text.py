@@ -222,10 +222,6 @@ def _table_in(file: Any, layout: TextLayout) -> TextTable | None:
     return TextTable(tuple(series), notes, size=size)
 
 
-class _LayoutError(RecordError):
-    """The file does not show the layout of its table, or contradicts its description."""
-
-
 def _read_table(
     lines: Lines, text: TableText, layout: TextLayout
 ) -> tuple[list[Series], tuple[str, ...]]:
@@ -582,7 +578,7 @@ def _layout_of(
     pairs = None if names or table.ignored else paired(values)
     if names or table.time is not None or pairs is not None:
         if layout.rows:
-            raise _LayoutError(
+            raise RecordError(
                 f"`rows` contradicts the {'names of the columns' if names else 'times'} in the "
                 "table; remove it"
             )
@@ -604,7 +600,7 @@ def _layout_of(
                 raise _no_columns(f"the header states {value_count} samples")
             return kind, f"the header states {value_count} samples, the number of values"
         if layout.rows:
-            raise _LayoutError(
+            raise RecordError(
                 f"`rows` contradicts the header, which states {lines} samples, the number of "
                 "lines; remove it"
             )
@@ -691,9 +687,9 @@ def _increases(column: NDArray[np.float64]) -> bool:
     return column.size > 1 and bool(np.all(np.diff(column) > 0.0))
 
 
-def _no_columns(reason: str) -> _LayoutError:
+def _no_columns(reason: str) -> RecordError:
     """Return the error that the user selects a column of a table of rows."""
-    return _LayoutError(
+    return RecordError(
         f"`column` cannot be used: each line continues one ground motion ({reason}); remove it"
     )
 
@@ -704,7 +700,7 @@ def _check_count(stated: Statements, count: int, lines: int, total: int, *others
     if stated.counts and stated.counts.isdisjoint((count, *others)):
         numbers = " or ".join(map(str, sorted(stated.counts)))
         values = "" if total == lines else f" with {total} values"
-        raise _LayoutError(
+        raise RecordError(
             f"the header states {numbers} samples, but the table has {pluralize(lines, 'line')}"
             f"{values}; complete the file, or correct the number"
         )

@@ -25,7 +25,7 @@ from tdint.ground_motion.horizontals import (
     with_component,
 )
 from tdint.ground_motion.measures import baseline_notes_of_suite
-from tdint.ground_motion.origin import matched_text
+from tdint.ground_motion.origin import matched_clause
 from tdint.ground_motion.processing_steps import processed
 from tdint.ground_motion.reading.contents import other_content, record_formats
 from tdint.ground_motion.reading.other_files import repeated_motions, unused_text
@@ -245,8 +245,9 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
         if pairs
         else read_components(sources.files, choice)
     )
-    matched = matched_text(suite.records)
-    if warned := sum(bool(record.origin and record.origin.warnings) for record in suite.records):
+    origins = [record.origin for record in suite.records]
+    matched = matched_clause(origins, len(origins))
+    if warned := sum(bool(origin and origin.warnings) for origin in origins):
         matched += f"; {pluralize(warned, 'component')} with warnings of the match"
     return Suite(
         suite.motions,
