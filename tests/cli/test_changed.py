@@ -52,9 +52,9 @@ def integrated(request, folder, monkeypatch):
     runs = []
     unchanged = batch.run_batch
 
-    def counted(subject, motions, requests, **options):
-        runs.extend(requests)
-        return unchanged(subject, motions, requests, **options)
+    def counted(subject, runs_of_chunk, **options):
+        runs.extend(runs_of_chunk)
+        return unchanged(subject, runs_of_chunk, **options)
 
     monkeypatch.setattr(batch, "run_batch", counted)
     return runs
