@@ -20,17 +20,16 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
-from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyRecord, damping_of, record_of
 from tdint.response.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.response.spectra.elastic import (
     DampingRatio,
+    RecordSpectrum,
     check_shortest,
     checked_periods,
     recursion_table,
 )
 from tdint.response.spectra.inelastic import SHORTEST
-from tdint.tabular import Tabular
 from tdint.units import Quantity
 
 # Maximum number of stories. Buildings have fewer; the story height or the period is probably wrong.
@@ -95,7 +94,7 @@ class HeightPeriod:
 
 
 @dataclass(frozen=True, repr=False)
-class DriftSpectrum(Tabular):
+class DriftSpectrum(RecordSpectrum):
     """Drift spectrum of one record for a single damping ratio; arrays of shape (k,).
 
     For the continuous shear beam, `stories` and `story` are 0, and the peak is the drift at its
@@ -138,12 +137,6 @@ class DriftSpectrum(Tabular):
     roof_drift_ratio: Annotated[
         Array, Quantity("1", "largest roof displacement relative to the ground, over the height")
     ]
-
-    def _headline(self) -> str:
-        return (
-            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
-            f"{pluralize(self.periods.size, 'period')}"
-        )
 
 
 def drift_spectrum(

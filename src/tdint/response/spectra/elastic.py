@@ -235,8 +235,22 @@ periods.
 OR_ZERO = ", or for 0: the peak ground acceleration"
 
 
+class RecordSpectrum(Tabular):
+    """Base class of spectra of one record for a single damping ratio."""
+
+    record: Record
+    damping: DampingRatio
+    periods: Array
+
+    def _headline(self) -> str:
+        return (
+            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
+            f"{pluralize(self.periods.size, 'period')}"
+        )
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Spectrum(Tabular):
+class Spectrum(RecordSpectrum):
     """Elastic response spectrum of one record for a single damping ratio; arrays of shape (k,).
 
     `method` is `exact`, or the method that integrated the oscillators. `maxima` and `interpolation`
@@ -279,12 +293,6 @@ class Spectrum(Tabular):
     sa: Annotated[Array, Quantity("m/s^2", "largest absolute acceleration")]
     maxima: MaximaName = EXACT.name
     interpolation: InterpolationName = LINEAR.name
-
-    def _headline(self) -> str:
-        return (
-            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
-            f"{pluralize(self.periods.size, 'period')}"
-        )
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,14 @@ from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
-from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyRecord, damping_of, record_of
 from tdint.response.defaults import MOST_DUCTILE
-from tdint.response.spectra.elastic import DampingRatio, check_shortest, checked_periods
-from tdint.tabular import Tabular
+from tdint.response.spectra.elastic import (
+    DampingRatio,
+    RecordSpectrum,
+    check_shortest,
+    checked_periods,
+)
 from tdint.units import STANDARD_GRAVITY, Quantity
 
 SHORTEST = 1e-3
@@ -44,7 +47,7 @@ _DUCTILITY_TOLERANCE = 1e-9  # tolerance of ln(ductility / target) of the result
 
 
 @dataclass(frozen=True, repr=False)
-class InelasticSpectrum(Tabular):
+class InelasticSpectrum(RecordSpectrum):
     """Response of bilinear oscillators to a single record, for a single damping ratio and one
     ductility or strength; arrays of shape (k,).
 
@@ -103,12 +106,6 @@ class InelasticSpectrum(Tabular):
         ),
         *("yield_displacement", "yield_acceleration", "reduction_factor"),
     )
-
-    def _headline(self) -> str:
-        return (
-            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
-            f"{pluralize(self.periods.size, 'period')}"
-        )
 
     @property
     def prescribed(self) -> str:
