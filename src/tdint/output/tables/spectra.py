@@ -454,20 +454,13 @@ _MATCH_ORIGIN = (
     *RECORD_COLUMNS,
     Column("seed", "text", lambda record: _seed(record.origin), "file and component of the seed"),
     Column("seed_factor", "1", "origin.factor", "scale factor of the seed"),
-    Column(
-        "change",
-        "%",
-        _percent("change"),
-        "root mean square of the change over that of the scaled seed",
-    ),
-    Column(
-        "largest_misfit",
-        "%",
-        _percent("largest_misfit"),
-        "maximum misfit of the spectrum to the target",
-    ),
-    Column(
-        "mean_misfit", "%", _percent("mean_misfit"), "mean misfit of the spectrum to the target"
+    *(
+        Column(name, "%", _percent(name), meaning)
+        for name, meaning in (
+            ("change", "root mean square of the change over that of the scaled seed"),
+            ("largest_misfit", "maximum misfit of the spectrum to the target"),
+            ("mean_misfit", "mean misfit of the spectrum to the target"),
+        )
     ),
 )
 """Columns of the origins of matched motions in a report."""
