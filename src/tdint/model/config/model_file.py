@@ -45,12 +45,10 @@ from tdint.model.config.sections import (
 from tdint.model.config.stories import STORIES, read_stories
 from tdint.model.definition import (
     Analysis,
-    Attachment,
     Damping,
     Excitation,
     Force,
     Initial,
-    Link,
     Matrices,
     ModalDamping,
     Model,
@@ -233,33 +231,19 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # A building may have both a record and forces.
     items = (forces.items("a list of forces") if forces else None) or ()
     # The keys of an entry determine its type. `floor` belongs to both types.
-    is_table = [bool({*item.names} & {*_TABLE_FORCE} - {"floor"}) for item in items]
+    of_tables = [item for item in items if {*item.names} & {*_TABLE_FORCE} - {"floor"}]
+    tables: tuple[TableForce, ...] = ()
+    if of_tables:
+        # Imported here because it loads numpy, which is not needed to read other models.
+        from tdint.model.config.load_tables import read_table_forces
+
+        sections = [item.section(_TABLE_FORCE) for item in of_tables]
+        tables = read_table_forces([item for item in sections if item is not None], unit, count)
     return Excitation(
         record_from_value(record) if record else None,
-        tuple(
-            _read_force(item, unit, count)
-            for item, from_table in zip(items, is_table, strict=True)
-            if not from_table
-        ),
-        _read_tables(
-            [item for item, from_table in zip(items, is_table, strict=True) if from_table],
-            unit,
-            count,
-        ),
+        tuple(_read_force(item, unit, count) for item in items if item not in of_tables),
+        tables,
     )
-
-
-def _read_tables(
-    items: Sequence[Value], unit: ModelUnits, count: int | None
-) -> tuple[TableForce, ...]:
-    """Return the forces from the entries of the list of forces with the keys of `_TABLE_FORCE`."""
-    if not items:
-        return ()
-    # Imported here because it loads numpy, which is not needed to read other models.
-    from tdint.model.config.load_tables import read_table_forces
-
-    sections = [item.section(_TABLE_FORCE) for item in items]
-    return read_table_forces([item for item in sections if item is not None], unit, count)
 
 
 def record_from_value(value: Value) -> RecordSource | None:
@@ -533,6 +517,17 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     excitation = section.get("excitation")
     attachments, links = read_devices(section, unit, count)
 
+    # Imported here, because most models have no damage states and no limits.
+    damage: DamageStates | None = None
+    if value := section.get("damage"):
+        from tdint.model.config.damage import read_damage
+
+        damage = read_damage(value)
+    limits: tuple[Limit, ...] = ()
+    if value := section.get("limits"):
+        from tdint.model.config.limit_keys import read_limits
+
+        limits = read_limits(value, unit, stories, attachments, links)
     output_units, page_units = _read_output_units(section.get("output_units"), unit)
     # The keys of `_ANALYSIS` have the order of the attributes of `Analysis`.
     model = Model(
@@ -549,8 +544,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         output_units=output_units,
         page_units=page_units,
         page_head=_read_report_head(section),
-        damage=_read_damage(section.get("damage")),
-        limits=_read_limits(section, unit, stories, attachments, links),
+        damage=damage,
+        limits=limits,
         plausibility_off=section.read("plausibility") or "",
         weight_factor=_weight_factor(section, unit) if stories else 1.0,
         force_unit=unit.named.force,
@@ -602,33 +597,6 @@ def _read_initial(section: Section, unit: ModelUnits, count: int | None) -> Init
         values = tuple(item.number(scale=unit.length) for item in items or ())
         states.append(values if entry else (0.0,) * (count or 0))
     return Initial(*states)
-
-
-def _read_damage(value: Value | None) -> DamageStates | None:
-    """Return the damage states of a model; None without damage states or after an error."""
-    if value is None:
-        return None
-    # Imported here, because most models have no damage states.
-    from tdint.model.config.damage import read_damage
-
-    return read_damage(value)
-
-
-def _read_limits(
-    section: Section,
-    unit: ModelUnits,
-    stories: tuple[Story, ...],
-    attachments: tuple[Attachment, ...],
-    links: tuple[Link, ...],
-) -> tuple[Limit, ...]:
-    """Return the limits of a model; empty without limits."""
-    value = section.get("limits")
-    if value is None:
-        return ()
-    # Imported here, because most models have no limits.
-    from tdint.model.config.limit_keys import read_limits
-
-    return read_limits(value, unit, stories, attachments, links)
 
 
 def _read_stories(
