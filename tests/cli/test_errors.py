@@ -1,6 +1,7 @@
 """Errors are written as lines to standard error and determine the exit code."""
 
 import math
+import os
 import subprocess
 import sys
 import warnings
@@ -206,3 +207,17 @@ def test_a_wrong_unit_is_reported_before_a_smaller_step_is_recommended(
     messages = tdint("run", "stiff.yaml", "mm.txt").stderr
     unit, smaller = messages.index("check the units and the scale"), messages.index("use a smaller")
     assert unit < messages.index("newmark-average: ") and unit < smaller
+
+
+def test_the_backend_of_a_notebook_is_named(tmp_path):
+    """A notebook sets a backend that need not be installed in the environment of tdint."""
+    model = Path(__file__).parents[2] / "configs" / "hardening.yaml"
+    ended = subprocess.run(
+        [sys.executable, "-m", "tdint_cli", "run", model, "-o", tmp_path, "--plot"],
+        env={**os.environ, "MPLBACKEND": "module://not.installed"},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == errors.UsageError.exit_code
+    assert "unset the environment variable MPLBACKEND" in ended.stderr
+    assert list(tmp_path.iterdir()) == []

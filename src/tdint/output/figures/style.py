@@ -18,15 +18,23 @@ from pathlib import Path
 from textwrap import shorten, wrap
 from typing import Any, BinaryIO
 
-import matplotlib as mpl
 import numpy as np
+
+from tdint.errors import OutputError, UsageError
+
+try:
+    import matplotlib as mpl
+except ValueError as error:  # the variable of a notebook, whose backend is not installed here
+    raise UsageError(
+        f"matplotlib cannot be loaded: {error}; correct or unset the environment variable "
+        "MPLBACKEND"
+    ) from None
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
 from tdint.arrays import Array
-from tdint.errors import OutputError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
 from tdint.output.printed import ON_SCREEN, PRINTED, PrintedAs, in_print

@@ -221,13 +221,14 @@ def reference_method(case: Case) -> Integrator:
     method is `moment4` with a quarter of the step. Two runs of `impulse4` can have the same error
     there by accident, because the forces change abruptly within the steps; and the error of
     `moment4` with half the step is often the error of `impulse4`, as both methods are then equally
-    accurate. Of 41 574 true errors (850 random buildings, steps of .5 to 2 samples; true values by
-    runs of two methods with steps of a sixteenth) exceed twice and ten times the estimate:
+    accurate. Of 23 046 true errors (600 random buildings, steps of .5 to 2 samples; `python
+    tests/grid/additional_runs.py --seed 5 --cases 600`) exceed twice and ten times the estimate:
 
-    - 146 and 13 with `impulse4` and half the step, 12 and 2 with a quarter of it
-    - 57 and 2 with `moment4` and half the step, 3 and 0 with a quarter of it
+    - 108 and 8 with `impulse4` and half the step, 17 and 2 with a quarter of it
+    - 70 and 9 with `moment4` and half the step, 3 and 0 with a quarter of it
 
-    11, 11, 17 and 17 % of the estimates are more than ten times too large.
+    12, 11, 19 and 19 % of the estimates are more than ten times too large, and a run with its
+    estimate takes 1, 1.22, 1.34 and 1.75 times the processor time.
 
     In all other cases, it is the `default_reference_method`.
     """
