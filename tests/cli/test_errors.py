@@ -214,7 +214,7 @@ def test_the_backend_of_a_notebook_is_named(tmp_path):
     model = Path(__file__).parents[2] / "configs" / "hardening.yaml"
     ended = subprocess.run(
         [sys.executable, "-m", "tdint_cli", "run", model, "-o", tmp_path, "--plot"],
-        env={**os.environ, "MPLBACKEND": "module://not.installed"},
+        env={**os.environ, "MPLBACKEND": "not-installed"},
         capture_output=True,
         text=True,
     )
