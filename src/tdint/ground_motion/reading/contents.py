@@ -555,11 +555,14 @@ def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterato
     `names` contains the names of formats, in the order of the result. Unregistered names are
     skipped.
     """
+    by_group_and_name = {(entry.group, entry.name): entry for entry in entry_points}
     for name in names:
         # ObsPy uses one group of entry points for each format.
-        functions = entry_points.select(group=f"{_ENTRY_POINT_GROUP}.{name}")
-        if {"isFormat", "readFormat"} <= functions.names:
-            yield Plugin(name, functions["isFormat"], functions["readFormat"])
+        group = f"{_ENTRY_POINT_GROUP}.{name}"
+        is_format = by_group_and_name.get((group, "isFormat"))
+        read_format = by_group_and_name.get((group, "readFormat"))
+        if is_format and read_format:
+            yield Plugin(name, is_format, read_format)
 
 
 def _require_format(data: bytes, source: str, layout: TextLayout) -> _Recognized:
