@@ -12,6 +12,7 @@ NAME = re.compile(r"(?<!`)`(_?[A-Za-z][\w.]*?)(?:\(\))?`(?!`)")
 """A name that looks like a name of Python: an identifier, or identifiers joined by dots."""
 
 ELSEWHERE = {
+    "GAL": "StationXML", "t_ms": "column of a user",
     "AccSignal": "eqsig", "RSN1_MINE_090.AT2": "file of a user", "_c": "suffix of names",
     "_kipin": "suffix of columns", "asset_hazard_distance": "OpenQuake",
     "calc_spec_accels": "pyrotd", "cluster.scheduler_address": "Dask",
@@ -36,7 +37,7 @@ ELSEWHERE = {
 """Names of other programs and of users, by the place in which they exist."""
 
 MADE_UP = re.compile(
-    r"_m_s2?$|^_(?:MN|lbf|tf|tonf|kgf)$|_error$|_J$|_N$|_m$|_g$|_independent$|_correlated$|^gmv_|FACTOR|KEY|^CI\.|^HNE$|^hne$"
+    r"_m_s2?$|_period_s$|^_(?:MN|lbf|tf|tonf|kgf)$|_error$|_J$|_N$|_m$|_g$|_independent$|_correlated$|^gmv_|FACTOR|KEY|^CI\.|^HNE$|^hne$"
     r"|^OUT\.|^TDINT_|^DASK_|^tls_|^matplotlibrc$|\.csv$|\.$"
 )
 """Columns, codes and variables whose names are composed, and placeholders in capital letters."""
