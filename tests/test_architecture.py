@@ -299,7 +299,6 @@ def test_getattr_of_modules_is_known():
         "tdint.output.tables",
         "tdint.assessment",
         "tdint.studies",
-        *(room for room in ROOMS if room != "tdint.studies.store"),
         "tdint_cli.options",
     }
 

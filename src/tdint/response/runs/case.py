@@ -199,6 +199,15 @@ class Case:
         """Return the same building and ground motion with another method, without the remarks.
 
         Ground motion and warnings on the input are the same, and are not computed again.
+
+        Parameters
+        ----------
+        method : Integrator
+            Method of the new case.
+
+        Returns
+        -------
+        Case
         """
         case = replace(self, method=method, remarks=())
         for name in ("ground", "plausibility_warnings", "_baseline_notes"):
