@@ -30,7 +30,17 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.story_laws import LAWS
-from tdint.output.tables import buildings, devices, matrices, methods, responses, spectra, transfer
+from tdint.output.tables import (
+    buildings,
+    devices,
+    elements,
+    histories,
+    matrices,
+    methods,
+    responses,
+    spectra,
+    transfer,
+)
 from tdint.output.tables import table as shared
 from tdint.output.tables.runs import BUILDING_COLUMNS
 from tdint.output.tables.table import columns_of
@@ -232,7 +242,7 @@ def columns():
     """Return the columns of every table, by command."""
     return {
         "tdint run": responses.STORY_COLUMNS,
-        "elements.csv of tdint run": (*responses.ELEMENT_COLUMNS, *responses.ELEMENT_ERROR),
+        "elements.csv of tdint run": (*elements.ELEMENT_COLUMNS, *elements.ELEMENT_ERROR),
         **{
             f"{kind}.csv of tdint run": (*shown, *errors)
             for kind, (shown, errors) in zip(("attachments", "links"), devices.TABLES, strict=True)
@@ -242,7 +252,7 @@ def columns():
             *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),
             *(*matrices.FLEXURE_COLUMNS, *matrices.FLEXURE_ERROR),
         ),
-        "history.csv of tdint run": responses.history_columns(1, error=True),
+        "history.csv of tdint run": histories.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

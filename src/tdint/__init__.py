@@ -97,14 +97,14 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.response.overview import overview
     from tdint.response.runs.analysis_kernels import compile_model as compile_model
     from tdint.response.runs.case import Case as Case
+    from tdint.response.runs.energy import Energy as Energy
+    from tdint.response.runs.history import History as History
     from tdint.response.runs.many_results import Runs as Runs
     from tdint.response.runs.outcome import Collapse as Collapse
-    from tdint.response.runs.outcome import Energy as Energy
     from tdint.response.runs.outcome import ErrorEstimate as ErrorEstimate
     from tdint.response.runs.outcome import EventResponse as EventResponse
     from tdint.response.runs.outcome import FailedRun as FailedRun
     from tdint.response.runs.outcome import Gradient as Gradient
-    from tdint.response.runs.outcome import History as History
     from tdint.response.runs.outcome import Response as Response
     from tdint.response.runs.outcome import StoryErrors as StoryErrors
     from tdint.response.runs.outcome import StoryPeaks as StoryPeaks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
@@ -85,3 +86,31 @@ else:
             if self.attrname not in attributes:
                 attributes[self.attrname] = self.func(instance)
             return attributes[self.attrname]
+
+
+def join_arrays(*arrays: Array) -> Array:
+    """Return arrays as a single array, joined along the first axis."""
+    return np.concatenate(arrays)
+
+
+def each_array(function: Callable[..., Array], *parts: Any) -> Any:
+    """Return a dataclass with the results of a function of each array of `parts`.
+
+    Parameters
+    ----------
+    function : callable
+        Function of an array of the first part and of the arrays of the same name of the others.
+    parts
+        Dataclasses of one type. They may contain other dataclasses, None, and tuples of labels,
+        which all parts have in common.
+    """
+    if parts[0] is None:
+        return None
+    if isinstance(parts[0], np.ndarray):
+        return function(*parts)
+    if isinstance(parts[0], tuple):
+        return parts[0]
+    names = [member.name for member in fields(parts[0])]
+    return type(parts[0])(
+        **{name: each_array(function, *(getattr(part, name) for part in parts)) for name in names}
+    )

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import isclose, isfinite, nan
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple, get_args
 
 from tdint.errors import UsageError, did_you_mean
 from tdint.number_parsing import LARGEST, SMALLEST, number_text
@@ -314,23 +313,18 @@ class Quantity:
 def quantities(declaring: type) -> tuple[Quantity, ...]:
     """Return the `Quantity` objects in the annotations of the fields and properties of a class.
 
-    Such an annotation is `Annotated[float, Quantity("m", "peak drift")]`. The result is in the
-    order of the attribute `columns` of the class if it exists, otherwise in the order of
+    Such an annotation is `Annotated[float, Quantity("m", "peak drift")]`. It must be evaluated with
+    its class, so that its module does not import `annotations` from `__future__`. The result is in
+    the order of the attribute `columns` of the class if it exists, otherwise in the order of
     declaration. The name and the type of each quantity are set from its field.
     """
-    # Annotations are texts. Their names are defined in the modules of the class and of its bases.
-    namespace: dict[str, Any] = {}
     hints: dict[str, Any] = {}
     for base in reversed(declaring.__mro__):
-        namespace |= vars(sys.modules[base.__module__])
-    hints |= get_type_hints(declaring, namespace, include_extras=True)
-    # A property declares its quantity in the annotation of the returned value. `get_type_hints` of
-    # the class does not include properties.
+        hints |= vars(base).get("__annotations__", {})
+    # A property declares its quantity in the annotation of the returned value.
     for name, member in vars(declaring).items():
-        if isinstance(member, property) and "Quantity" in str(
-            member.fget.__annotations__.get("return", "")
-        ):
-            hints[name] = get_type_hints(member.fget, namespace, include_extras=True)["return"]
+        if isinstance(member, property):
+            hints[name] = member.fget.__annotations__.get("return")
     declared = []
     for name in getattr(declaring, "columns", hints):
         hint = hints[name]

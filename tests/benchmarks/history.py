@@ -18,7 +18,7 @@ from common import ROOT, minimum_times
 
 from tdint import load_model, run
 from tdint.files import write_file
-from tdint.output.tables.responses import history_columns, write_history
+from tdint.output.tables.histories import history_columns, write_history
 
 MODEL = ROOT / "configs" / "ten-story.yaml"
 

@@ -13,7 +13,7 @@ from cli.conftest import STUDY, write_record
 from csv_rows import rows
 from tdint.assessment.chart import problem as references
 from tdint.methods.catalogue import parse
-from tdint_cli.options import analysis as analysis_options
+from tdint_cli.assessment import method_options
 
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ntower,2,1987,C1,900\n"
 MOTION = "other.mseed --units m/s^2"
@@ -355,7 +355,7 @@ def test_all_methods_in_a_figure_of_overshoots(working_directory, tdint, monkeyp
     """A figure contains houbolt only with --all. Two methods replace the catalogue, because the
     time loops of all methods would be compiled."""
     methods = [parse("newmark-average"), parse("houbolt")]
-    monkeypatch.setattr(analysis_options, "integrators", lambda _: methods)
+    monkeypatch.setattr(method_options, "integrators", lambda _: methods)
     for options, is_drawn in ((("--plot=few.svg",), False), (("--plot=all.svg", "--all"), True)):
         assert "houbolt" in tdint("overshoot", *options, code=0).stdout
         figure = Path(options[0].partition("=")[2]).read_text("utf-8")

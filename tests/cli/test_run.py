@@ -382,7 +382,7 @@ def test_interrupted_writing_leaves_no_file(folder, tdint, monkeypatch, error, c
         stream.write(b"half a li")
         raise error
 
-    monkeypatch.setattr("tdint.output.tables.responses.write_history", half_a_history)
+    monkeypatch.setattr("tdint.output.tables.histories.write_history", half_a_history)
     result = tdint("run", "forced.yaml", "-o", "out", "--history", code=code)
     assert "Traceback" not in result.stderr
     assert not (folder / "out").exists()

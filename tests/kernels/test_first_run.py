@@ -11,7 +11,6 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,14 +103,14 @@ def test_interpreted_kernels_omit_features_only_during_a_call():
         return 1 / array[0] if fails else 0.0
 
     seen, array = [], np.zeros(1)
-    plain = load_or_compile.as_views(kernel, replace(EVERYTHING, tree=False, elements=False))
+    plain = load_or_compile.as_views(kernel, EVERYTHING._replace(tree=False, elements=False))
     for fails in (False, True):  # the second call is repeated with arrays
         plain(array, fails)
     load_or_compile.as_views(kernel, EVERYTHING)(array, False)
     omitted, complete = (False, False, True, rows.ELEMENTS), (True, True, True, rows.ELEMENTS)
     assert seen == [omitted, omitted, omitted, complete]
     with pytest.raises(KeyError):
-        load_or_compile.as_views(lambda _: {}[0], replace(EVERYTHING, tree=False))(array)
+        load_or_compile.as_views(lambda _: {}[0], EVERYTHING._replace(tree=False))(array)
     assert linear_terms.TREE
 
 

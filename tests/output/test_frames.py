@@ -11,7 +11,8 @@ import tdint
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
 from tdint.output.tables.buildings import mode_table
-from tdint.output.tables.responses import history_columns, story_table, write_history
+from tdint.output.tables.histories import history_columns, write_history
+from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import result_table
 from tdint.units import STANDARD_GRAVITY
 

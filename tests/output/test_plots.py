@@ -27,7 +27,8 @@ from tdint.output.figures.spectrum_curves import (
     spectrum_picture,
 )
 from tdint.output.figures.style import changed, picture, titled
-from tdint.response.runs.outcome import STORY_QUANTITIES, ErrorHistory
+from tdint.response.runs.history import ErrorHistory
+from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.response.runs.run import run
 from tdint.response.spectra.drift import HeightPeriod, drift_spectrum
 from tdint.response.spectra.elastic import spectrum

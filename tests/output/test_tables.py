@@ -17,9 +17,11 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.config.model_file import load_model
 from tdint.output import tables
-from tdint.output.tables import buildings, methods, responses, spectra
+from tdint.output.tables import buildings, histories, methods, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
-from tdint.response.runs.outcome import ENERGY_TERMS, EnergyHistory, History, StoryPeaks
+from tdint.response.runs.energy import ENERGY_TERMS, EnergyHistory
+from tdint.response.runs.history import History
+from tdint.response.runs.outcome import StoryPeaks
 from tdint.response.spectra.elastic import Spectrum
 from tdint.units import parse_output_units, suffix
 
@@ -135,14 +137,14 @@ def test_mode_table():
 @pytest.mark.parametrize("stories", [1, 3])
 @pytest.mark.parametrize("rows_at_once", [2, 4096])
 def test_history(monkeypatch, stories, rows_at_once):
-    monkeypatch.setattr(responses, "_ROWS_AT_ONCE", rows_at_once)
+    monkeypatch.setattr(histories, "_ROWS_AT_ONCE", rows_at_once)
     response_history = history(5, stories)
     response_history = replace(
         response_history,
         displacement=np.where(np.arange(5)[:, None] == 0, -0.0, response_history.displacement),
     )
     stream = io.BytesIO()
-    responses.write_history(response_history, stream)
+    histories.write_history(response_history, stream)
     rows = read(stream.getvalue())
     floors = (("displacement", "displacement_m"), ("velocity", "velocity_m_s"))
     floors += (("acceleration", "absolute_acceleration_m_s2"),)

@@ -9,7 +9,8 @@ import pytest
 import tdint
 from building_cases import ten_bilinear
 from tdint.errors import UsageError
-from tdint.ground_motion.record import JoinedRecord, Record, join_records
+from tdint.ground_motion.joined import JoinedRecord, join_records
+from tdint.ground_motion.record import Record
 from tdint.model.story_laws import Law
 from tdint.response.runs.outcome import StoryPeaks
 from tdint.response.runs.sequence import run_sequence, sequence_of

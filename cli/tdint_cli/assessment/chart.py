@@ -16,6 +16,7 @@ from tdint.number_parsing import pluralize
 from tdint.output import tables
 from tdint.response.defaults import PEAKS, QUANTITIES
 from tdint_cli import options
+from tdint_cli.assessment import method_options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.options.option_types import Count, FileName, ListOf, Number, Ratio
@@ -71,7 +72,7 @@ class Request(options.record.RecordRequest):
         help="Use many problems instead of models: the standard problems (twelve buildings under "
         "three records each), or the problems of a YAML file.",
     )
-    methods: tuple[str, ...] = options.analysis.methods("ten methods, from impulse4 to exact,")
+    methods: tuple[str, ...] = method_options.methods("ten methods, from impulse4 to exact,")
     steps: tuple[float, ...] | None = options.analysis.option(
         "--dt",
         type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)),
@@ -385,7 +386,7 @@ def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
     """Return the methods of a chart, without specified methods the default. UsageError is raised if
     --highlight is not one of the methods and cannot be the label of another program.
     """
-    integrators = options.analysis.integrators(request.methods or default)
+    integrators = method_options.integrators(request.methods or default)
     labels = [integrator.label for integrator in integrators]
     programs = tables.methods.PEER in request.highlight or request.tolerances
     if request.highlight and request.highlight not in labels and not programs:

@@ -16,6 +16,7 @@ from tdint.output import figures
 from tdint.response.defaults import BETAS
 from tdint.units import SI
 from tdint_cli import options
+from tdint_cli.assessment import method_options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import ListOf, Number
 from tdint_cli.terminal import note, say, say_table
@@ -57,7 +58,7 @@ class Request:
     numbers: tuple[str, ...] = options.argument(
         "[1|2|3]...", nargs=-1, type=click.Choice(["1", "2", "3"])
     )
-    methods: tuple[str, ...] = options.analysis.methods("the seven methods of the paper")
+    methods: tuple[str, ...] = method_options.methods("the seven methods of the paper")
     dts: tuple[float, ...] | None = options.analysis.option(
         "--dt",
         type=ListOf(Number(1e-3, 0.1)),
@@ -143,7 +144,7 @@ def command(request: Request) -> None:
         outputs = [folder / name for example in requested for name in _names(example, suffix)]
         outputs += [folder / name for name in general_figures]
         check_outputs(outputs, overwrite=request.overwrite)
-    integrators = options.analysis.integrators(request.methods or METHODS)
+    integrators = method_options.integrators(request.methods or METHODS)
     steps = request.dts or (DT,)
     runs = {
         example: [run for dt in steps for run in run_example(example, dt, integrators)]
@@ -257,7 +258,7 @@ def _draw_oscillator_figure(number: int) -> Any:
     from tdint.assessment.order.order import observed_order, order_problem
     from tdint.assessment.stability.stability import stability
 
-    integrators = options.analysis.integrators((*FIVE, *_THIN_METHODS))
+    integrators = method_options.integrators((*FIVE, *_THIN_METHODS))
     if number == _ORDER_FIGURE:
         problems = [order_problem("harmonic", "linear", ratio, 1) for ratio in _RATIOS.values()]
         measured = [
@@ -280,7 +281,7 @@ def _draw_beta_scan() -> Any:
     beta."""
     from tdint.assessment.stability.stability import stability
 
-    integrators = options.analysis.integrators([f"impulse:beta={beta}" for beta in BETAS])
+    integrators = method_options.integrators([f"impulse:beta={beta}" for beta in BETAS])
     curves = [stability(method, _STEPS.values()) for method in integrators]
     title = (
         "Not in the paper: spectral radius of impulse with other values of beta, damping ratio 0"

@@ -7,6 +7,7 @@ from collections import Counter
 from tdint import assessment
 from tdint.output import tables
 from tdint_cli import options
+from tdint_cli.assessment import method_options
 from tdint_cli.options.option_types import ListOf, Name
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
@@ -25,7 +26,7 @@ def _problems() -> list[str]:
     "tdint failures --method impulse4,hht --problem large-step --plot=failures.png",
 )
 @options.analysis.plugin
-@options.analysis.all_methods
+@method_options.all_methods
 @options.option(
     "--problem",
     "problems",

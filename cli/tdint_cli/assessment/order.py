@@ -12,6 +12,7 @@ from tdint.errors import AnalysisError, TdintError
 from tdint.number_parsing import Grid
 from tdint.output import tables
 from tdint_cli import options
+from tdint_cli.assessment import method_options
 from tdint_cli.options.option_types import Count, grid
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say_table
@@ -28,7 +29,7 @@ _RATIOS = Grid(0.2, 5.0, 15)
     "tdint order --method hht --load harmonic --frequency-ratio 0.5",
 )
 @options.analysis.plugin
-@options.analysis.all_methods
+@method_options.all_methods
 @options.option(
     "--load",
     type=click.Choice(["free", "harmonic", "record"]),
@@ -91,10 +92,10 @@ def command(
     ratios = [math.nan]
     if load == "harmonic":
         ratios = [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()]
-    integrators = options.analysis.integrators(methods)
+    integrators = method_options.integrators(methods)
     problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
     if not problems[0].building.linear:
-        integrators = options.analysis.for_nonlinear(integrators, law)
+        integrators = method_options.for_nonlinear(integrators, law)
     # If a method fails, the remaining methods are still measured.
     measured: list[ObservedOrder] = []
     failures: list[TdintError] = []

@@ -10,6 +10,7 @@ import click
 from tdint import assessment
 from tdint.output import tables
 from tdint_cli import options
+from tdint_cli.assessment import method_options
 from tdint_cli.options.option_types import Count, Number
 from tdint_cli.terminal import say, say_table
 
@@ -17,16 +18,16 @@ if TYPE_CHECKING:
     from tdint.assessment.stability.stability import Overshoot
 
 _MAX_STEPS = 100_000  # maximum number of steps; a table with more rows is difficult to open
-_DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
+_DRAWN = tuple(name for name in method_options.DRAWN if name != "central-difference")
 """Methods in the figure. A large time step exceeds the stability limit of central-difference."""
 
 
 @options.request
-class Request(options.analysis.OscillatorRequest):
+class Request(method_options.OscillatorRequest):
     """The command line of `tdint overshoot`."""
 
     dt_over_t: float = options.analysis.option(
-        type=Number(*options.analysis.DT_OVER_T),
+        type=Number(*method_options.DT_OVER_T),
         default=10.0,
         metavar="RATIO",
         help="Time step divided by the undamped period; 10 by default.",
@@ -47,7 +48,7 @@ class Request(options.analysis.OscillatorRequest):
     "tdint overshoot --method wilson,hht --steps 20 --plot=overshoot.png",
     "tdint overshoot --method newmark-average,moment4 --law softening",
 )
-@options.analysis.oscillator_options(_DRAWN)
+@method_options.oscillator_options(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:
     """Measure the overshoot of methods at large time steps.
@@ -70,9 +71,9 @@ def command(request: Request) -> None:
     """
     from tdint.assessment.stability.stability import STARTS, overshoot, verdict
 
-    integrators = options.analysis.integrators(request.methods)
+    integrators = method_options.integrators(request.methods)
     if request.law != "linear":
-        integrators = options.analysis.for_nonlinear(integrators, request.law)
+        integrators = method_options.for_nonlinear(integrators, request.law)
     pairs = {
         (integrator, ratio): [
             overshoot(integrator, start, request.dt_over_t, request.steps, ratio, request.law)

@@ -7,20 +7,21 @@ from tdint.number_parsing import Grid
 from tdint.output import tables
 from tdint.response.defaults import BETAS
 from tdint_cli import options
+from tdint_cli.assessment import method_options
 from tdint_cli.options.option_types import ListOf, grid
 from tdint_cli.terminal import say_table, warn
 
 _STEPS = Grid(0.001, 1000.0, 400)
 _BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands are next to sqrt(12)
-_DRAWN = options.analysis.DRAWN
+_DRAWN = method_options.DRAWN
 
 
 @options.request
-class Request(options.analysis.OscillatorRequest):
+class Request(method_options.OscillatorRequest):
     """The command line of `tdint stability`."""
 
     dt_over_t: tuple[Grid, ...] = options.analysis.option(
-        type=ListOf(grid(*options.analysis.DT_OVER_T)),
+        type=ListOf(grid(*method_options.DT_OVER_T)),
         default=(_STEPS,),
         metavar="RATIO,...|FIRST:LAST:COUNT",
         help="Time steps divided by the undamped period: values, or a logarithmically spaced grid "
@@ -38,7 +39,7 @@ class Request(options.analysis.OscillatorRequest):
     "tdint stability --method impulse4,hht --plot=stability.png",
     "tdint stability --method newmark:beta=0.25:gamma=0.5 --dt-over-t 0.1,1 --damping 5%",
 )
-@options.analysis.oscillator_options(_DRAWN)
+@method_options.oscillator_options(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:
     """Compute spectral radius, period error and numerical damping over dt/T.
@@ -59,7 +60,7 @@ def command(request: Request) -> None:
     from tdint.assessment.stability.stability import LARGEST, critical_step, false_limit, stability
 
     scan_methods = tuple(f"impulse:beta={beta}" for beta in BETAS) if request.beta_scan else ()
-    integrators = options.analysis.integrators((*request.methods, *scan_methods))
+    integrators = method_options.integrators((*request.methods, *scan_methods))
     steps = np.unique(np.concatenate([steps.values() for steps in request.dt_over_t]))
     if request.beta_scan:
         # dt / T is omega dt / (2 pi).

@@ -353,7 +353,7 @@ def _record_warnings(record: Record | None) -> list[str]:
 def _check_disk_space(request: Request, model: Model, steps: int) -> None:
     """Raise OutputError if the disk has not enough space for the response history."""
     if file := request.history_file:
-        columns = len(tables.responses.history_columns(len(model.stories), bool(request.check)))
+        columns = len(tables.histories.history_columns(len(model.stories), bool(request.check)))
         columns += sum(len(story.elements) for story in model.stories)
         rows = steps // request.history_every + 1
         bytes_per_number = _MIN_COMPRESSED_BYTES if file.suffix == ".gz" else _MIN_BYTES
@@ -377,7 +377,7 @@ def _files(
     files: dict[Path, Content] = {}
     if request.output:
         files[Path(request.output) / (ROWS if response.model.rows else STORIES)] = stories.csv()
-        if elements := tables.responses.element_table(response):
+        if elements := tables.elements.element_table(response):
             files[Path(request.output) / ELEMENTS] = elements.in_units(units).csv()
         for name, table in zip(
             (ATTACHMENTS, LINKS), tables.devices.device_tables(response), strict=True
@@ -392,7 +392,7 @@ def _files(
             chunk if request.check else replace(chunk, error=None)
             for chunk in response.history_chunks(request.history_every)
         )
-        files[file] = lambda stream: tables.responses.write_pieces(chunks, stream, units)
+        files[file] = lambda stream: tables.histories.write_pieces(chunks, stream, units)
     if request.output:
         floor_files, notes = request.floor_request.files(
             response,
@@ -495,7 +495,7 @@ def _page_verdict(
 def _with_history(response: Response) -> Response:
     """Return the response with a response history for figures, of at most about `_FIGURE_STEPS`
     time steps."""
-    from tdint.response.runs.outcome import History
+    from tdint.response.runs.history import History
 
     assert response.history_chunks is not None
     if response.history is not None:
@@ -589,7 +589,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
-    sentences = tables.devices.device_sentences(response, units)
+    sentences = tables.devices.device_sentences(response, units) if response.devices else []
     if response.flexure is not None:
         sentences = tables.matrices.linear_sentences(response, units)
     lines += [f"{text[0].upper()}{text[1:]}." for text in sentences]

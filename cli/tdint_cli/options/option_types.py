@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem
@@ -339,8 +338,7 @@ class PairsType(ValueType):
         return self.measures.shell_complete(ctx, param, incomplete)
 
 
-@dataclass(frozen=True)
-class PairWish:
+class PairWish(NamedTuple):
     """Requested treatment of pairs of components.
 
     Attributes

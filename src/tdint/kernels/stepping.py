@@ -19,8 +19,6 @@
   that are reported are never fed back.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

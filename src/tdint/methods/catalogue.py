@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -468,8 +468,7 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> ResultLis
     return ResultList(chosen(specifications))
 
 
-@dataclass(frozen=True)
-class Publication:
+class Publication(NamedTuple):
     """Bibliographic data of a publication.
 
     Attributes

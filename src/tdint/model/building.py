@@ -129,6 +129,19 @@ class Building:
         """Columns of the attachments and links."""
         return slice(self.floors, self.floors + len(self.attachments) + len(self.links))
 
+    @property
+    def device_signs(self) -> Array:
+        """Signs of the deformations of attachments and links: -1 for a link whose end is below its
+        start, otherwise 1."""
+        return np.array([*(1.0 for _ in self.attachments), *(link.sign for link in self.links)])
+
+    @property
+    def lower_columns(self) -> NDArray[np.intp]:
+        """Columns of the lower floors of all springs; any column for the ground."""
+        if self.branched:
+            return self.linear_terms[rows.BASE, :-1].astype(np.intp)
+        return np.arange(self.stories) - 1
+
     @cached_property
     def deformations(self) -> Array:
         """Matrix of the deformations of all springs, shape (n, masses)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from tdint.model.limits import Limit
 
 
-@dataclass(frozen=True)
-class RayleighRatio:
+class RayleighRatio(NamedTuple):
     """Rayleigh damping through the damping ratios of two modes, or damping proportional to the
     stiffness through the ratio of one mode.
 
@@ -48,8 +47,7 @@ class RayleighRatio:
     tangent: bool = False
 
 
-@dataclass(frozen=True)
-class RayleighCoefficients:
+class RayleighCoefficients(NamedTuple):
     """Rayleigh damping C = mass M + stiffness K.
 
     Attributes
@@ -67,8 +65,7 @@ class RayleighCoefficients:
     tangent: bool = False
 
 
-@dataclass(frozen=True)
-class ModalDamping:
+class ModalDamping(NamedTuple):
     """Modal damping for the modes of the initial stiffness. It does not change during yielding.
 
     The modes are the modes of the stories, without attachments and links.
@@ -110,8 +107,7 @@ class RecordSource:
     scale: float = 1.0
 
 
-@dataclass(frozen=True)
-class Force:
+class Force(NamedTuple):
     """Harmonic force p = cosine cos(omega t) + sine sin(omega t) on one floor.
 
     Attributes
@@ -180,8 +176,7 @@ class LoadTable:
         return times
 
 
-@dataclass(frozen=True)
-class TableForce:
+class TableForce(NamedTuple):
     """Force on one floor from a column of a table.
 
     Attributes
@@ -235,8 +230,7 @@ class Excitation:
         return max((float(force.times[-1]) for force in self.tables), default=0.0)
 
 
-@dataclass(frozen=True)
-class Attachment:
+class Attachment(NamedTuple):
     """Mass on a floor, with its spring and dashpot: an absorber, a tank or equipment.
 
     Attributes
@@ -254,8 +248,7 @@ class Attachment:
     spring: Story
 
 
-@dataclass(frozen=True)
-class Link:
+class Link(NamedTuple):
     """Spring, dashpot or both between two floors, or between a floor and the ground.
 
     Attributes
@@ -645,7 +638,7 @@ def damped_by(model: Model, ratio: float) -> Damping:
         case RayleighRatio(_, modes, tangent):
             return RayleighRatio((ratio,) * len(modes), modes, tangent)
         case ModalDamping(old_ratios) as modal:
-            return replace(modal, ratios=tuple(ratio if old else 0.0 for old in old_ratios))
+            return modal._replace(ratios=tuple(ratio if old else 0.0 for old in old_ratios))
     has_no_ratio = "is undamped" if model.damping is None else "specifies damping by coefficients"
     raise UsageError(
         f"the damping ratio cannot be changed, because {model.name} {has_no_ratio}; specify "

@@ -52,8 +52,7 @@ class Relief(NamedTuple):
     ratio: float
 
 
-@dataclass(frozen=True)
-class PowerDashpot:
+class PowerDashpot(NamedTuple):
     """Dashpot with the force c v (v^2 + v0^2)^((exponent - 1) / 2) at the drift rate v.
 
     The force approaches c |v|^exponent for |v| much larger than v0, and a linear dashpot for |v|

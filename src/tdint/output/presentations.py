@@ -99,7 +99,7 @@ PRESENTATIONS: dict[str, Presentation] = {
             results, units
         ),
     ),
-    "ElementPeaks": Presentation(columns=lambda _: tables.responses.ELEMENT_COLUMNS),
+    "ElementPeaks": Presentation(columns=lambda _: tables.elements.ELEMENT_COLUMNS),
     "FloorSpectrum": Presentation(
         lambda result: tables.spectra.floor_spectrum_table([result]),
         picture=lambda results, units: figures.floor_spectra.floor_picture(results, units),

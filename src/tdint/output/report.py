@@ -19,7 +19,8 @@ from tdint.output import figures
 from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
 from tdint.output.tables import buildings
-from tdint.output.tables.responses import ELEMENT_COLUMNS, element_table, story_table
+from tdint.output.tables.elements import ELEMENT_COLUMNS, element_table
+from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import match_origin_table, motion_table
 from tdint.output.tables.table import TEXT, Table, error_percent
 from tdint.response.runs.error_estimate import FLOOR

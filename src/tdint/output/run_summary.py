@@ -13,11 +13,11 @@ from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, Ra
 from tdint.model.limits import QUANTITIES
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
 from tdint.output.tables import devices, matrices
+from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR, element_table
 from tdint.output.tables.loads import LOAD_COLUMNS, load_table
-from tdint.output.tables.responses import ELEMENT_COLUMNS, ELEMENT_ERROR, element_table
 from tdint.output.verdicts import limits_summary
 from tdint.response.runs.demands import DEMANDS, only
-from tdint.response.runs.outcome import ENERGY_TERMS
+from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 

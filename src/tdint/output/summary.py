@@ -12,7 +12,6 @@ import math
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -225,7 +224,7 @@ def files_read() -> list[dict[str, str]]:
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
     """Return the entries of a JSON file for input files: name and SHA-256 of the content."""
-    return list(map(asdict, inputs))
+    return [source._asdict() for source in inputs]
 
 
 def versions() -> dict[str, Any]:

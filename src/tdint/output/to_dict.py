@@ -19,7 +19,8 @@ from tdint.output.tables.table import (
     describe,
     parquet,
 )
-from tdint.response.runs.outcome import STORY_QUANTITIES, History
+from tdint.response.runs.history import History
+from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.tabular import ResultList, import_optional
 from tdint.units import SI, OutputUnits, parse_output_units, quantities
 

@@ -28,8 +28,10 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.story import PowerDashpot
 from tdint.output.run_summary import failure_summary, run_summary
 from tdint.output.summary import json_bytes
-from tdint.output.tables.responses import history_columns, story_table
-from tdint.response.runs.outcome import ENERGY_TERMS, FailedRun
+from tdint.output.tables.histories import history_columns
+from tdint.output.tables.responses import story_table
+from tdint.response.runs.energy import ENERGY_TERMS
+from tdint.response.runs.outcome import FailedRun
 
 RUNS, USUAL = 500, 100
 BATCH = 50

@@ -9,8 +9,9 @@ import pytest
 import tdint
 from tdint.kernels import layout as rows
 from tdint.model.building import assemble
-from tdint.response.runs.demands import DECLARED, demand_cells, demands, demands_of_runs
+from tdint.response.runs.demands import DECLARED, demands, demands_of_runs
 from tdint.response.runs.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks
+from tdint.response.runs.run_values import demand_cells
 
 HEIGHT = np.array([4.0, math.nan, 2.5])
 RANDOM = np.random.default_rng(2)

@@ -13,8 +13,9 @@ from building_cases import model, story
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.model.story_laws import Law
-from tdint.output.tables.responses import write_history, write_pieces
-from tdint.response.runs.outcome import History, Response
+from tdint.output.tables.histories import write_history, write_pieces
+from tdint.response.runs.history import History
+from tdint.response.runs.outcome import Response
 from tdint.response.runs.run import run
 
 ONE = [story(2.0e4, 2.0e7)]

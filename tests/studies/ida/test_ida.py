@@ -16,7 +16,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
-from tdint.response.runs.demands import RUN
+from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Batch, RunRow
 from tdint.studies.ida import ida_report
 from tdint.studies.ida.ida import IdaSettings, _elastic_scale, ida

@@ -64,7 +64,7 @@ def chart_summary(
         "schema": schema("chart"),
         "command": "chart",
         "name": model.name,
-        "model": asdict(model_input(model)),
+        "model": model_input(model)._asdict(),
         "record": record_summary(record) if record else None,
         "target": target,
         "method_parameters": _parameters_of(

@@ -336,11 +336,11 @@ def stretched(model: Model, count: int) -> Model:
             ),
         )
     elif isinstance(damping, ModalDamping):
-        damping = replace(damping, ratios=damping.ratios[:count])
+        damping = damping._replace(ratios=damping.ratios[:count])
 
     def moved(force: _Moved) -> _Moved:
         """Return a force on the floor of the new building."""
-        return replace(force, floor=max(1, math.ceil(force.floor * count / old_count)))
+        return force._replace(floor=max(1, math.ceil(force.floor * count / old_count)))
 
     forces = tuple(map(moved, model.excitation.forces))
     tables = tuple(map(moved, model.excitation.tables))

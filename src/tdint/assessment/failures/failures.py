@@ -23,7 +23,8 @@ from tdint.model.story_laws import Law
 from tdint.response.runs import error_estimate
 from tdint.response.runs.case import Case
 from tdint.response.runs.compiled_steps import LINEAR_OSCILLATORS, kernels
-from tdint.response.runs.outcome import DIVERGED, NOT_CONVERGED, UNSTABLE, FailedRun, History
+from tdint.response.runs.history import History
+from tdint.response.runs.outcome import DIVERGED, NOT_CONVERGED, UNSTABLE, FailedRun
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.runs.run import run
 from tdint.tabular import Progress, ResultList, progress_reporter

@@ -22,7 +22,7 @@ from tdint.ground_motion.reading.read import make_record
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.response.overview import modes
-from tdint.response.runs.outcome import History
+from tdint.response.runs.history import History
 from tdint.response.runs.run import run
 from tdint.response.spectra.elastic import spectrum
 from tdint.response.static.cyclic import cyclic_test

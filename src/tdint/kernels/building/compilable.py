@@ -5,12 +5,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 
-@dataclass(frozen=True)
-class Signature:
+class Signature(NamedTuple):
     """Types of the result and of the arguments of a kernel. A signature among the arguments
     represents a kernel with this signature."""
 
@@ -18,8 +16,7 @@ class Signature:
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True)
-class Scalar:
+class Scalar(NamedTuple):
     """Type of a number. A call with the types of arguments returns the signature of a function that
     returns such a number."""
 
@@ -30,8 +27,7 @@ class Scalar:
         return Signature(self, arguments)
 
 
-@dataclass(frozen=True)
-class ArrayOf:
+class ArrayOf(NamedTuple):
     """Type of an array of floating-point numbers in C order."""
 
     dimensions: int
@@ -51,8 +47,7 @@ FRACTURES = "~"
 """End of the name of a law in a variant, if the law can fracture."""
 
 
-@dataclass(frozen=True)
-class Variant:
+class Variant(NamedTuple):
     """Features that the compiled code of a kernel supports.
 
     Attributes
@@ -111,11 +106,11 @@ class Variant:
         attributes get the values of EVERYTHING, so that one compiled kernel serves more buildings.
         """
         unused = {name: getattr(EVERYTHING, name) for name in PARTS if name not in parts}
-        return replace(self, **unused)
+        return self._replace(**unused)
 
 
 EVERYTHING = Variant()
-PARTS = tuple(field.name for field in fields(Variant))
+PARTS = Variant._fields
 """Attributes of a variant: the laws and the features."""
 
 FEATURES = PARTS[1:]

@@ -14,7 +14,6 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
-from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -768,7 +767,7 @@ def _defines_model(text: str, model: Model) -> bool:
 def _fitted_numbers(model: Model) -> list[float]:
     """Return the stiffnesses of the stories, followed by the parameters of the damping."""
     numbers = [story.stiffness for story in model.stories]
-    for value in astuple(model.damping) if model.damping is not None else ():
+    for value in model.damping or ():
         numbers += value if isinstance(value, tuple) else (value,)
     return numbers
 

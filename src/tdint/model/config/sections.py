@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -324,7 +323,7 @@ def read_damping(value: Value | None, count: int | None) -> Damping:
     count : int | None
         Number of stories; None if it is unknown after an error.
     """
-    damping = replace(value, type=_damping_type(count)).read() if value else None
+    damping = value._replace(type=_damping_type(count)).read() if value else None
     if isinstance(damping, float):
         return RayleighRatio((damping, damping), (1, min(count or 1, _SECOND_MODE)))
     return None if damping == "none" else damping

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 from tdint.kernels.laws import UNAVAILABLE
 from tdint.kernels.laws.law import DriftLaw, LawParameter
@@ -120,8 +121,7 @@ _INCLINATION = (
 """Keys of an inclined dashpot or element."""
 
 
-@dataclass(frozen=True)
-class _LawType:
+class _LawType(NamedTuple):
     """Type of a mapping with the type of a law, its parameters and further keys.
 
     Attributes

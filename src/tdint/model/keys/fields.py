@@ -12,7 +12,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import lt
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -327,8 +327,7 @@ _MIN_SIMILARITY = 0.75
 key is treated as a misspelling of it: its value is checked as the value of the known key."""
 
 
-@dataclass(frozen=True, eq=False)
-class Value:
+class Value(NamedTuple):
     """Node of a model file with its full key, such as `stories[2].mass` (lists start at 1).
 
     Attributes
@@ -502,7 +501,7 @@ class Value:
             if isinstance(value_type, Bounds):
                 number = self.number(value_type, expected=either.description)
                 return None if math.isnan(number) else number
-            return replace(self, type=value_type).read()
+            return self._replace(type=value_type).read()
         self.fault(f"must be {either.description}, got {self._message_text()}")
         return None
 
@@ -543,7 +542,7 @@ class Value:
         if entries is None:
             return None
         return {
-            name: (entry, replace(entry, type=declared.type).read())
+            name: (entry, entry._replace(type=declared.type).read())
             for name, entry in entries.items()
         }
 

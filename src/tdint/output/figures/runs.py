@@ -32,7 +32,8 @@ from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
-    from tdint.response.runs.outcome import History, Response
+    from tdint.response.runs.history import History
+    from tdint.response.runs.outcome import Response
 
 # Parts that would be too small to be visible are omitted from the figures.
 _MIN_COLLAPSE_FRACTION = 0.4

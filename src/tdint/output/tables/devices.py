@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.model.definition import Attachment, Link
 from tdint.output.tables.table import Cell, Column, Table, error_columns, joined_rows
-from tdint.response.runs.outcome import STORY_QUANTITIES, DeviceHistory, History
+from tdint.response.runs.history import DeviceHistory, History
+from tdint.response.runs.outcome import STORY_QUANTITIES
 from tdint.units import OutputUnits, quantities
 
 if TYPE_CHECKING:
@@ -166,8 +167,7 @@ def device_rows(
 def device_sentences(response: Response, units: OutputUnits) -> list[str]:
     """Return a sentence with the main peaks of each attachment and link."""
     devices, model = response.devices, response.model
-    if devices is None:
-        return []
+    assert devices is not None
     peaks, sentences = devices.stories, []
     for i, item in enumerate(model.devices):
         drift = units.text(float(peaks.peak_drift[i]), "m")

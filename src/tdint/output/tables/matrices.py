@@ -14,7 +14,8 @@ from tdint.output.tables.table import (
     joined_rows,
     rows_of,
 )
-from tdint.response.runs.outcome import FLEXURE_QUANTITIES, STORY_QUANTITIES, FlexureValues
+from tdint.response.runs.flexure import FLEXURE_QUANTITIES, FlexureValues
+from tdint.response.runs.outcome import STORY_QUANTITIES
 
 if TYPE_CHECKING:
     from tdint.response.runs.outcome import Response

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from tdint.model.parameters import parameter_meaning
 from tdint.output.tables.table import METHOD_SPEC, NAMED_RECORD_COLUMNS, TEXT, Column, error_columns
-from tdint.response.runs.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.response.runs.run_values import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 
 BUILDING_COLUMNS = (
     Column.named("building", "name of the building", TEXT),

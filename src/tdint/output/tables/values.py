@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tdint.output.tables import responses, runs
+from tdint.output.tables import histories, runs
 from tdint.output.tables.table import Column
-from tdint.response.runs.demands import DEMANDED, demand_columns, demand_errors
-from tdint.response.runs.outcome import History
+from tdint.response.runs.history import History
+from tdint.response.runs.run_values import DEMANDED, demand_columns, demand_errors
 
 if TYPE_CHECKING:
     from tdint.response.runs.many_results import Runs
@@ -73,12 +73,12 @@ def _values_of_run(values: Any, run: int, story_count: int) -> Any:
 
 def history_columns(result: History) -> Values:
     """Return the columns of a response history with their values, as in the CSV file."""
-    parts = responses.history_parts(result)
+    parts = histories.history_parts(result)
     values: list[Any] = []
-    for names, columns in responses.history_groups(*parts):
+    for names, columns in histories.history_groups(*parts):
         arrays = [column.of(result) for column in columns]
         # A column for each floor or story, in the order of the CSV file; other names are empty
         values += (
             [array[:, i] for i in range(len(names)) for array in arrays] if all(names) else arrays
         )
-    return list(zip(responses.history_columns(*parts), values, strict=True))
+    return list(zip(histories.history_columns(*parts), values, strict=True))

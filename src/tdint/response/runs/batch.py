@@ -34,7 +34,7 @@ from tdint.response.runs.case import (
     rest_criterion,
     until_forces_end,
 )
-from tdint.response.runs.elements import element_peaks
+from tdint.response.runs.elements import ElementPeaks, element_peaks
 from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.loop_results import columns, device_columns, energy_errors, named_peaks
@@ -42,7 +42,6 @@ from tdint.response.runs.outcome import (
     STORY_QUANTITIES,
     Collapse,
     DevicePeaks,
-    ElementPeaks,
     FailedRun,
     Response,
     StoryPeaks,
@@ -205,7 +204,7 @@ class Outcomes:
         stories with several elements."""
         if i in self.responses:
             return self.responses[i].elements
-        return element_peaks(model, self.elements[i], self.stories_of(i))
+        return element_peaks(model, self.elements[i], self.stories_of(i).peak_drift)
 
     def devices_of(self, i: int) -> DevicePeaks | None:
         """Return the peaks of attachments and links in run `i`; None without them."""

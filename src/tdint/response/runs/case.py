@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +36,12 @@ from tdint.model.plausibility import (
 )
 from tdint.model.story_laws import LAWS
 from tdint.number_parsing import pluralize
-from tdint.response.runs.elements import element_peaks
+from tdint.response.runs.energy import Energy
 from tdint.response.runs.loop_results import (
     device_peaks,
     energy_errors,
-    flexure_peaks,
     interstep_peak_errors,
     named_energies,
-    named_history,
     possible_growth,
     residual_oscillation,
     story_peaks,
@@ -53,9 +51,7 @@ from tdint.response.runs.outcome import (
     NOT_CONVERGED,
     UNSTABLE,
     Collapse,
-    Energy,
     FailedRun,
-    History,
     Response,
     StoryPeaks,
 )
@@ -69,6 +65,9 @@ from tdint.response.runs.prepared import (
     element_results,
 )
 from tdint.response.time_steps import Steps, choose_steps, moves_without_record
+
+if TYPE_CHECKING:
+    from tdint.response.runs.history import History
 
 _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which the result of a run includes a warning."""
@@ -391,9 +390,15 @@ class Case:
         for space in self.prepared.integrate_in_chunks(
             self.method, steps, self.ground, every=every
         ):
-            yield named_history(
-                self.building, self.prepared.loads, space, steps.h, max_input_energy
-            )
+            yield self._history(space, steps.h, max_input_energy)
+
+    def _history(
+        self, space: Workspace, h: float, max_input_energy: float | None = None
+    ) -> History:
+        """Return the history that a run, or a chunk of it, stored (`named_history`)."""
+        from tdint.response.runs.history import named_history  # not needed by most runs
+
+        return named_history(self.building, self.prepared.loads, space, h, max_input_energy)
 
     def _integrate(self, steps: Steps, history: bool = False) -> IntegrationResult:
         """Integrate over the time steps and return the arrays, with the response at every time step
@@ -584,11 +589,6 @@ class Case:
         collapse if the run failed after it."""
         space = result.space
         energy, stories = named_energies(space.totals), story_peaks(self.building, space)
-        history = (
-            named_history(self.building, self.prepared.loads, space, steps.h)
-            if space.history.size
-            else None
-        )
         warnings = (
             # Warnings on the input are first, because all results depend on the input. A warning of
             # an unusual ductility precedes the warning of the energy imbalance, because it may be
@@ -611,6 +611,16 @@ class Case:
                     f"the run ends at {steps.count * steps.h:.6g} s, while peaks still grow: they "
                     f"may become {100.0 * growth:.2g} % larger; use a longer duration, or omit it",
                 )
+        flexure = elements = None  # their modules are not needed by most buildings
+        if self.building.system is not None and self.building.system.flexure is not None:
+            from tdint.response.runs.flexure import flexure_peaks
+
+            flexure = flexure_peaks(space, self.building.stories)
+        if self.building.elements:
+            from tdint.response.runs.elements import element_peaks
+
+            results = element_results(space.law_state, self.building.stories)
+            elements = element_peaks(self.model, results, stories.peak_drift)
         late = 0.0 if result.completed > steps.count else steps.late
         bound = interstep_peak_errors(self.building, space, late, slice(self.building.floors))
         response = Response(
@@ -627,19 +637,17 @@ class Case:
             solver_time=result.seconds,
             stories=stories,
             energy=energy,
-            history=history,
+            history=self._history(space, steps.h) if space.history.size else None,
             # The imbalances in a chunk are relative to the reference energy of the complete run.
             history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
             interstep_bound=bound,
             devices=device_peaks(self.building, space, steps.late),
-            flexure=flexure_peaks(self.building, space),
+            flexure=flexure,
             residual_oscillation=residual_oscillation(self.building, space)[: self.building.floors],
             collapse=collapse,
             warnings=warnings,
-            elements=element_peaks(
-                self.model, element_results(space.law_state, self.building.stories), stories
-            ),
+            elements=elements,
         )
         return replace(
             response,

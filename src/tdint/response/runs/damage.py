@@ -22,8 +22,8 @@ from tdint.model.definition import Model
 from tdint.model.modes import solve_modes
 from tdint.model.status import DONE, FALLEN
 from tdint.model.story import Story
-from tdint.response.runs.demands import demand_cells
 from tdint.response.runs.outcome import StoryPeaks
+from tdint.response.runs.run_values import demand_cells
 
 RUN_QUANTITIES = {
     "drift_ratio": "peak_drift_ratio",

@@ -1,19 +1,70 @@
 """Results of the elements of stories with several elements in a run."""
 
-from __future__ import annotations
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.model.building import element_yield_drifts
 from tdint.model.definition import Model
-from tdint.response.runs.outcome import ElementPeaks, StoryPeaks
+from tdint.number_parsing import pluralize
+from tdint.tabular import Tabular
+from tdint.units import Quantity, quantities
 
 _ROUNDING = 1e-12
 """Dimensionless. Dissipated energy divided by peak force times peak drift, below which it is 0."""
 
 
-def element_peaks(model: Model, results: Array, stories: StoryPeaks) -> ElementPeaks | None:
+@dataclass(frozen=True, eq=False)
+class ElementValues:
+    """Quantities of the elements of stories with several elements, or their errors; arrays with a
+    single value per element.
+    """
+
+    peak_force: Annotated[Array, Quantity("N", "maximum absolute force of the element")]
+    dissipated_energy: Annotated[Array, Quantity("J", "dissipated by the element since the start")]
+    ductility: Annotated[
+        Array, Quantity("1", "peak drift of the story divided by the yield drift of the element")
+    ]
+
+
+ELEMENT_QUANTITIES = quantities(ElementValues)
+"""Quantities of an element that have an error estimate."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ElementPeaks(Tabular, ElementValues):
+    """Results of the elements of stories with several elements, one value per element.
+
+    Attributes
+    ----------
+    peak_force : ndarray
+        Maximum absolute forces, N.
+    dissipated_energy : ndarray
+        Energies dissipated since the start, J.
+    ductility : ndarray
+        Peak drift of the story divided by the yield drift of the element; nan for an element that
+        does not yield.
+    story : ndarray of int
+        Numbers of the stories, from 1.
+    element, law : ndarray of str
+        Names of the elements and of their laws.
+    yield_drift : ndarray
+        Drifts at first yield, m; nan for an element that does not yield.
+    """
+
+    story: NDArray[np.int64]
+    element: NDArray[np.str_]
+    law: NDArray[np.str_]
+    yield_drift: Array
+
+    def _headline(self) -> str:
+        return f"of {pluralize(len(self.element), 'element')}"
+
+
+def element_peaks(model: Model, results: Array, peak_drift: Array) -> ElementPeaks | None:
     """Return the results of the elements of all stories with several elements in a run; None
     without such stories. `results` is the array of `element_results`."""
     elements = [
@@ -25,11 +76,11 @@ def element_peaks(model: Model, results: Array, stories: StoryPeaks) -> ElementP
     indices = np.array([i for i, _, _ in elements])
     peak_force, energy = results.copy()
     # The difference of work and stored energy of an elastic element is a rounding error.
-    energy[np.abs(energy) <= _ROUNDING * peak_force * stories.peak_drift[indices]] = 0.0
+    energy[np.abs(energy) <= _ROUNDING * peak_force * peak_drift[indices]] = 0.0
     return ElementPeaks(
         peak_force=peak_force,
         dissipated_energy=energy,
-        ductility=stories.peak_drift[indices] / yield_drift,
+        ductility=peak_drift[indices] / yield_drift,
         story=indices + 1,
         element=np.array([story.elements[j].name for _, story, j in elements]),
         law=np.array([story.elements[j].law.name for _, story, j in elements]),

@@ -24,35 +24,26 @@ reports how often it is too small.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tdint.arrays import Array
+from tdint.arrays import Array, each_array, join_arrays
 from tdint.methods.catalogue import DEFAULT_METHOD, EXACT, parse
 from tdint.methods.method import Integrator
 from tdint.response.runs.case import Case
 from tdint.response.runs.compiled_steps import unsupported_reason
 from tdint.response.runs.loop_results import all_peaks, columns, with_growth
-from tdint.response.runs.outcome import (
-    FLEXURE_QUANTITIES,
-    ElementValues,
-    ErrorEstimate,
-    ErrorHistory,
-    EventResponse,
-    FailedRun,
-    FlexureValues,
-    History,
-    Response,
-    StoryErrors,
-    StoryPeaks,
-    each_array,
-    join_arrays,
-)
+from tdint.response.runs.outcome import ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
 from tdint.response.time_steps import Steps, finer
+
+if TYPE_CHECKING:
+    from tdint.response.runs.elements import ElementValues
+    from tdint.response.runs.flexure import FlexureValues
+    from tdint.response.runs.outcome import EventResponse
 
 REFERENCE = parse(DEFAULT_METHOD)
 """Method of the additional run that estimates the errors of most methods."""
@@ -382,12 +373,14 @@ def with_error_estimate(
         note = "a second run estimates the errors, with most of the time; --no-check omits it"
         response = replace(response, notes=(*response.notes, note))
     if history_errors and response.history_chunks is not None and other.history_chunks is not None:
+        from tdint.response.runs.history import History, chunks_with_error, with_error
+
         ratio = round(response.dt / other.dt)
-        with_error = response.history and _with_error(
+        history = response.history and with_error(
             response.history, History.joined(other.history_chunks(ratio))
         )
-        chunks = partial(_chunks_with_error, response.history_chunks, other.history_chunks, ratio)
-        response = replace(response, history=with_error, history_chunks=chunks)
+        chunks = partial(chunks_with_error, response.history_chunks, other.history_chunks, ratio)
+        response = replace(response, history=history, history_chunks=chunks)
     return replace(response, check=check)
 
 
@@ -567,6 +560,8 @@ def element_errors(
     elements, others = response.elements, other.elements
     if elements is None or others is None:
         return None
+    from tdint.response.runs.elements import ElementValues
+
     drift, story = response.stories.peak_drift, elements.story - 1
     excess = _missed_excess(response, other, start, "peak_drift")
     relative = np.divide(excess, drift, out=np.zeros_like(drift), where=drift > 0.0)
@@ -585,6 +580,8 @@ def element_errors(
 
 def flexure_errors(peaks: FlexureValues, others: FlexureValues, growth: float) -> FlexureValues:
     """Return the estimated errors of flexural stories, at least `growth` times the peaks."""
+    from tdint.response.runs.flexure import FLEXURE_QUANTITIES, FlexureValues
+
     values: dict[str, Any] = {}
     for quantity in FLEXURE_QUANTITIES:
         value, other = (np.atleast_1d(getattr(item, quantity.name)) for item in (peaks, others))
@@ -672,28 +669,3 @@ def _unknown(response: Response, reason: str) -> Response:
     errors = StoryErrors(*(unknown for _ in fields(StoryErrors)))
     notes = (*response.notes, f"no error estimate: {reason}")
     return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
-
-
-def _chunks_with_error(
-    chunks: Callable[[int], Iterator[History]],
-    other_chunks: Callable[[int], Iterator[History]],
-    ratio: int,
-    every: int = 1,
-) -> Iterator[History]:
-    """Yield the chunks of a history with the estimated errors at each row; `ratio` is the number of
-    time steps of the additional run in one time step of the run.
-    """
-    return map(_with_error, chunks(every), other_chunks(ratio * every))
-
-
-def _with_error(history: History, other: History) -> History:
-    """Return a history with its estimated errors: the values of `other`, the history of the
-    additional run at the same times, minus its own values.
-    """
-    # The additional run includes the motion after the record, which a file omits.
-    count = history.time.size
-    errors = {
-        field.name: getattr(other, field.name)[:count] - getattr(history, field.name)
-        for field in fields(ErrorHistory)
-    }
-    return replace(history, error=ErrorHistory(**errors))

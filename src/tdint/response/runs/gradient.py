@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, each_array
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
@@ -35,13 +35,7 @@ from tdint.response.runs.error_estimate import (
     shorter_steps,
 )
 from tdint.response.runs.many_results import HISTORY_FIELDS, SCALE, Runs, RunSpec
-from tdint.response.runs.outcome import (
-    Gradient,
-    Response,
-    StoryErrors,
-    StoryPeaks,
-    each_array,
-)
+from tdint.response.runs.outcome import Gradient, Response, StoryErrors, StoryPeaks
 
 SIZE = 1e-4
 """Dimensionless. Distance of a neighbor divided by the value of the parameter. For 13 771 pairs in

@@ -65,8 +65,7 @@ class LoadCase(Record):
         """Return a model under this load case. Its own tables of forces are replaced, as its own
         record is by a ground motion; its harmonic forces are kept."""
         tables = tuple(
-            replace(
-                load,
+            load._replace(
                 floor=load.floor or len(model.stories),
                 factor=load.factor * self.scale,
             )

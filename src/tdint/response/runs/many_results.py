@@ -11,21 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, each_array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
-from tdint.response.runs import loop_results
-from tdint.response.runs.outcome import (
-    STORY_QUANTITIES,
-    Gradient,
-    History,
-    StoryErrors,
-    StoryPeaks,
-    StoryValues,
-    each_array,
-)
+from tdint.response.runs.history import HISTORIES, History
+from tdint.response.runs.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks, StoryValues
 from tdint.response.time_steps import Steps
 from tdint.system import available_memory
 from tdint.tabular import Tabular
@@ -35,6 +27,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from tdint.model.limits import LimitCheck
+    from tdint.response.runs.outcome import Gradient
 
 SCALE = "record.scale"
 """Name in `vary` that is not a parameter of the building: factor on the ground motion."""
@@ -42,7 +35,7 @@ SCALE = "record.scale"
 HISTORY_FIELDS = {
     quantity.called or quantity.name: quantity.name
     for quantity in quantities(History)
-    if quantity.name in loop_results.HISTORIES
+    if quantity.name in HISTORIES
 }
 """Quantities of a history that can be kept: field of `History` by the name of its column without
 the unit.

@@ -1,17 +1,14 @@
 """Results of a run: peaks, energies, history, error estimates, or the failure that ended it."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields, replace
-from functools import reduce
-from operator import add, itemgetter
-from typing import TYPE_CHECKING, Annotated, Any, Generic, NamedTuple, TypeVar, get_type_hints
+from operator import itemgetter
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array
+from tdint.arrays import Array, each_array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.number_parsing import first_warning, pluralize
@@ -23,9 +20,13 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
     from tdint.model.definition import Model
     from tdint.model.limits import LimitCheck
+    from tdint.response.runs.elements import ElementPeaks, ElementValues
+    from tdint.response.runs.energy import Energy
+    from tdint.response.runs.flexure import FlexurePeaks
+    from tdint.response.runs.history import History
 
 
-def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
+def _peak(row: int) -> "Callable[[Building, Array, Array], Array]":
     """Return the function of a `Quantity` that reads one row of the peaks of all stories."""
     return lambda building, peaks, end: peaks[..., row, :]
 
@@ -122,7 +123,7 @@ STORY_QUANTITIES = quantities(StoryValues)
 """Quantities of a story, in the order of their columns."""
 
 
-def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
+def story_values(building: "Building", peaks: Array, end: Array) -> dict[str, Array]:
     """Compute the quantities of all stories.
 
     Parameters
@@ -190,53 +191,6 @@ class StoryPeaks(Tabular, StoryValues):
         return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
 
 
-@dataclass(frozen=True, eq=False)
-class ElementValues:
-    """Quantities of the elements of stories with several elements, or their errors; arrays with a
-    single value per element.
-    """
-
-    peak_force: Annotated[Array, Quantity("N", "maximum absolute force of the element")]
-    dissipated_energy: Annotated[Array, Quantity("J", "dissipated by the element since the start")]
-    ductility: Annotated[
-        Array, Quantity("1", "peak drift of the story divided by the yield drift of the element")
-    ]
-
-
-ELEMENT_QUANTITIES = quantities(ElementValues)
-"""Quantities of an element that have an error estimate."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ElementPeaks(Tabular, ElementValues):
-    """Results of the elements of stories with several elements, one value per element.
-
-    Attributes
-    ----------
-    peak_force : ndarray
-        Maximum absolute forces, N.
-    dissipated_energy : ndarray
-        Energies dissipated since the start, J.
-    ductility : ndarray
-        Peak drift of the story divided by the yield drift of the element; nan for an element that
-        does not yield.
-    story : ndarray of int
-        Numbers of the stories, from 1.
-    element, law : ndarray of str
-        Names of the elements and of their laws.
-    yield_drift : ndarray
-        Drifts at first yield, m; nan for an element that does not yield.
-    """
-
-    story: NDArray[np.int64]
-    element: NDArray[np.str_]
-    law: NDArray[np.str_]
-    yield_drift: Array
-
-    def _headline(self) -> str:
-        return f"of {pluralize(len(self.element), 'element')}"
-
-
 class StoryErrors(StoryValues):
     """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
     units; nan if unknown.
@@ -288,7 +242,7 @@ class Gradient(Tabular, StoryValues):
         worst = np.nanmax(np.divide(errors, size, out=np.zeros_like(size), where=size > 0.0))
         return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
 
-    def select_run(self, number: int) -> Gradient:
+    def select_run(self, number: int) -> "Gradient":
         """Return the derivatives of one of many runs.
 
         Parameters
@@ -361,10 +315,10 @@ class ErrorEstimate:
     method: str = ""
     step_choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
-    elements: ElementValues | None = None
+    elements: "ElementValues | None" = None
 
     @classmethod
-    def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
+    def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> "ErrorEstimate":
         """Return an error estimate after computing its maximum relative drift error and the story.
 
         Parameters
@@ -383,101 +337,6 @@ class ErrorEstimate:
         relative = np.divide(errors.peak_drift, drift, out=without_drift, where=drift > 0.0)
         worst = int(np.argmax(relative))
         return cls(errors, drift_error=float(relative[worst]), drift_story=worst + 1, **more)
-
-
-Amount = TypeVar("Amount")
-
-
-@dataclass(frozen=True)
-class EnergyTerms(Generic[Amount]):
-    """Energy terms, J: one field per row of `tdint.kernels.time_loop.observer`, in its order."""
-
-    input: Annotated[Amount, "work of the load on the motion relative to the ground"]
-    kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
-    viscous: Annotated[Amount, "work of viscous damping (Rayleigh, modal), without dashpots"]
-    dampers: Annotated[Amount, "work of the dashpots"]
-    strain: Annotated[Amount, "stored in the stories, P-delta included"]
-    hysteretic: Annotated[Amount, "dissipated by the drift laws"]
-    braces: Annotated[Amount, "stored in the braces of dampers"]
-
-
-ENERGY_TERMS: dict[str, str] = {
-    name: hint.__metadata__[0]
-    for name, hint in get_type_hints(EnergyTerms, include_extras=True).items()
-}
-"""Description of each term by its name, which is also the name of columns and keys."""
-
-
-@dataclass(frozen=True)
-class Energy(EnergyTerms[float]):
-    """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990,
-    relative energy).
-
-    initial + input = the other terms + imbalance.
-
-    Attributes
-    ----------
-    input : float
-        Work of the load on the motion relative to the ground.
-    kinetic : float
-        Kinetic energy of the motion relative to the ground.
-    viscous, dampers : float
-        Work of viscous damping (Rayleigh, modal), and of the dashpots.
-    strain : float
-        Energy stored in the stories, including P-delta.
-    hysteretic : float
-        Energy dissipated by the hysteresis models.
-    braces : float
-        Energy stored in the braces of dampers.
-    initial : float
-        Kinetic and stored energy at the start.
-    reference : float
-        Maximum of initial + input during the run.
-    """
-
-    initial: float
-    reference: float
-
-    @property
-    def error(self) -> float:
-        """Energy imbalance divided by the reference energy; 0 for a run without energy.
-
-        The imbalance is initial + input minus all other terms; it is negative if the method
-        produces energy.
-        """
-        spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
-        return (
-            float((self.initial + self.input - spent) / self.reference)
-            if self.reference > 0.0
-            else 0.0
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class EnergyHistory(EnergyTerms[Array]):
-    """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
-
-    The arrays have the shape (steps + 1,).
-    """
-
-    error: Array
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorHistory:
-    """Estimated error at all time steps, true minus computed value, shape (steps + 1, n).
-
-    The true value is estimated by the additional run for the error estimate.
-    """
-
-    displacement: Annotated[
-        Array, Quantity("m", "estimated error, true less computed", shown=("floor",))
-    ]
-    velocity: Annotated[
-        Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))
-    ]
-    drift: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("story",))]
-    shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
 
 class DevicePeaks(NamedTuple):
@@ -516,201 +375,6 @@ class DevicePeaks(NamedTuple):
             peaks.peak_damper_force[np.newaxis],
             attachments,
         )
-
-
-@dataclass(frozen=True, eq=False)
-class FlexureValues:
-    """Quantities of flexural stories, shape (n,), and of their base, or the errors of these."""
-
-    peak_moment: Annotated[
-        Array, Quantity("N*m", "maximum absolute moment at the bottom of the story")
-    ]
-    peak_rotation: Annotated[
-        Array, Quantity("rad", "maximum absolute rotation at the top of the story")
-    ]
-    peak_drift_without_rotation: Annotated[
-        Array,
-        Quantity("m", "maximum absolute drift minus rotation at the bottom of the story x height"),
-    ]
-    peak_shear_drift: Annotated[
-        Array, Quantity("m", "maximum absolute part of the drift by shear deformation")
-    ]
-    peak_bending_drift: Annotated[
-        Array,
-        Quantity("m", "maximum absolute part of the drift by bending of the story itself"),
-    ]
-    base_rotation: Annotated[
-        float, Quantity("rad", "maximum absolute rotation of the base", shown=("summary",))
-    ]
-    base_displacement: Annotated[
-        float, Quantity("m", "maximum absolute displacement of the base", shown=("summary",))
-    ]
-    total_base_moment: Annotated[
-        float,
-        Quantity(
-            "N*m",
-            "maximum absolute moment of all inertia forces and loads about the base",
-            shown=("summary",),
-        ),
-    ]
-
-
-FLEXURE_QUANTITIES = quantities(FlexureValues)
-"""Quantities of flexural stories and of their base."""
-
-
-@dataclass(frozen=True, eq=False)
-class FlexurePeaks(FlexureValues):
-    """Peaks of flexural stories; `errors` are their estimated errors, if they were requested."""
-
-    errors: FlexureValues | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class DeviceHistory:
-    """Response histories of attachments and then links, shape (steps + 1, devices), SI units.
-
-    The drift is the deformation. Of links, only `drift`, `shear` and `damper_force` have a meaning.
-    `attachments` and `links` are the names in columns.
-    """
-
-    attachments: tuple[str, ...]
-    links: tuple[str, ...]
-    displacement: Array
-    velocity: Array
-    acceleration: Array
-    drift: Array
-    shear: Array
-    damper_force: Array
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class History(Tabular):
-    """Response history at all time steps.
-
-    `time` and `ground_acceleration` have the shape (steps + 1,), the other fields (steps + 1, n).
-    `error` contains the estimated errors of all quantities except accelerations if they were
-    requested, otherwise None.
-
-    Attributes
-    ----------
-    time : ndarray, shape (steps + 1,)
-        Time from the first sample, s.
-    ground_acceleration : ndarray, shape (steps + 1,)
-        Acceleration of the ground, m/s^2.
-    displacement, velocity : ndarray, shape (steps + 1, n)
-        Motion of the floors relative to the ground, m and m/s.
-    acceleration : ndarray, shape (steps + 1, n)
-        Absolute accelerations of the floors from equilibrium, m/s^2.
-    drift : ndarray, shape (steps + 1, n)
-        Displacements relative to the floor below, m.
-    shear : ndarray, shape (steps + 1, n)
-        Restoring forces of the stories without viscous forces, N.
-    damper_force : ndarray, shape (steps + 1, n)
-        Forces of the dashpots of the stories, N.
-    total_shear : ndarray, shape (steps + 1, n)
-        Restoring, P-delta and all viscous forces that act on the floors above, N.
-    energy : EnergyHistory
-        Energy terms, J.
-    error : ErrorHistory | None
-        Estimated errors of all quantities except accelerations, if they were requested.
-    element_force : ndarray, shape (steps + 1, elements), or None
-        Forces of the elements of stories with several elements, N; None without such stories.
-    element_labels : tuple of str
-        Story and name of each of these elements, such as `story_1_moat_wall`.
-    devices : DeviceHistory or None
-        Histories of attachments and links; None without attachments and links.
-    rows : tuple of str
-        Names of rows that are not floors, in columns; empty for a building.
-    """
-
-    time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
-    ground_acceleration: Annotated[
-        Array, Quantity("m/s^2", "acceleration of the ground", shown=("ground",))
-    ]
-    displacement: Annotated[Array, Quantity("m", "relative to the ground", shown=("floor",))]
-    velocity: Annotated[Array, Quantity("m/s", "relative to the ground", shown=("floor",))]
-    acceleration: Annotated[
-        Array,
-        Quantity(
-            "m/s^2", "absolute, from equilibrium", shown=("floor",), called="absolute_acceleration"
-        ),
-    ]
-    drift: Annotated[Array, Quantity("m", "relative to the floor below", shown=("story",))]
-    shear: Annotated[
-        Array, Quantity("N", "restoring force, without viscous forces", shown=("story",))
-    ]
-    damper_force: Annotated[Array, Quantity("N", "force of the story's dashpots", shown=("story",))]
-    total_shear: Annotated[
-        Array,
-        Quantity(
-            "N",
-            "moves all floors above: restoring, P-delta and all viscous forces",
-            shown=("story",),
-        ),
-    ]
-    energy: EnergyHistory
-    error: ErrorHistory | None = None
-    element_force: Array | None = None
-    element_labels: tuple[str, ...] = ()
-    devices: DeviceHistory | None = None
-    rows: tuple[str, ...] = ()
-
-    def _headline(self) -> str:
-        stories = pluralize(self.displacement.shape[1], "story")
-        steps = pluralize(len(self.time) - 1, "step")
-        return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
-
-    @staticmethod
-    def joined(chunks: Iterable[History]) -> History:
-        """Return the chunks of a history as a single history.
-
-        Parameters
-        ----------
-        chunks : iterable of History
-            Chunks in the order of time.
-        """
-        parts = list(chunks)
-        return parts[0] if len(parts) == 1 else each_array(join_arrays, *parts)
-
-    def every(self, steps: int) -> History:
-        """Return every N-th step, from the first, as views of the arrays.
-
-        Parameters
-        ----------
-        steps : int
-            Interval of the rows in time steps, N.
-        """
-        thinned: History = each_array(lambda array: array[::steps], self)
-        return thinned
-
-
-def join_arrays(*arrays: Array) -> Array:
-    """Return arrays as a single array, joined along the first axis."""
-    return np.concatenate(arrays)
-
-
-def each_array(function: Callable[..., Array], *parts: Any) -> Any:
-    """Return a dataclass with the results of a function of each array of `parts`.
-
-    Parameters
-    ----------
-    function : callable
-        Function of an array of the first part and of the arrays of the same name of the others.
-    parts
-        Dataclasses of one type. They may contain other dataclasses, None, and tuples of labels,
-        which all parts have in common.
-    """
-    if parts[0] is None:
-        return None
-    if isinstance(parts[0], np.ndarray):
-        return function(*parts)
-    if isinstance(parts[0], tuple):
-        return parts[0]
-    names = [member.name for member in fields(parts[0])]
-    return type(parts[0])(
-        **{name: each_array(function, *(getattr(part, name) for part in parts)) for name in names}
-    )
 
 
 @dataclass(frozen=True)
@@ -761,7 +425,7 @@ class EventResponse:
         Estimated errors of the peaks, if requested.
     """
 
-    record: Record
+    record: "Record"
     start: float
     stories: StoryPeaks
     interstep_bound: StoryErrors
@@ -830,8 +494,8 @@ class Response(Tabular):
         Results of the elements of stories with several elements; None without such stories.
     """
 
-    model: Model
-    record: Record | None
+    model: "Model"
+    record: "Record | None"
     status: str
     method: str
     dt: float
@@ -841,24 +505,24 @@ class Response(Tabular):
     branch_changes: int
     solver_time: float
     stories: StoryPeaks
-    energy: Energy
-    history: History | None
+    energy: "Energy"
+    history: "History | None"
     notes: tuple[str, ...]
     interstep_bound: StoryErrors
     residual_oscillation: Array
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
     time_at_rest: float | None = None
-    history_chunks: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
+    history_chunks: Callable[..., Iterator["History"]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
-    events: tuple[EventResponse, ...] = ()
-    gradient: Gradient | None = None
+    events: tuple["EventResponse", ...] = ()
+    gradient: "Gradient | None" = None
     devices: DevicePeaks | None = None
-    flexure: FlexurePeaks | None = None
-    elements: ElementPeaks | None = None
+    flexure: "FlexurePeaks | None" = None
+    elements: "ElementPeaks | None" = None
     growth: float = 0.0
 
-    def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
+    def limit_checks(self, limit: float | str | None = None) -> "tuple[LimitCheck, ...]":
         """Compare the demands with limits.
 
         A building that collapsed does not meet any limit, regardless of the demands.
@@ -899,7 +563,7 @@ class Response(Tabular):
         )
 
     @property
-    def isolator_check(self) -> LimitCheck | None:
+    def isolator_check(self) -> "LimitCheck | None":
         """Peak displacement of the isolators, as a comparison with an infinite limit; None without
         isolators.
         """

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
-from tdint.ground_motion.record import JoinedRecord
+from tdint.ground_motion.joined import JoinedRecord
 from tdint.methods.catalogue import method_of
 from tdint.model.plausibility import study_plausibility_warnings
 from tdint.response.arguments import (
@@ -30,9 +30,9 @@ from tdint.response.arguments import (
     record_of,
 )
 from tdint.response.run_plan import RunsRequest, plan_runs
-from tdint.response.runs import loop_results
 from tdint.response.runs.batch import Subject, run_batch, samples_of
 from tdint.response.runs.gradient import differentiate
+from tdint.response.runs.history import HISTORIES
 from tdint.response.runs.many_results import (
     HISTORY_FIELDS,
     Runs,
@@ -510,10 +510,7 @@ def _history_writer(
     )
     # The functions compute a quantity from the rows of a history and write it to an array of the
     # result, because the next run overwrites the rows.
-    targets = [
-        (array, loop_results.HISTORIES[HISTORY_FIELDS[name]])
-        for name, array in result.history.items()
-    ]
+    targets = [(array, HISTORIES[HISTORY_FIELDS[name]]) for name, array in result.history.items()]
     building, loads, n = prepared.building, prepared.loads, prepared.building.floors
 
     def on_history(i: int, rows: Array) -> None:

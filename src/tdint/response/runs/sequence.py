@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from tdint.errors import UsageError
-from tdint.ground_motion.record import Record, at_one_interval, join_records, rest_intervals
+from tdint.ground_motion.joined import at_one_interval, join_records, rest_intervals
+from tdint.ground_motion.record import Record
 from tdint.response.arguments import number_of, ratio_of
 from tdint.response.runs import loop_results
 from tdint.response.runs.case import REST_PERIODS, Case, extend_to_rest

@@ -1,7 +1,5 @@
 """Elastic response spectra for `tdint spectrum`, and Sa(T1) of the first mode of a building."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -557,7 +555,7 @@ def choose_settings(
     return SpectrumSettings(method if integrated else None, chosen_maxima, chosen_interpolation)
 
 
-def _parse(method: str) -> Integrator:
+def _parse(method: str) -> "Integrator":
     """Parse a method specification, such as `hht:alpha=-0.1`."""
     # Imported here, because most spectra need no method.
     from tdint.methods.catalogue import parse
@@ -650,7 +648,7 @@ class FirstMode(NamedTuple):
     sa_damping: float = SA_DAMPING
 
 
-def first_mode(building: Building, record: Record | None) -> FirstMode:
+def first_mode(building: "Building", record: Record | None) -> FirstMode:
     """Return the first mode of a building, and the pseudo-acceleration of a record at its
     period.
     """

@@ -1,8 +1,6 @@
 """Fourier amplitude spectra of ground motions with the smoothing window of Konno and Ohmachi
 (1998)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated

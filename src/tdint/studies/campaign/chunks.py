@@ -20,13 +20,14 @@ from typing import Any, NamedTuple, Protocol, Self, TypeVar
 import numpy as np
 
 from tdint.errors import AnalysisError
-from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.ground_motion.joined import JoinedRecord
+from tdint.ground_motion.record import Record
 from tdint.output.tables.devices import device_rows
-from tdint.output.tables.responses import element_rows, story_rows
+from tdint.output.tables.elements import element_rows
+from tdint.output.tables.responses import story_rows
 from tdint.output.tables.table import Cell
 from tdint.response.runs.batch import Subject, run_batch
 from tdint.response.runs.case import Case
-from tdint.response.runs.demands import RUN, demand_cells, demand_errors
 from tdint.response.runs.error_estimate import attempt
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.outcome import (
@@ -36,6 +37,7 @@ from tdint.response.runs.outcome import (
     FailedRun,
     Response,
 )
+from tdint.response.runs.run_values import RUN, demand_cells, demand_errors
 from tdint.response.runs.sequence import event_responses, sequence_of
 from tdint.response.runs.settings import RunSettings
 from tdint.response.runs.step_choice import step_within

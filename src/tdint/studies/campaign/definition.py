@@ -365,7 +365,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
             entry.fault(str(error))
             continue
         if entry.is_mapping:
-            if distribution := replace(entry, type=_RANDOM).read():
+            if distribution := entry._replace(type=_RANDOM).read():
                 random[name] = distribution
         else:
             grids[name] = _values(entry, name)

@@ -17,8 +17,8 @@ from tdint.errors import UsageError, write_out_controls
 from tdint.number_parsing import pluralize
 from tdint.output.tables.runs import SAMPLE
 from tdint.output.tables.table import PARQUET, TEXT, Column, describe
-from tdint.response.runs.demands import RUN
 from tdint.response.runs.outcome import STORY_QUANTITIES
+from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.campaign_tables import StoreTable, numeric, run_heads
 from tdint.studies.fragility.fragility_function import Fragility
 from tdint.studies.store.result_store import Store

@@ -17,6 +17,7 @@ from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageE
 from tdint.files import MOST_BYTES, read_at_most, record_digest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
+from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.reading.suites import (
     Suite,
     SuiteMotion,
@@ -24,7 +25,7 @@ from tdint.ground_motion.reading.suites import (
     read_suite,
     suite_motions,
 )
-from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.ground_motion.record import Record
 from tdint.model.capacity import read_classes
 from tdint.model.config.model_file import load_model
 from tdint.model.damage_states import COST, NUMBER

@@ -25,7 +25,7 @@ from tdint.csv_table import number as cell_number
 from tdint.model.damage_states import COST, NUMBER, DamageStates
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.damage import RUN_QUANTITIES, RunDamage, probabilities
-from tdint.response.runs.demands import RUN
+from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Run
 from tdint.studies.campaign.story_profiles import level_ranks
 from tdint.studies.motions.pairs import SEPARATE, PairRule

@@ -14,9 +14,10 @@ import numpy as np
 
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
+from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.measures import integrate
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, components
-from tdint.ground_motion.record import JoinedRecord, Record
+from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import method_of
 from tdint.model.building import Building
 from tdint.model.definition import Model

@@ -20,8 +20,9 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.batch import Subject
-from tdint.response.runs.demands import RUN_WITH_ERROR, demands
+from tdint.response.runs.demands import demands
 from tdint.response.runs.outcome import FailedRun
+from tdint.response.runs.run_values import RUN_WITH_ERROR
 from tdint.response.runs.sequence import EventSequence, event_responses, sequence_of
 from tdint.studies.campaign.chunks import RunRow
 from tdint.studies.motions.pairs import LARGER, MEAN, combine

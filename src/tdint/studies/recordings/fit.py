@@ -543,7 +543,7 @@ def _ratio_setter(i: int) -> Callable[[Model, float], Model]:
         assert isinstance(model.damping, ModalDamping | RayleighRatio)
         ratios = list(model.damping.ratios)
         ratios[i] = ratio
-        return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))
+        return replace(model, damping=model.damping._replace(ratios=tuple(ratios)))
 
     return set_ratio
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -181,7 +181,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         single error, in file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
-    entries = replace(root, type=RECORDING).read()
+    entries = root._replace(type=RECORDING).read()
 
     # Convert the names of the floors to numbers; the roof is the last floor. Numbers with many
     # digits, which Python may refuse to convert, are invalid in any case.

@@ -16,7 +16,7 @@ from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, record_of
-from tdint.response.runs.demands import RUN
+from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.definition import (

@@ -24,15 +24,11 @@ from typing import Any, Self
 from tdint.errors import OutputError
 from tdint.files import is_there, remove_abandoned
 from tdint.output.tables.devices import TABLES as DEVICE_TABLES
-from tdint.output.tables.responses import (
-    ELEMENT_COLUMNS,
-    ELEMENT_ERROR,
-    STORY_COLUMNS,
-    STORY_ERROR,
-)
+from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
+from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.runs import SHOCKS as SHOCK_COLUMNS
 from tdint.output.tables.table import TEXT, Column, names
-from tdint.response.runs.demands import HIDDEN, RUN, RUN_WITH_ERROR
+from tdint.response.runs.run_values import HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.studies.campaign.chunks import RunRow
 from tdint.system import file_system, is_special, lock_failure
 from tdint.system import locked as locked_file

@@ -1,0 +1,42 @@
+"""Table of the elements of stories with several elements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tdint.output.tables.table import TEXT, Cell, Column, Table, error_columns, joined_rows
+from tdint.response.runs.elements import ELEMENT_QUANTITIES, ElementPeaks, ElementValues
+
+if TYPE_CHECKING:
+    from tdint.response.runs.outcome import Response
+
+_ELEMENT = {quantity.name: quantity for quantity in ELEMENT_QUANTITIES}
+
+ELEMENT_COLUMNS: tuple[Column, ...] = (
+    Column.named("story", "story, numbered from the ground"),
+    Column.named("element", "name of the element in the model file", TEXT),
+    Column.named("law", "hysteretic law of the element", TEXT),
+    Column.of_quantity(_ELEMENT["peak_force"]),
+    Column.of_quantity(_ELEMENT["dissipated_energy"]),
+    Column.named("yield_drift", "drift at first yield; empty without yielding", "m"),
+    Column.of_quantity(_ELEMENT["ductility"]),
+)
+"""Columns of elements.csv: the elements of stories with several elements."""
+ELEMENT_ERROR = error_columns(Column.of_quantity(quantity) for quantity in _ELEMENT.values())
+
+
+def element_table(response: Response) -> Table | None:
+    """Return the table of the elements of stories with several elements, with error estimates if
+    the run has them; None without such stories."""
+    if response.elements is None:
+        return None
+    errors = response.check.elements if response.check else None
+    columns = (*ELEMENT_COLUMNS, *(ELEMENT_ERROR if errors else ()))
+    return Table.of(columns, element_rows(response.elements, errors))
+
+
+def element_rows(
+    elements: ElementPeaks | None, errors: ElementValues | None = None
+) -> list[tuple[Cell, ...]]:
+    """Return the rows of `element_table`; empty without elements (None)."""
+    return joined_rows(((ELEMENT_COLUMNS, elements), (ELEMENT_ERROR, errors)))

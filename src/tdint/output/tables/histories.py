@@ -1,0 +1,174 @@
+"""Columns of response histories, and their CSV files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import BinaryIO
+
+import numpy as np
+
+from tdint.output.tables.devices import history_groups as device_groups
+from tdint.output.tables.table import Column
+from tdint.response.runs.energy import ENERGY_TERMS
+from tdint.response.runs.history import DeviceHistory, ErrorHistory, History
+from tdint.units import SI, OutputUnits, quantities
+
+ELEMENT_FORCE = Column("force_N", "N", "element_force", "force of the element")
+"""Column of each element in a response history; the story and the name of the element precede the
+name of the column."""
+
+HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
+    tuple(
+        Column.of_quantity(quantity)
+        for quantity in quantities(History)
+        if quantity.shown == (location,)
+    )
+    for location in ("ground", "floor", "story")
+)
+HISTORY_ENERGY = (
+    *(
+        Column(f"energy_{name}_J", "J", f"energy.{name}", meaning)
+        for name, meaning in ENERGY_TERMS.items()
+    ),
+    Column(
+        "energy_error",
+        "1",
+        "energy.error",
+        "energy balance error divided by the maximum input energy of the run",
+    ),
+)
+
+HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
+    tuple(
+        Column(
+            f"{quantity.column}_error", quantity.unit, f"error.{quantity.name}", quantity.meaning
+        )
+        for quantity in quantities(ErrorHistory)
+        if quantity.shown == (location,)
+    )
+    for location in ("floor", "story")
+)
+"""Last columns of a response history with error estimates."""
+
+_ROWS_AT_ONCE = 256  # rows formatted together, which needs 1 MB for a hundred columns
+
+
+def history_parts(
+    history: History,
+) -> tuple[int, bool, Sequence[str], DeviceHistory | None, Sequence[str]]:
+    """Return the arguments of `history_groups` and `history_columns` for a response history."""
+    stories = history.displacement.shape[1]
+    has_error = history.error is not None
+    return stories, has_error, history.element_labels, history.devices, history.rows
+
+
+def history_groups(
+    stories: int,
+    error: bool,
+    elements: Sequence[str] = (),
+    devices: DeviceHistory | None = None,
+    rows: Sequence[str] = (),
+) -> tuple[tuple[Sequence[str], tuple[Column, ...]], ...]:
+    """Return the columns of a response history in groups: the names that precede the columns of a
+    group, and the columns, which are repeated for each name (floor, story, element of stories with
+    several elements, attachment, link).
+
+    The columns of time, ground and energies have an empty name. `error` adds the columns of the
+    estimated errors. Rows that are not floors (`rows`) have the columns of floors only.
+    """
+    if rows:
+        groups = (("",), HISTORY_START), (rows, HISTORY_FLOOR), (("",), HISTORY_ENERGY)
+        return (*groups, *(((rows, HISTORY_FLOOR_ERROR),) if error else ()))
+    floors, story_names = (
+        tuple(f"{location}_{i}" for i in range(1, stories + 1)) for location in ("floor", "story")
+    )
+    errors = ((floors, HISTORY_FLOOR_ERROR), (story_names, HISTORY_STORY_ERROR)) if error else ()
+    return (
+        (("",), HISTORY_START),
+        (floors, HISTORY_FLOOR),
+        (story_names, HISTORY_STORY),
+        *(((elements, (ELEMENT_FORCE,)),) if elements else ()),
+        *device_groups(devices),
+        (("",), HISTORY_ENERGY),
+        *errors,
+    )
+
+
+def history_columns(
+    stories: int,
+    error: bool = False,
+    elements: Sequence[str] = (),
+    devices: DeviceHistory | None = None,
+    rows: Sequence[str] = (),
+) -> tuple[Column, ...]:
+    """Return the columns of the CSV file of a response history, for example `floor_2_velocity_m_s`.
+
+    Parameters
+    ----------
+    error : bool
+        True to add the columns of the estimated errors at the end; false by default.
+    elements : sequence of str
+        Labels of the elements (`History.element_labels`).
+    devices : DeviceHistory, optional
+        Attachments and links of the history.
+    rows : sequence of str
+        Names of rows that are not floors.
+    """
+    return tuple(
+        column._replace(name=f"{name}_{column.name}" if name else column.name)
+        for names, group in history_groups(stories, error, elements, devices, rows)
+        for name in names
+        for column in group
+    )
+
+
+def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
+    """Write a response history as CSV from consecutive pieces, so that memory use is limited.
+
+    The file is the same as the file that `write_history` writes for the complete history.
+
+    Parameters
+    ----------
+    pieces : iterable of History
+        Parts of the history in the order of time.
+    units : OutputUnits
+        Units of the columns; SI by default.
+    """
+    for index, piece in enumerate(pieces):
+        write_history(piece, stream, units, header=index == 0)
+
+
+def write_history(
+    history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True
+) -> None:
+    """Write a response history as CSV with one row per time step.
+
+    Parameters
+    ----------
+    header : bool
+        True to write the header; true by default.
+    """
+    parts = history_parts(history)
+    names_and_factors = [
+        units.column(column.name, column.unit) for column in history_columns(*parts)
+    ]
+    if header:
+        stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
+    factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
+    row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
+    # `groups` contains the arrays of the columns of each group, shape (steps,) or (steps, stories).
+    # For a group with the quantities a and b of each story, the columns of the file are a and b of
+    # story 1, a and b of story 2, and so on, as in `history_columns`. `stack` therefore adds the
+    # quantity as the last axis, and `reshape` joins the axes of stories and quantities.
+    groups = [[column.of(history) for column in group] for _, group in history_groups(*parts)]
+    for start in range(0, len(history.time), _ROWS_AT_ONCE):
+        row_slice = slice(start, start + _ROWS_AT_ONCE)
+        group_blocks = (
+            np.stack([values[row_slice] for values in group], axis=-1) for group in groups
+        )
+        table = np.hstack([block.reshape(len(block), -1) for block in group_blocks])
+        if factors is not None:
+            table /= factors
+        table += 0.0  # removes the sign of negative zero
+        text = row_format * len(table) % tuple(table.ravel().tolist())
+        stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
