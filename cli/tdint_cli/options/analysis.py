@@ -128,7 +128,7 @@ model = grammar.together(plugin, click.argument("model", metavar="MODEL.yaml", t
 """The model argument, and the option for plug-ins with methods and laws that the model uses."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BuildingRequest(RecordRequest):
     """Common options of the commands that accept a model and the options of a record.
 

@@ -190,7 +190,7 @@ def request(request_class: type[RequestT]) -> type[RequestT]:
     # A declaration must not become the default value of the field.
     for name in declarations:
         delattr(request_class, name)
-    frozen_class = dataclass(frozen=True, eq=False, kw_only=True)(request_class)
+    frozen_class = dataclass(frozen=True, eq=False, repr=False, kw_only=True)(request_class)
     _OPTIONS[frozen_class] = tuple(
         declaration.for_field(name, request_class.__annotations__[name])
         for name, declaration in declarations.items()

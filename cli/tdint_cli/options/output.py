@@ -230,7 +230,7 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
 jobs = threads("Number of processes; one", grammar.GENERAL, default=1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Outputs:
     """Outputs of a command: the files of its table, figure, summary and report, and their units.
 

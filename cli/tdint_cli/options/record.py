@@ -35,7 +35,7 @@ _rare = partial(option, rare=True)
 _SETTINGS = ("units", "component", "inventory", "layout", "processing", "described")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class RecordRequest:
     """Common part of the command lines with options of records.
 
@@ -66,7 +66,7 @@ class RecordRequest:
         return read_chosen(file, self.choice)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class RecordsRequest(RecordRequest):
     """Common options of the commands that accept records as arguments."""
 

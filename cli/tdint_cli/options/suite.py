@@ -40,7 +40,7 @@ PAIR_DEMAND = record.option(
 """The option --pair-demand."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SuiteRequest:
     """Common options of the commands with many runs under a suite of ground motions.
 

@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from tdint.errors import ModelError, ModelFault
 
@@ -21,36 +21,38 @@ MAX_DEPTH = 32
 recursion below the limit of Python."""
 
 
-@dataclass(frozen=True)
-class Location:
+class Location(NamedTuple):
     """Line and column of the start of a node, counted from 1."""
 
     line: int
     column: int
 
 
-@dataclass(frozen=True, eq=False)
-class ScalarNode(Location):
+class ScalarNode(NamedTuple):
     """Scalar value with its text. `plain` is True without quotation marks and block indicators."""
 
+    line: int
+    column: int
     text: str
     plain: bool
 
 
-# Aliases share nodes, so a few lines can define an astronomically large tree. Nodes are therefore
-# not compared or printed.
-@dataclass(frozen=True, eq=False)
-class ListNode(Location):
+# Aliases share nodes, so a few lines can define an astronomically large tree. Nodes must not be
+# compared or printed.
+class ListNode(NamedTuple):
     """A list."""
 
-    items: tuple[Node, ...] = field(repr=False)
+    line: int
+    column: int
+    items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class MappingNode(Location):
+class MappingNode(NamedTuple):
     """A mapping in file order; equal keys are kept."""
 
-    entries: tuple[tuple[Node, Node], ...] = field(repr=False)
+    line: int
+    column: int
+    entries: tuple[tuple[Node, Node], ...]
 
 
 Node = ScalarNode | ListNode | MappingNode
@@ -72,7 +74,7 @@ class Faults:
     folder: Path = Path()
     _faults: list[ModelFault] = field(default_factory=list)
 
-    def add(self, location: Location, key: str, message: str) -> None:
+    def add(self, location: Location | Node, key: str, message: str) -> None:
         """Add an error of `key` at a line and column."""
         self._faults.append(ModelFault(self.source, location.line, location.column, key, message))
 
