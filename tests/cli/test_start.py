@@ -7,6 +7,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from statistics import median
 
 import pytest
 
@@ -211,3 +212,60 @@ def test_names_of_unneeded_modules_exist():
         name for names in UNNEEDED_BY_COMMAND.values() for name in names if name.startswith("tdint")
     }
     assert [name for name in sorted(own_modules) if find_spec(name) is None] == []
+
+
+BARE = ("-c", "import numpy, click, yaml")
+LIMITS = {
+    "run": (3.2, "configs/ten-story-bilinear.yaml"),
+    "spectrum": (2.65, "records/near-fault.mseed", "--component", "HN1", "--units", "m/s^2"),
+}
+"""For each command: maximum processor time of its process, divided by that of the imports of numpy,
+click and yaml, and the arguments. The aims are 2.9 and 2.4. The ratios of two machines differ by a
+tenth."""
+
+
+def processor_time(environment, *arguments):
+    """Return the processor time of a Python process, s."""
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        env=environment,
+        cwd=Path(__file__).parents[2],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0, arguments
+    return usage.ru_utime + usage.ru_stime
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "wait4"), reason="processor times of children are for POSIX")
+@pytest.mark.parametrize("command", LIMITS)
+def test_a_command_starts_fast(command, tmp_path):
+    """All processes use compiled modules and time loops. The imports and the command alternate, and
+    medians count; other work on the machine can make a series too long, but not three of them."""
+    limit, *arguments = LIMITS[command]
+    environment = {
+        **os.environ,
+        "PYTHONDONTWRITEBYTECODE": "",
+        "PYTHONPYCACHEPREFIX": str(tmp_path / "modules"),
+        "TDINT_COMPILE": "wait",
+        "TDINT_KERNELS": "",
+    }
+    calls = (BARE, ("-c", "from tdint_cli.main import main; main()", command, *arguments))
+    for call in calls:
+        processor_time(environment, *call)
+    ratios = []
+    for _ in range(3):
+        bare, started = (
+            median(times)
+            for times in zip(
+                *([processor_time(environment, *call) for call in calls] for _ in range(11)),
+                strict=True,
+            )
+        )
+        ratios.append(started / bare)
+        if ratios[-1] <= limit:
+            return
+    pytest.fail(f"tdint {command} takes {min(ratios):.2f} times the imports, more than {limit}")
