@@ -46,6 +46,8 @@ HERE = Path(__file__).resolve().parent
 Outcome = dict[str, list[str]]
 """Result of a case: lines of text by `exit code`, `stdout`, `stderr`, and name of written file."""
 
+csv.field_size_limit(2**30)  # arrays are printed on one line
+
 SHOWN = 3
 """Number of different lines that are printed for each part of an outcome."""
 MASKS = (
@@ -416,6 +418,9 @@ def main() -> int:
 
         for name, before, after in pool.map(run_case, selected_cases.items()):
             stored[name] = [selected_cases[name], before]
+            # Programs of this repository must not fail, or nothing is compared.
+            if selected_cases[name][0] == "python" and after["exit code"] != ["0"]:
+                sys.exit("\n".join([f"{name} failed:", *after["stderr"]]))
             lines = describe_differences(before, after, options.shared)
             different_cases += bool(lines)
             print(

@@ -77,7 +77,7 @@ def runs(name):
     table = subprocess.run(
         [sys.executable, "-c", MAIN, "methods"], capture_output=True, text=True, check=True
     ).stdout
-    names = dict.fromkeys(row["method"] for row in csv.DictReader(io.StringIO(table)))
+    names = dict.fromkeys(row["name"] for row in csv.DictReader(io.StringIO(table)))
     motion, building = record(), model(name)
     for method in [*names, "impulse4:rho_inf=0", "moment4:rho_inf=0.5"]:
         # A default argument fixes the value of the loop variable.
