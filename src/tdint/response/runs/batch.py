@@ -324,25 +324,20 @@ def run_batch(
             )
         return outcomes
     building = prepared.building
-    specs = [RunSpec(record.acceleration, scale, steps) for record, scale, steps in runs]
+    buildings = [item.prepared.building for item in sampled]
     if sampled:
         subject.model.require_springs("a varied parameter")
-        buildings = [item.prepared.building for item in sampled]
         building = _of_runs(building, buildings)
-        batch = prepared.integrate_sampled(
-            subject.integrator, h, list(zip(buildings, specs, strict=True))
-        )
-    else:
-        criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
-        every, on_history = histories or (1, None)
-        batch = prepared.integrate_batch(
-            subject.integrator,
-            h,
-            specs,
-            criterion,
-            every=every,
-            on_history=on_history,
-        )
+    every, on_history = histories or (1, None)
+    batch = prepared.integrate_batch(
+        subject.integrator,
+        h,
+        [RunSpec(record.acceleration, scale, steps) for record, scale, steps in runs],
+        rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION,
+        every=every,
+        on_history=on_history,
+        sampled=buildings,
+    )
     outcomes = Outcomes.of(building, batch, to_rest)
     # A failed run is integrated again only if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():

@@ -530,8 +530,12 @@ class PreparedBuilding:
         *,
         every: int = 1,
         on_history: Callable[[int, Array], None] | None = None,
+        sampled: Sequence[Building] = (),
     ) -> BatchResult:
         """Integrate many runs with one time step. Each run equals that of `integrate`.
+
+        All runs share one set of arrays. Values of sampled buildings are changed in these arrays
+        from run to run.
 
         Parameters
         ----------
@@ -541,58 +545,46 @@ class PreparedBuilding:
             Function that receives the index of a run and the completed rows of its history (view,
             shape (rows, width)). The next run overwrites these rows. By default, histories are not
             kept.
+        sampled : sequence of Building, optional
+            Building of each run, which differs from this building in parameter values. The
+            coefficients of the method must not depend on these values.
         """
         row_count = max(run.steps.count for run in runs) // every + 1 if on_history else 0
-        space = self._loaded_arrays(integrator, h, row_count)
-        space.steps_per_row = every
+        size = max(run.ground.size for run in runs)
         result = BatchResult.empty(len(runs), self.building)
-        integrate_run = self._repeatable(integrator, h, max(run.ground.size for run in runs), space)
+        varied_arrays = ("linear_terms", "law_parameters", "modal")
+        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
         for i, run in enumerate(runs):
+            building = self.building
+            if sampled:
+                building = sampled[i]
+                _verify_laws(building.law_parameters)
+            # Buildings share arrays and a compiled function if both have dashpots or neither,
+            # because this determines the kernels, and if they have the same number of rows of modal
+            # damping, which determines the shapes of the arrays.
+            key = building.damped_by_devices, len(building.modal)
+            if key not in shared:
+                prepared = self
+                if sampled:
+                    copies = {name: getattr(building, name).copy() for name in varied_arrays}
+                    prepared = replace(self, building=replace(self.building, **copies))
+                space = prepared._loaded_arrays(integrator, h, row_count)
+                space.steps_per_row = every
+                function = prepared._repeatable(integrator, h, size, space)
+                shared[key] = prepared, space, function
+            prepared, space, integrate_run = shared[key]
+            if sampled:
+                # The compiled function reads these arrays, so that it integrates this building.
+                for name in varied_arrays:
+                    getattr(prepared.building, name)[...] = getattr(building, name)
+                space.flags[rows.UNRESOLVED_MODES] = building.fastest * h > MAX_RESOLVED_OMEGA_DT
+                space.limits[...] = collapse_limits(building, self.collapse_drift)
             integrate_run(run, result, i, criterion)
             if on_history:
                 reached = int(space.totals[rows.STEPS_REACHED])
                 result.ends[i, STEPS_COMPLETED] = reached
                 # The history ends with the record, also if the run has continued.
                 on_history(i, space.history[: min(reached, run.steps.count) // every + 1])
-        return result
-
-    def integrate_sampled(
-        self, integrator: Integrator, h: float, runs: Sequence[tuple[Building, RunSpec]]
-    ) -> BatchResult:
-        """Integrate runs of buildings that differ from this building in parameter values.
-
-        Each run equals that of `integrate` for its building. All runs share one set of arrays, in
-        which the values are changed from run to run.
-
-        Parameters
-        ----------
-        runs : sequence of (Building, RunSpec)
-            Sampled building, and ground motion, scale factor and time steps, of each run. The
-            coefficients of the method must not depend on the varied values.
-        """
-        result = BatchResult.empty(len(runs), self.building)
-        size = max(spec.ground.size for _, spec in runs)
-        varied_arrays = ("linear_terms", "law_parameters", "modal")
-        shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, _Repeatable]] = {}
-        for i, (building, spec) in enumerate(runs):
-            _verify_laws(building.law_parameters)
-            # Buildings share arrays and a compiled function if both have dashpots or neither,
-            # because this determines the kernels, and if they have the same number of rows of modal
-            # damping, which determines the shapes of the arrays.
-            key = building.damped_by_devices, len(building.modal)
-            if key not in shared:
-                copies = {name: getattr(building, name).copy() for name in varied_arrays}
-                prepared = replace(self, building=replace(self.building, **copies))
-                space = prepared._loaded_arrays(integrator, h)
-                function = prepared._repeatable(integrator, h, size, space)
-                shared[key] = prepared, space, function
-            prepared, space, integrate_run = shared[key]
-            # The compiled function reads these arrays, so that it integrates the sampled building.
-            for name in varied_arrays:
-                getattr(prepared.building, name)[...] = getattr(building, name)
-            space.flags[rows.UNRESOLVED_MODES] = building.fastest * h > MAX_RESOLVED_OMEGA_DT
-            space.limits[...] = collapse_limits(building, self.collapse_drift)
-            integrate_run(spec, result, i)
         return result
 
     def _repeatable(
@@ -604,7 +596,7 @@ class PreparedBuilding:
         `size` is the maximum number of samples of a ground motion. All runs share the arrays of
         `space` and a single list of arguments. The function (`RunSpec`, `BatchResult`,
         index, `RestCriterion`) stores the results of the run in the row `index` of
-        the `BatchResult`. Without a criterion, the run ends with its last step.
+        the `BatchResult`.
         """
         # Copies of all arrays that a run changes
         initial = [
@@ -616,10 +608,7 @@ class PreparedBuilding:
         n = self.building.stories
 
         def integrate_run(
-            run: RunSpec,
-            result: BatchResult,
-            i: int,
-            criterion: RestCriterion = NO_FREE_VIBRATION,
+            run: RunSpec, result: BatchResult, i: int, criterion: RestCriterion
         ) -> None:
             """Integrate a run and store its results."""
             for array, initial_values in initial:
