@@ -140,11 +140,10 @@ def command(
         """Return the HTML report of the modes, with the notes as sentences."""
         from tdint.output.building_report import mode_page
         from tdint.output.page import PageText
-        from tdint.output.summary import files_read
 
         record, record_notes = _record(loaded)
         sentences = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *record_notes)]
-        page_text = PageText(sentences=sentences, head=loaded.page_head, inputs=files_read())
+        page_text = PageText(sentences=sentences, head=loaded.page_head)
         # The shapes are in the figure: omit their columns.
         page_table = tables.buildings.mode_table(modes, ratios, complex_modes=complex_modes)
         return mode_page(loaded, page_table, draw, page_text, page_units, record)
@@ -182,11 +181,10 @@ def _transfer(model: Model, source: str, outputs: Outputs) -> None:
         """Return the HTML report of the transfer functions."""
         from tdint.output.building_report import transfer_page
         from tdint.output.page import PageText, page_units
-        from tdint.output.summary import files_read
 
         verdict = [(None, _transfer_sentence(result, page_units(units_of_page)))]
         sentences = [f"{text[0].upper()}{text[1:]}." for text in notes]
-        page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+        page_text = PageText(sentences, warnings, model.page_head, verdict=verdict)
         return transfer_page(result, page_text, units_of_page)
 
     units = outputs.shown_units
@@ -297,11 +295,10 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
         """Return the HTML report of the response spectrum analysis."""
         from tdint.output.building_report import modal_page
         from tdint.output.page import PageText, page_units
-        from tdint.output.summary import files_read
 
         verdict = [(None, _peak_sentence(result, page_units(units_of_page)))]
         sentences = [f"{damping_note[0].upper()}{damping_note[1:]}."]
-        page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+        page_text = PageText(sentences, warnings, model.page_head, verdict=verdict)
         return modal_page(result, page_text, units_of_page)
 
     modes = tables.table.Table.of_results(tables.buildings.MODAL_SHARE, [result]).in_units(units)

@@ -134,7 +134,6 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
     """
     from tdint.output.building_report import method_name, pushover_page
     from tdint.output.page import PageText, page_units
-    from tdint.output.summary import files_read
 
     shown_units = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
@@ -150,7 +149,7 @@ def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: Output
         verdict.append((False if target.notes else None, f"{'. '.join(sentences)}."))
     lines = _result_text(result, shown_units).splitlines()
     lines += [_target_sentence(target, shown_units) for target in targets]
-    page_text = PageText(lines, (), result.model.page_head, files_read(), verdict)
+    page_text = PageText(lines, (), result.model.page_head, verdict=verdict)
     return pushover_page(result, targets, page_text, units)
 
 

@@ -234,7 +234,6 @@ class Profiles:
                 *(text for collapsed, text in lost_motions if not collapsed),
             ],
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
-            inputs=files_read(),
             verdict=[
                 *((None, text) for text in sentences),
                 *(

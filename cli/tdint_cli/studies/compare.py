@@ -279,7 +279,6 @@ def _page(
     periods of the response spectra in the figure, s.
     """
     from tdint.output.page import PageText, page_units
-    from tdint.output.summary import files_read
     from tdint.studies.recordings.compare import unmet
     from tdint.studies.recordings.comparison_report import comparison_page
     from tdint.studies.recordings.comparison_tables import fitted_table
@@ -301,7 +300,7 @@ def _page(
     notes += fitted.notes if fitted else ()
     sentences += [f"Note: {text}." for text in dict.fromkeys(notes)]
     warnings = [text for item in comparisons for text in item.warnings]
-    page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+    page_text = PageText(sentences, warnings, model.page_head, verdict=verdict)
     fitted_values = fitted_table(fitted.values, units) if fitted else None
     return comparison_page(comparisons, partial(draw, units), page_text, fitted_values, units)
 

@@ -348,7 +348,6 @@ def _page(
 ) -> bytes:
     """Return the HTML page of --report."""
     from tdint.output.page import PageText
-    from tdint.output.summary import files_read
     from tdint.studies.fragility.fragility_report import fragility_page
 
     # Page and figure have one unit: an acceleration is in g unless a unit was requested.
@@ -357,7 +356,6 @@ def _page(
     page_text = PageText(
         sentences=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
         warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
-        inputs=files_read(),
     )
     return fragility_page(functions, draw, request.table, page_text)
 

@@ -394,7 +394,6 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
     `unused` contains the error messages of the records that could not be read.
     """
     from tdint.output.page import PageText, page_units
-    from tdint.output.summary import files_read
     from tdint.studies.ida.ida_report import ida_page
 
     units = page_units(request.output_units or study.model.page_units)
@@ -403,7 +402,6 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
     page_text = PageText(
         warnings=[*unused, *warnings, *_reliability_warnings(study, request.precision)],
         head=study.model.page_head,
-        inputs=files_read(),
     )
     return ida_page(study.in_units(units), settings, page_text, units, damping=request.damping)
 

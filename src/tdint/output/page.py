@@ -7,14 +7,14 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.errors import write_out_controls
 from tdint.number_parsing import table_number
 from tdint.output import figures
-from tdint.output.summary import versions
+from tdint.output.summary import files_read, versions
 from tdint.output.tables.table import TEXT, Cell, Table, converted
 from tdint.units import OutputUnits, suffix
 
@@ -119,7 +119,7 @@ class PageText:
     head : sequence of (str, str)
         Names and texts of the first lines: project, author, date.
     inputs : sequence of mapping
-        Input files with their SHA-256.
+        Input files with their SHA-256; by default the files that the command has read.
     answer : sequence of Part
         Table and text that answer the question of the report; they precede the warnings, so that
         they are on the first page.
@@ -132,7 +132,7 @@ class PageText:
     sentences: Sequence[str] = ()
     warnings: Sequence[str] = ()
     head: Sequence[tuple[str, str]] = ()
-    inputs: Sequence[Mapping[str, Any]] = ()
+    inputs: Sequence[Mapping[str, Any]] = field(default_factory=files_read)
     verdict: Sequence[tuple[bool | None, str]] = ()
     answer: Sequence[Part] = ()
     limits: Table | None = None
