@@ -649,17 +649,8 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
     (rad/s), or of an isolator with the frequency of the rigid building on it. `damping` is the
     damping ratio of the first mode.
     """
-    names = (
-        "damper",
-        "brace",
-        "angle",
-        "strength",
-        "period",
-        "clearance",
-        "clearance ratio",
-        "element",
-    )
-    values = {name: np.full(building.stories, math.nan) for name in names}
+    ranges = (DAMPER, BRACE, ANGLE, ISOLATOR_STRENGTH, ISOLATOR_PERIOD, GAP, WIDE_GAP, ELEMENT)
+    values = {usual_range: np.full(building.stories, math.nan) for usual_range in ranges}
     weight_above = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     for i, story in enumerate(model.stories):
         stiffness, rate_of_drift = story.stiffness, omega
@@ -669,9 +660,9 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
                 stiffness = after_yield
             rate_of_drift = math.sqrt(stiffness * STANDARD_GRAVITY / weight_above[i])
             strength = yield_strength(story)
-            values["strength"][i] = strength / weight_above[i]
+            values[ISOLATOR_STRENGTH][i] = strength / weight_above[i]
             if strength == strength:  # not nan
-                values["period"][i] = period(rate_of_drift)
+                values[ISOLATOR_PERIOD][i] = period(rate_of_drift)
         height = story.drift_height or math.nan
         drift = _ISOLATOR_DRIFT if story.isolator else _REFERENCE_DRIFT * height
         coefficient = _linear_coefficient(story, rate_of_drift * drift)
@@ -680,27 +671,26 @@ def _unusual_devices(model: Model, building: Building, omega: float, damping: fl
         is_reported = not story.power_dashpot and damping < DAMPING.low
         is_compared = bool(building.isolators) == story.isolator and not is_reported
         if coefficient > 0.0 and stiffness > 0.0 and is_compared:
-            values["damper"][i] = coefficient * rate_of_drift / (2.0 * stiffness)
+            values[DAMPER][i] = coefficient * rate_of_drift / (2.0 * stiffness)
         if story.power_dashpot and story.power_dashpot.brace:
             brace = story.power_dashpot.brace * story.damper_factor**2
-            values["brace"][i] = 1.0 / math.hypot(1.0, coefficient * rate_of_drift / brace)
+            values[BRACE][i] = 1.0 / math.hypot(1.0, coefficient * rate_of_drift / brace)
         for factor in (story.damper_factor, *(element.factor for element in story.elements)):
             angle = math.degrees(math.acos(factor)) if factor < 1.0 else math.nan
             if not ANGLE.contains(angle):
-                values["angle"][i] = angle
+                values[ANGLE][i] = angle
         for spring in story.springs:
             # A gap is the only parameter with the name of its law.
             gap = spring.law.values.get(spring.law.name, math.nan)
-            values["clearance"][i] = gap if math.isnan(height) else math.nan
-            values["clearance ratio"][i] = gap / height
+            values[GAP][i] = gap if math.isnan(height) else math.nan
+            values[WIDE_GAP][i] = gap / height
             stiffest = spring.law.values.get("stop_stiffness", spring.stiffness)
             if story.elements and 0.0 < stiffest < ELEMENT.low * story.stiffness:
-                values["element"][i] = stiffest / story.stiffness
-    ranges = (DAMPER, BRACE, ANGLE, ISOLATOR_STRENGTH, ISOLATOR_PERIOD, GAP, WIDE_GAP, ELEMENT)
+                values[ELEMENT][i] = stiffest / story.stiffness
     return [
         warning
-        for usual_range, name in zip(ranges, names, strict=True)
-        for warning in unusual_stories(usual_range, values[name])
+        for usual_range, values_of_stories in values.items()
+        for warning in unusual_stories(usual_range, values_of_stories)
     ]
 
 
