@@ -193,20 +193,8 @@ DECLARED: tuple[Demand, ...] = tuple(
 )
 """Demands that are fields of `Demands`."""
 
-_COVERED = frozenset(
-    (
-        "peak_drift",
-        "peak_drift_ratio",
-        "residual_drift",
-        "peak_shear",
-        "peak_total_shear",
-        "ductility",
-        "peak_displacement",
-        "peak_velocity",
-        "peak_absolute_acceleration",
-    )
-)
-"""Story quantities that are included in the demands above."""
+_COVERED = {"peak_velocity", *(demand.story_attribute or demand.name for demand in DECLARED)}
+"""Story quantities whose maxima are not part of a summary, or are included in the demands above."""
 
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
