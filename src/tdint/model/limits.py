@@ -8,7 +8,7 @@ The story with the maximum ratio of demand to limit governs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
@@ -32,16 +32,18 @@ class LimitedQuantity:
         Name of the quantity in sentences.
     location : str
         Location of the quantity: `story`, `floor`, `attachment` or `link`.
-    values : callable
-        Function that returns the absolute values of the quantity, shape (motions, n). Its arguments
-        are the peak responses by name, and the story heights in m. Demands of attachments and links
-        are among the peak responses, with the keys of `QUANTITIES`.
+    peak : str
+        Name of the peak response with the values of the quantity, shape (motions, n). Demands of
+        attachments and links are among the peak responses, with the keys of `QUANTITIES`.
+    per_height : bool
+        True for the absolute value of the peak response divided by the story height.
     """
 
     unit: str
     text: str
     location: str
-    values: Callable[[Mapping[str, Array], Array], Array]
+    peak: str
+    per_height: bool = False
 
     @property
     def of_device(self) -> bool:
@@ -54,31 +56,15 @@ ISOLATOR, ACCELERATION = "isolator_displacement", "floor_acceleration"
 STROKE, LINK_DEFORMATION, LINK_FORCE = "attachment_stroke", "link_deformation", "link_force"
 
 QUANTITIES = {
-    DRIFT_RATIO: LimitedQuantity(
-        "1", "drift ratio", "story", lambda peaks, height: peaks["peak_drift_ratio"]
-    ),
-    RESIDUAL: LimitedQuantity(
-        "1",
-        "residual drift ratio",
-        "story",
-        lambda peaks, height: abs(peaks["residual_drift"]) / height,
-    ),
-    ISOLATOR: LimitedQuantity(
-        "m", "isolator displacement", "story", lambda peaks, height: peaks["peak_drift"]
-    ),
+    DRIFT_RATIO: LimitedQuantity("1", "drift ratio", "story", "peak_drift_ratio"),
+    RESIDUAL: LimitedQuantity("1", "residual drift ratio", "story", "residual_drift", True),
+    ISOLATOR: LimitedQuantity("m", "isolator displacement", "story", "peak_drift"),
     ACCELERATION: LimitedQuantity(
-        "m/s^2",
-        "floor acceleration",
-        "floor",
-        lambda peaks, height: peaks["peak_absolute_acceleration"],
+        "m/s^2", "floor acceleration", "floor", "peak_absolute_acceleration"
     ),
-    STROKE: LimitedQuantity(
-        "m", "attachment stroke", "attachment", lambda peaks, height: peaks[STROKE]
-    ),
-    LINK_DEFORMATION: LimitedQuantity(
-        "m", "link deformation", "link", lambda peaks, height: peaks[LINK_DEFORMATION]
-    ),
-    LINK_FORCE: LimitedQuantity("N", "link force", "link", lambda peaks, height: peaks[LINK_FORCE]),
+    STROKE: LimitedQuantity("m", "attachment stroke", "attachment", STROKE),
+    LINK_DEFORMATION: LimitedQuantity("m", "link deformation", "link", LINK_DEFORMATION),
+    LINK_FORCE: LimitedQuantity("N", "link force", "link", LINK_FORCE),
 }
 """Quantities by their keys in the section `limits` of a model file."""
 
@@ -210,7 +196,10 @@ def check_limits(
         return ()
     checks = []
     for limit in limits:
-        all_demands = QUANTITIES[limit.quantity].values(peaks, height)
+        quantity = QUANTITIES[limit.quantity]
+        all_demands = peaks[quantity.peak]
+        if quantity.per_height:
+            all_demands = abs(all_demands) / height
         demands, story_numbers, limit_values = limit.applies_to(all_demands)
         # Use the maximum of the story means, as in design codes, not the mean of the maxima.
         mean_demands = np.mean(demands, axis=0)
