@@ -101,14 +101,14 @@ def each_array(function: Callable[..., Array], *parts: Any) -> Any:
     function : callable
         Function of an array of the first part and of the arrays of the same name of the others.
     parts
-        Dataclasses of one type. They may contain other dataclasses, None, and tuples of labels,
-        which all parts have in common.
+        Dataclasses of one type. They may contain other dataclasses, mappings of arrays, and None,
+        texts and tuples of labels, which all parts have in common.
     """
-    if parts[0] is None:
-        return None
     if isinstance(parts[0], np.ndarray):
         return function(*parts)
-    if isinstance(parts[0], tuple):
+    if isinstance(parts[0], dict):
+        return {name: each_array(function, *(part[name] for part in parts)) for name in parts[0]}
+    if parts[0] is None or isinstance(parts[0], str | tuple):
         return parts[0]
     names = [member.name for member in fields(parts[0])]
     return type(parts[0])(

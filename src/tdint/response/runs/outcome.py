@@ -1,7 +1,7 @@
 """Results of a run: peaks, energies, history, error estimates, or the failure that ended it."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -250,15 +250,8 @@ class Gradient(Tabular, StoryValues):
         number : int
             Index of the run, from 0.
         """
-        names = [field.name for field in fields(StoryErrors)]
-        return replace(
-            self,
-            **{name: getattr(self, name)[number] for name in names},
-            values=self.values[number],
-            kink=each_array(itemgetter(number), self.kink),
-            errors=each_array(itemgetter(number), self.errors),
-            history={name: array[number] for name, array in self.history.items()},
-        )
+        selected: Gradient = each_array(itemgetter(number), self)
+        return selected
 
 
 class StepChoice(NamedTuple):
