@@ -141,6 +141,15 @@ def test_pushover_lists_yielding_and_contact(model, tdint):
     assert "moat wall: stiffness 0 to 1e+08 N/m at a drift of 0.02 m" in result.stderr
 
 
+def test_pushover_of_several_stories_lists_events_of_elements(model, tdint):
+    story = "  - {mass: 100, height: 3.0, stiffness: 1.0e+5}\ndamping"
+    Path(model).write_text(MODEL.replace("damping", story))
+    result = tdint("pushover", model, "--drift", "2%", "-o", "curve.csv")
+    assert result.exit_code == 0, result.output
+    events = json.loads(Path("curve.json").read_text())["element_events"]["events"]
+    assert [event["element"] for event in events] == ["bearings", "moat wall"]
+
+
 ERRORS = {
     "elements: []": "stories[1].elements: must contain at least one element",
     "elements: [{type: gap, gap: 1, stop_stiffness: 1}]": "stories[1].elements: the sum of the "

@@ -304,7 +304,8 @@ def _element_events(
         for column, element, yield_drift in zip(
             columns[i], story.elements, yield_drifts, strict=False
         ):
-            path = follow_path(building, column + 1, drifts[:, i])
+            # A copy, because kernels need contiguous arrays.
+            path = follow_path(building, column + 1, drifts[:, i].copy())
             tangents = path.tangent
             if LAWS[element.law.name].curved:
                 is_beyond = np.abs(path.drift) >= yield_drift  # False for nan
