@@ -8,7 +8,7 @@ from tdint import assessment
 from tdint.output import tables
 from tdint_cli import options
 from tdint_cli.assessment import method_options
-from tdint_cli.options.option_types import ListOf, Name
+from tdint_cli.options.option_types import ListOf, Written
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import say, say_table
 
@@ -30,7 +30,7 @@ def _problems() -> list[str]:
 @options.option(
     "--problem",
     "problems",
-    type=ListOf(Name(_problems)),
+    type=ListOf(Written("name", names=_problems)),
     help="Problems to run: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
     "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; "
     "all by default.",

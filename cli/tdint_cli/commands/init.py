@@ -14,7 +14,7 @@ from tdint.files import write_files
 from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
-from tdint_cli.options.option_types import Count, FileName, Name, Written
+from tdint_cli.options.option_types import Count, FileName, Written
 from tdint_cli.terminal import emit, say
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class Request:
     )
     structure: str | None = options.option(
         "--type",
-        type=Name(_structures),
+        type=Written("name", names=_structures),
         help="Generate a building of this Hazus type (W1, S1, C1, RM1, URM, ...) from general "
         "rules; requires --year and --area.",
     )

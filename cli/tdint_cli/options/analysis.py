@@ -11,7 +11,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
-from tdint_cli.options.option_types import FileName, ListOf, Name, Ratio
+from tdint_cli.options.option_types import FileName, ListOf, Ratio, Written
 from tdint_cli.options.record import RecordRequest
 from tdint_cli.terminal import warn
 
@@ -29,7 +29,7 @@ def _methods() -> list[str]:
     return list(catalogue())
 
 
-method_name = Name(_methods)
+method_name = Written("name", names=_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 

@@ -160,8 +160,8 @@ class OutputUnitsType(ListOf):
     """Option type of comma-separated units of the output, such as kN,mm."""
 
     def __init__(self) -> None:
-        super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
-        self.name = "unit,..."
+        units = (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)
+        super().__init__(Written("unit", names=lambda: units))
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -171,24 +171,40 @@ class OutputUnitsType(ListOf):
 
 
 class Written(ValueType):
-    """Option type of a value with a special notation, such as 0.2:2:50, which `read` converts.
+    """Option type of a text, such as a name, or a value with a special notation, such as 0.2:2:50.
 
     Parameters
     ----------
     name : str
         Name of the value in the help (in capitals).
     read : callable
-        Converts a text to the value; raises click.BadParameter or UsageError for an invalid text.
+        Converts the text to the value; raises click.BadParameter or UsageError for an invalid text.
+        By default, the text is the value.
+    names : callable
+        Returns the names that the shell completes. It is called only for completion, because
+        loading can be slow. By default there are no names.
     """
 
-    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+    def __init__(
+        self,
+        name: str,
+        read: Callable[[str], Any] = str,
+        names: Callable[[], Iterable[str]] = tuple,
+    ) -> None:
         self.name = name
         self.read = read
+        self.names = names
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the value of a text; a value that is not a text, such as a default, is returned
         unchanged."""
         return self.read(value) if isinstance(value, str) else value
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the names that start with the incomplete text."""
+        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
 def grid(low: float = 0.0, high: float = math.inf) -> Written:
@@ -291,51 +307,35 @@ pair_names = Written("names", _pair_names)
 """Patterns for the file names of a pair: two names with {}."""
 
 
-class PairsType(ValueType):
-    """Option type of pairs of components: a measure, patterns of file names, or both.
+def pairs_of(measures: Sequence[str]) -> Written:
+    """Return the option type of pairs of components: a measure, patterns of file names, or both.
 
-    Two patterns such as {}_N.AT2,{}_E.AT2 identify the files of a pair.
-
-    Parameters
-    ----------
-    measures : sequence of str
-        Allowed measures of a pair, such as rotd100.
+    Its value is a `PairWish`. Two patterns such as {}_N.AT2,{}_E.AT2 identify the files of a pair.
+    Without patterns, the usual names of components identify the pairs. `measures` are the allowed
+    measures of a pair, such as rotd100.
     """
 
-    name = "pairs"
-
-    def __init__(self, measures: Sequence[str]) -> None:
-        self.measures = click.Choice(measures)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the measure and the patterns that a text contains, as `PairWish`.
-
-        Without patterns, the usual names of components identify the pairs.
-        """
+    def read(text: str) -> PairWish:
+        """Return the measure and the patterns; raise BadParameter for several measures."""
         from tdint.ground_motion.horizontals import USUAL, PairNames
 
-        if not isinstance(value, str):
-            return value
         # Patterns of file names contain {}; the other part, if any, is the measure.
-        parts = value.split(",")
-        measures = [part for part in parts if "{}" not in part]
+        parts = text.split(",")
+        named = [part for part in parts if "{}" not in part]
         patterns = [part for part in parts if "{}" in part]
-        if len(measures) > 1:
-            self.fail(
-                f"{value!r} must be one of {', '.join(self.measures.choices)}, two names with "
-                "{}, or both",
-                param,
-                ctx,
+        if len(named) > 1:
+            raise click.BadParameter(
+                f"{text!r} must be one of {', '.join(measures)}, two names with {{}}, or both"
             )
-        measure = str(self.measures.convert(measures[0], param, ctx)) if measures else None
+        measure = str(click.Choice(measures).convert(named[0], None, None)) if named else None
         names = PairNames.parse(",".join(patterns)) if patterns else USUAL
         return PairWish(measure, names)
 
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Complete the measure of a pair of horizontal components, such as rotd50."""
-        return self.measures.shell_complete(ctx, param, incomplete)
+    return Written(PAIRS, read, lambda: measures)
+
+
+PAIRS = "pairs"
+"""Name of the option type of pairs of components."""
 
 
 class PairWish(NamedTuple):
@@ -349,42 +349,6 @@ class PairWish(NamedTuple):
 
     measure: str | None
     names: PairNames
-
-
-class Name(ValueType):
-    """Option type of a text, with names that the shell can complete.
-
-    Parameters
-    ----------
-    names : callable
-        Returns the names. It is called only for completion, because loading can be slow. By
-        default there are no names.
-    """
-
-    name = "name"
-
-    def __init__(self, names: Callable[[], Iterable[str]] = tuple) -> None:
-        self.names = names
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return the names that start with the incomplete text."""
-        return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
-
-
-class SampleUnitsType(Name):
-    """Option type of the units of record samples.
-
-    The text is a unit for all records, units by file (`AT2=g,*.mseed=m/s^2`), or the name of a
-    table of units.
-    """
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the units; a table of units is read."""
-        from tdint.ground_motion.reading.sample_units import units_of_text
-
-        return units_of_text(value) if isinstance(value, str) else value
 
 
 class FileName(ValueType):

@@ -15,13 +15,13 @@ from tdint.number_parsing import abbreviate
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import Function
 from tdint_cli.options.option_types import (
+    PAIRS,
     FileName,
     ListOf,
     Nonzero,
     Number,
-    PairsType,
     PairWish,
-    SampleUnitsType,
+    Written,
 )
 
 if TYPE_CHECKING:
@@ -80,6 +80,14 @@ def _units() -> list[str]:
     return [unit for units in GROUND_MOTION.values() for unit in units]
 
 
+def _sample_units(text: str) -> Any:
+    """Return the units of samples: a unit for all records, or units by file (`AT2=g,*.mseed=m/s^2`
+    or the name of a table, which is read)."""
+    from tdint.ground_motion.reading.sample_units import units_of_text
+
+    return units_of_text(text)
+
+
 records = click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=FileName())
 records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type=FileName())
 record = _rare(
@@ -90,7 +98,7 @@ record = _rare(
 )
 units = option(
     "--units",
-    type=SampleUnitsType(_units),
+    type=Written("name", _sample_units, _units),
     metavar="UNITS",
     help="Units of the samples, or units by file: AT2=g,*.mseed=m/s^2; for all files: m/s^2, "
     "cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2, with a factor for the value of one count "
@@ -268,7 +276,7 @@ def _with_described_files(
             return (name,)
         choice = _combined(of_command, description.choice, name)
         described.extend((file, choice) for file in description.files)
-        if description.pairs and isinstance(_pairs_type(), PairsType) and not values.get("pairs"):
+        if description.pairs and _has_wish_of_pairs() and not values.get("pairs"):
             values["pairs"] = PairWish(None, description.pairs)
         return description.files
 
@@ -285,10 +293,10 @@ def _with_described_files(
     return values, replace(of_command, described=tuple(described))
 
 
-def _pairs_type() -> click.ParamType[Any] | None:
-    """Return the type of the option --pairs of the running command; None without this option."""
+def _has_wish_of_pairs() -> bool:
+    """Return True if the value of the option --pairs of the running command is a `PairWish`."""
     parameters = click.get_current_context().command.params
-    return next((item.type for item in parameters if item.name == "pairs"), None)
+    return any(item.name == "pairs" and item.type.name == PAIRS for item in parameters)
 
 
 def _combined(of_command: RecordChoice, choice: RecordChoice, source: str) -> RecordChoice:

@@ -7,7 +7,7 @@ import click
 from tdint.number_parsing import parse_head
 from tdint.units import OutputUnits
 from tdint_cli import options
-from tdint_cli.options.option_types import FileName, ListOf, Name, Written
+from tdint_cli.options.option_types import FileName, ListOf, Written
 from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 from tdint_cli.studies import options as study_options
 
@@ -56,7 +56,7 @@ class CampaignRequest(SuiteRequest):
         "also districts.geojson, the losses by the values of that column.",
     )
     event: tuple[str, ...] | None = options.output.option(
-        type=ListOf(Name()),
+        type=ListOf(Written("name")),
         needs="--geojson",
         rare=True,
         help="Write only these events of ground motion fields to the maps.",
@@ -102,7 +102,7 @@ class CampaignRequest(SuiteRequest):
         "in a column of losses.csv.",
     )
     im: tuple[str, ...] | None = study_options.option(
-        type=ListOf(Name()),
+        type=ListOf(Written("name")),
         rare=True,
         help="Also write measures.csv, intensity measures of each run for `tdint fragility --im`: "
         "pga, pgv, pgd, arias, cav, cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about "

@@ -16,7 +16,7 @@ from tdint.files import check_outputs, is_file, write_files
 from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
-from tdint_cli.options.option_types import FileName, ListOf, Name, Number, span
+from tdint_cli.options.option_types import FileName, ListOf, Number, Written, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.studies import options as study_options
 from tdint_cli.terminal import Failures, note, say, warn
@@ -66,7 +66,7 @@ _OPENQUAKE_OPTIONS = (
     ),
     options.output.option(
         "--states",
-        type=ListOf(Name()),
+        type=ListOf(Written("name")),
         needs="--openquake",
         help="Names of the limit states in the OpenQuake file, in order of increasing "
         "threshold; ds1, ds2, ... by default.",
@@ -106,7 +106,7 @@ class Request:
         "censored (known only to be larger than HIGH). LOW or HIGH may be omitted.",
     )
     im: tuple[str, ...] | None = options.option(
-        type=ListOf(Name()),
+        type=ListOf(Written("name")),
         help="Intensity measure of the runs of a campaign: sa at the first period (default), "
         "pga, or a measure of `tdint campaign --im` (pgv, sa:0.6, ...). For pairs of "
         "components, the geometric mean of both. With several measures, the output is a table "

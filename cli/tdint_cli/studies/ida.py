@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -22,9 +22,9 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.option_types import (
     FileName,
     ListOf,
-    Name,
     PairWish,
     Ratio,
+    Written,
     drift_ratio,
     intensity,
     period,
@@ -49,28 +49,21 @@ _MAX_ENERGY_ERROR = 0.01
 their drifts are not reliable."""
 
 
-class _Measure(Name):
-    """Option type of an intensity measure for the scaling of ground motions.
+def _measure(name: str) -> str:
+    """Return the name of an intensity measure, also of a plug-in; raise BadParameter if it is
+    unknown, or if ground motions cannot be scaled to its levels."""
+    from tdint.studies.motions.intensity import scaling_obstacle
 
-    Measures of plug-ins are included. Other measures are refused with a reason.
-    """
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name of an intensity measure; click reports invalid names as usage errors."""
-        from tdint.studies.motions.intensity import scaling_obstacle
-
-        if reason := scaling_obstacle(value):
-            self.fail(
-                f"{value}: ground motions cannot be scaled to levels of this measure, because "
-                f"{reason}; use one of {', '.join(self.names())}",
-                param,
-                ctx,
-            )
-        return click.Choice(list(self.names())).convert(value, param, ctx)
+    if reason := scaling_obstacle(name):
+        raise click.BadParameter(
+            f"{name}: ground motions cannot be scaled to levels of this measure, because "
+            f"{reason}; use one of {', '.join(_measures())}"
+        )
+    return str(click.Choice(_measures()).convert(name, None, None))
 
 
 def _measures() -> tuple[str, ...]:
-    """Return the names of the intensity measures for the scaling of ground motions."""
+    """Return the names of the intensity measures to whose levels ground motions can be scaled."""
     from tdint.studies.motions.intensity import scalable_measures
 
     return scalable_measures()
@@ -82,7 +75,7 @@ class IdaRequest(RecordsRequest):
 
     model: str
     im: str = study_options.option(
-        type=_Measure(_measures),
+        type=Written("name", _measure, _measures),
         default="sa",
         help="Intensity measure: Sa at a period (sa, default), the geometric mean of Sa from 0.2 "
         "to 3 times a period (sa-avg), pga, pgv, pgd, arias, cav, or a measure of a plug-in.",

@@ -14,7 +14,7 @@ from tdint.files import check_outputs
 from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.option_types import BESIDE, ListOf, PairsType, PairWish, Ratio, span
+from tdint_cli.options.option_types import BESIDE, ListOf, PairWish, Ratio, pairs_of, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.studies import options as study_options
@@ -82,7 +82,7 @@ class MatchRequest(RecordsRequest):
         "in g) or csv.",
     )
     pairs: PairWish | None = options.option(
-        type=PairsType((PAIR,)),
+        type=pairs_of((PAIR,)),
         metavar=f"{PAIR}[,NAMES]",
         help="Match the two horizontal components of a ground motion together, such that their "
         "RotD100 spectrum is the target. The file names of a pair differ only in the component, "

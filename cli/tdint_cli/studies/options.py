@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_of
-from tdint_cli.options.option_types import FileName, ListOf, PairsType, PairWish, drift_ratio
+from tdint_cli.options.option_types import FileName, ListOf, PairWish, drift_ratio, pairs_of
 from tdint_cli.options.record import option as record_option
 from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import Failures, note, warn
@@ -34,7 +34,7 @@ def pairs(text: str) -> grammar.Declaration:
     """Declare the option --pairs; `text` describes its effect in the command."""
     return option(
         "--pairs",
-        type=PairsType(PAIRS),
+        type=pairs_of(PAIRS),
         metavar=f"{'|'.join(PAIRS)}[,NAMES]",
         help=f"{text} The file names of a pair differ only in the component, or follow the "
         "patterns NAMES: '{}_a.txt,{}_b.txt'.",
