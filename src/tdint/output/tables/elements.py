@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tdint.output.tables.table import TEXT, Cell, Column, Table, error_columns, joined_rows
-from tdint.response.runs.elements import ELEMENT_QUANTITIES, ElementPeaks, ElementValues
+from tdint.output.tables.table import TEXT, Column, Table, error_columns
+from tdint.response.runs.elements import ELEMENT_QUANTITIES
 
 if TYPE_CHECKING:
     from tdint.response.runs.outcome import Response
@@ -31,12 +31,4 @@ def element_table(response: Response) -> Table | None:
     if response.elements is None:
         return None
     errors = response.check.elements if response.check else None
-    columns = (*ELEMENT_COLUMNS, *(ELEMENT_ERROR if errors else ()))
-    return Table.of(columns, element_rows(response.elements, errors))
-
-
-def element_rows(
-    elements: ElementPeaks | None, errors: ElementValues | None = None
-) -> list[tuple[Cell, ...]]:
-    """Return the rows of `element_table`; empty without elements (None)."""
-    return joined_rows(((ELEMENT_COLUMNS, elements), (ELEMENT_ERROR, errors)))
+    return Table.joined((ELEMENT_COLUMNS, response.elements), (ELEMENT_ERROR, errors))

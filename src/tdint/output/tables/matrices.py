@@ -4,16 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tdint.output.tables.table import (
-    TEXT,
-    Cell,
-    Column,
-    Table,
-    columns_of,
-    error_columns,
-    joined_rows,
-    rows_of,
-)
+import numpy as np
+
+from tdint.output.tables.table import TEXT, Column, Table, columns_of, error_columns
 from tdint.response.runs.flexure import FLEXURE_QUANTITIES, FlexureValues
 from tdint.response.runs.outcome import STORY_QUANTITIES
 
@@ -25,7 +18,9 @@ FLEXURE_COLUMNS = columns_of(FlexureValues)
 """Further columns of stories.csv for flexural stories."""
 FLEXURE_ERROR = error_columns(FLEXURE_COLUMNS)
 
-ROW_NAME = Column.named("row", "name of the row in the model file", TEXT)
+ROW_NAME = Column(
+    "row", TEXT, lambda model: np.array(model.rows), "name of the row in the model file"
+)
 _OF_ROWS = {
     "residual_drift": ("residual_displacement_m", "displacement at the end of the run"),
     "peak_displacement": ("peak_displacement_m", "maximum absolute displacement"),
@@ -56,24 +51,15 @@ COLUMNS = (
 def row_table(response: Response) -> Table:
     """Return the table of the rows of a model that are not floors."""
     errors = response.check.errors if response.check else None
-    cells = joined_rows(((ROW_COLUMNS, response.stories), (ROW_ERROR, errors)))
-    rows: list[tuple[Cell, ...]] = [
-        (name, *row) for name, row in zip(response.model.rows, cells, strict=True)
-    ]
-    return Table.of((ROW_NAME, *ROW_COLUMNS, *(ROW_ERROR if errors else ())), rows)
+    names = (ROW_NAME,), response.model
+    return Table.joined(names, (ROW_COLUMNS, response.stories), (ROW_ERROR, errors))
 
 
-def with_flexure(response: Response, table: Table) -> Table:
-    """Return the table of stories with the columns of flexural stories, if they are flexural."""
+def flexure_groups(response: Response) -> tuple[tuple[tuple[Column, ...], Any], ...]:
+    """Return the columns of flexural stories with their results, which are None for other stories
+    and without error estimates."""
     peaks = response.flexure
-    if peaks is None:
-        return table
-    cells = joined_rows(((FLEXURE_COLUMNS, peaks), (FLEXURE_ERROR, peaks.errors)))
-    added = Table.of((*FLEXURE_COLUMNS, *(FLEXURE_ERROR if peaks.errors else ())), [])
-    rows: list[tuple[Cell, ...]] = [
-        (*row, *more) for row, more in zip(table.rows, cells, strict=True)
-    ]
-    return Table((*table.columns, *added.columns), rows, table.meanings | added.meanings)
+    return (FLEXURE_COLUMNS, peaks), (FLEXURE_ERROR, peaks and peaks.errors)
 
 
 def linear_sentences(response: Response, units: OutputUnits) -> list[str]:
@@ -104,5 +90,5 @@ def as_json(response: Response) -> dict[str, Any]:
             f"{quantity.column}_error": getattr(flexure.errors, quantity.name)
             for quantity in _OF_BASE
         }
-    stories = Table.of(FLEXURE_COLUMNS, rows_of(FLEXURE_COLUMNS, flexure))
+    stories = Table.joined((FLEXURE_COLUMNS, flexure))
     return {"flexure": stories.as_dictionaries(), "base": base}

@@ -13,7 +13,6 @@ from tdint.output.tables.table import (
     Table,
     describe,
     error_columns,
-    joined_rows,
     numbered,
 )
 from tdint.response.runs.outcome import STORY_QUANTITIES
@@ -44,13 +43,7 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
         Estimated errors of the peaks. If they are specified, the columns of the peaks are followed
         by a column `<name>_error` for each peak.
     """
-    columns = (*STORY_COLUMNS, *(STORY_ERROR if errors else ()))
-    return Table.of(columns, story_rows(stories, errors))
-
-
-def story_rows(stories: StoryPeaks, errors: StoryErrors | None = None) -> list[tuple[Cell, ...]]:
-    """Return the rows of `story_table`."""
-    return joined_rows(((STORY_COLUMNS, stories), (STORY_ERROR, errors)))
+    return Table.joined((STORY_COLUMNS, stories), (STORY_ERROR, errors))
 
 
 def response_table(response: Response) -> Table:
@@ -59,15 +52,16 @@ def response_table(response: Response) -> Table:
     For a sequence, these rows are listed for each event and then for the complete sequence; the
     first column identifies the event.
     """
+    groups: Any = ()
     if response.model.matrices is not None:
         # Imported here, because few models have matrices.
-        from tdint.output.tables.matrices import row_table, with_flexure
+        from tdint.output.tables.matrices import flexure_groups, row_table
 
         if response.model.rows:
             return row_table(response)
-    table = story_table(response.stories, response.check.errors if response.check else None)
-    if response.flexure is not None:
-        table = with_flexure(response, table)
+        groups = flexure_groups(response)
+    errors = response.check.errors if response.check else None
+    table = Table.joined((STORY_COLUMNS, response.stories), (STORY_ERROR, errors), *groups)
     if not response.events:
         return table
     rows: list[tuple[Cell, ...]] = []

@@ -245,6 +245,13 @@ class Table(NamedTuple):
         return cls.of(columns, rows)
 
     @classmethod
+    def joined(cls, *groups: tuple[Sequence[Column], Any]) -> Table:
+        """Return a table with the columns of several results side by side. Groups of columns
+        without a result (None) are omitted."""
+        columns = [column for part, result in groups if result is not None for column in part]
+        return cls.of(columns, joined_rows(groups))
+
+    @classmethod
     def of_units(cls, units: Mapping[str, str], rows: Iterable[tuple[Cell, ...]]) -> Table:
         """Return a table of a report, whose columns have a unit each (or `TEXT`) and no meaning."""
         meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}

@@ -23,9 +23,9 @@ from tdint.errors import AnalysisError
 from tdint.ground_motion.joined import JoinedRecord
 from tdint.ground_motion.record import Record
 from tdint.output.tables.devices import device_rows
-from tdint.output.tables.elements import element_rows
-from tdint.output.tables.responses import story_rows
-from tdint.output.tables.table import Cell
+from tdint.output.tables.elements import ELEMENT_COLUMNS, ELEMENT_ERROR
+from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
+from tdint.output.tables.table import Cell, joined_rows
 from tdint.response.runs.batch import Subject, run_batch
 from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import attempt
@@ -431,8 +431,8 @@ class Batch:
             subject=self.subject.throughout(),
             settings=replace(self.settings, duration=None),
         )
-        joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
-        (run_row,) = joined_rows.runs
+        joined_results = single_run_batch.results([run._replace(scale=1.0)], max_step)
+        (run_row,) = joined_results.runs
         # A failed run has no number of steps, and no demands of its events.
         rows_of_events: list[PartRow] = []
         if run_row.steps is not None:
@@ -455,7 +455,7 @@ class Batch:
                 (demands,) = demand_cells(stories)
                 run_errors = demand_errors(stories, errors) if run_row.errors and errors else ()
                 run_row = run_row.changed(**demands)._replace(errors=run_errors)
-        rows = replace(joined_rows, runs=[run_row], shocks=rows_of_events)
+        rows = replace(joined_results, runs=[run_row], shocks=rows_of_events)
         return rows.with_scale(run.scale)
 
     def _time_steps(self, motion: int, max_step: float) -> Steps:
@@ -523,13 +523,13 @@ class Batch:
                 row = row._replace(errors=demand_errors(peaks, check.errors))
             results.runs.append(row)
             if settings.keeps_stories:
+                elements = outcomes.elements_of(index, self.subject.model)
                 results.extend_parts(
                     self.number,
                     job.run,
-                    story_rows(peaks, check.errors if check else None),
-                    element_rows(
-                        outcomes.elements_of(index, self.subject.model),
-                        check.elements if check else None,
+                    joined_rows(((STORY_COLUMNS, peaks), (STORY_ERROR, check and check.errors))),
+                    joined_rows(
+                        ((ELEMENT_COLUMNS, elements), (ELEMENT_ERROR, check and check.elements))
                     ),
                     *device_rows(self.subject.model, outcomes.devices_of(index)),
                 )
