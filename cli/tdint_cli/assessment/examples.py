@@ -139,7 +139,6 @@ def command(request: Request) -> None:
     # Check the file names before the runs, which need some time.
     if folder:
         suffix = f".{request.picture_format}"
-        options.output.check_picture(Path(f"figure{suffix}"))
         general_figures = _general_figures(requested, suffix) if request.all_figures else {}
         outputs = [folder / name for example in requested for name in _names(example, suffix)]
         outputs += [folder / name for name in general_figures]

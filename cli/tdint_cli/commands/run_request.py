@@ -14,7 +14,7 @@ from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion
 from tdint_cli.options.grammar import Mode
 from tdint_cli.options.option_types import BESIDE, Count, FileName, Number, Ratio
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 
@@ -180,8 +180,6 @@ class Request(BuildingRequest, SuiteRequest):
         # `check_sequence` has already checked their number.
         check_motion(replace(self, scale=None) if self.sequence else self)
         picture = self.picture_file
-        if picture:
-            check_picture(picture)
         report = Path(self.report) if self.report else None
         # Check all possible files, not only the files that this run writes. Otherwise files of an
         # earlier run, such as its history, would remain next to results that do not match them.

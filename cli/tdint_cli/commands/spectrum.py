@@ -21,7 +21,7 @@ from tdint_cli.commands.spectrum_kinds import AXES, MODES, SpectrumRequest, Tabl
 from tdint_cli.drawing import reading_width, table_bytes
 from tdint_cli.options.grammar import refuse_idle
 from tdint_cli.options.option_types import BESIDE
-from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
+from tdint_cli.options.output import SUFFIX, Outputs, beside, picture_file
 from tdint_cli.options.record import notes_of_components
 from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
@@ -142,15 +142,13 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
-    """Return the paths of a table, its figure and its JSON file after a check of the figure.
+    """Return the paths of a table, its figure and its JSON file.
 
     `table`: file of the table; None without -o, and with -o DIR if no table is written to a file.
     """
     # With -o DIR, a figure is a file next to the table of its record. Without a table there is no
     # figure.
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
-    if picture:
-        check_picture(picture)
     return Outputs(table, picture, beside(table, ".json") if table else None, request.overwrite)
 
 

@@ -135,6 +135,24 @@ def _check_report(
     return value
 
 
+def _check_plot(
+    context: click.Context, parameter: click.Parameter, value: str | None
+) -> str | None:
+    """Check the value of --plot, and return it.
+
+    UsageError is raised for an empty name, or if the suffix of the name is no format of figures.
+    """
+    value = refuse_empty(context, parameter, value)
+    if value and value != BESIDE:
+        from tdint.output.figures.style import picture_format
+
+        try:
+            picture_format(Path(value).suffix)
+        except OutputError as error:  # the user typed this name, so it is a usage error
+            raise UsageError(str(error)) from None
+    return value
+
+
 def plot(text: str) -> grammar.Declaration:
     """Declare the option --plot with the help text `text`, followed by --style, which requires
     --plot."""
@@ -144,7 +162,7 @@ def plot(text: str) -> grammar.Declaration:
         flag_value=BESIDE,
         type=FileName(written=True),
         metavar="[FILE]",
-        callback=refuse_empty,
+        callback=_check_plot,
         help=text,
         behind=[style_of("--plot")],
     )
@@ -272,8 +290,8 @@ class Outputs:
         Raises
         ------
         UsageError
-            --plot has no file name and -o is not given, the format of the figure is unknown, or the
-            table is Parquet and pyarrow is missing.
+            --plot has no file name and -o is not given, or the table is Parquet and pyarrow is
+            missing.
         OutputError
             A file cannot be written.
         """
@@ -290,8 +308,6 @@ class Outputs:
             table, picture, beside(table, ".json") if table else None, overwrite, units, page
         )
         check_outputs(outputs.files, overwrite=overwrite)
-        if outputs.picture:
-            check_picture(outputs.picture)
         return outputs
 
     @property
@@ -483,16 +499,6 @@ def _plain(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return getattr(value, "text", str(value))
-
-
-def check_picture(file: Path) -> None:
-    """Raise UsageError if the suffix of a file is no format of figures."""
-    from tdint.output.figures.style import picture_format
-
-    try:
-        picture_format(file.suffix)
-    except OutputError as error:  # the user typed this name, so it is a usage error
-        raise UsageError(str(error)) from None
 
 
 def picture_file(plot: str | None, table: Path | None) -> Path | None:

@@ -12,7 +12,7 @@ import click
 from tdint.units import OutputUnits
 from tdint_cli.options import analysis, output, record
 from tdint_cli.options.option_types import Ratio
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import FloorRequest
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
@@ -113,12 +113,9 @@ class SuiteRequest:
         Raises
         ------
         UsageError
-            The figure has no file name, and no directory is specified; or its format is unknown.
+            The figure has no file name, and no directory is specified.
         """
-        file = picture_file(self.plot, folder / PICTURE if folder else None)
-        if file:
-            check_picture(file)
-        return file
+        return picture_file(self.plot, folder / PICTURE if folder else None)
 
 
 # ---- Limits of demands: --limit and --require

@@ -17,7 +17,7 @@ from tdint.files import STDIN, check_outputs
 from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint_cli import options
 from tdint_cli.options.option_types import FileName, ListOf, Written
-from tdint_cli.options.output import Outputs, check_picture, picture_file
+from tdint_cli.options.output import Outputs, picture_file
 from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
@@ -124,8 +124,6 @@ class Request:
         report = Path(self.report) if self.report else None
         picture = picture_file(self.plot, table)
         outputs = Outputs(table, picture, summary, self.overwrite, self.output_units, report)
-        if picture:
-            check_picture(picture)
         names = (SPECTRA, *((FIT, FITTED) if self.fit else ())) if self.output else ()
         check_outputs([*outputs.files, *map(self.file, names)], overwrite=self.overwrite)
         return outputs

@@ -29,7 +29,7 @@ from tdint_cli.options.option_types import (
     intensity,
     period,
 )
-from tdint_cli.options.output import check_picture, picture_file
+from tdint_cli.options.output import picture_file
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.studies import options as study_options
 from tdint_cli.studies.options import pair_measure, read_suite, read_table_of_factors
@@ -304,8 +304,6 @@ def _folder(request: IdaRequest) -> Path | None:
 
     folder = Path(request.output) if request.output else None
     picture = request.picture
-    if picture:
-        check_picture(picture)
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
     pages = [Path(request.report)] if request.report else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
