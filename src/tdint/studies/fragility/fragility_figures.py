@@ -64,24 +64,9 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     if crowded:
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
-        end = _axis_end(functions)
-        im = np.linspace(0.0, end, _POINTS)[1:]
-        for i, function in enumerate(functions):
-            label = _label(function, function.beta_total)
-            second.plot(
-                im,
-                function.probability(im, total=True),
-                **line_style(i),
-                linewidth=1.8,
-                label=label,
-            )
-        second.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
-        add_gravity_axis(second, functions[0].unit, horizontal=True)
-        _name_functions(
-            second, functions, rf"with $\beta_{{model}}$ = {functions[0].modeling_dispersion:.2g}"
-        )
-        if stacked:
-            second.set_ylabel(first.get_ylabel())
+        draw_functions(second, functions, fitted=False)
+        if not stacked:
+            second.set_ylabel("")
     elif cloud is None:
         draw_functions(figure.subplots(), functions)
     else:
@@ -142,79 +127,86 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
     """Plot the fragility functions of a building type with observations and confidence bands. The
     position of a state in `states` determines the style of its curve."""
-    end = _axis_end(functions)
-    im = np.linspace(0.0, end, _POINTS)[1:]
+    im = _intensities(axes, functions)
     for function in functions:
-        i = states.index(function.state)
-        style = line_style(i)
-        _draw_band(axes, function, im, style, alpha=0.08, linewidth=0.4)
-        axes.plot(
-            im,
-            function.probability(im, total=function.modeling_dispersion > 0.0),
-            linewidth=1.6,
-            **style,
+        total = function.modeling_dispersion > 0.0
+        _draw_function(
+            axes, function, im, states.index(function.state), (0.4, 1.6, 3.5), total=total
         )
-        _draw_counted(
-            axes,
-            function,
-            end,
-            color=style["color"],
-            marker=MARKERS[i % len(MARKERS)],
-            markersize=3.5,
-        )
-    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
 
 
-def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
+def draw_functions(
+    axes: Any, functions: Sequence[Fragility], *, fitted: bool = True, total: bool = True
+) -> None:
     """Plot fragility functions of the same intensity measure with observations and confidence
-    bands, and with dotted lines that include the modeling dispersion if `total`."""
-    end = _axis_end(functions)
-    im = np.linspace(0.0, end, _POINTS)[1:]
+    bands, and with dotted lines that include the modeling dispersion if `total`. Without `fitted`,
+    plot only curves that include the modeling dispersion."""
+    im = _intensities(axes, functions)
     for i, function in enumerate(functions):
-        plot_style = line_style(i)
-        color = plot_style["color"]
-        _draw_band(
-            axes,
-            function,
-            im,
-            plot_style,
-            alpha=0.18 if len(functions) == 1 else 0.08,
-            linewidth=0.5,
-        )
-        axes.plot(im, function.probability(im), **plot_style, linewidth=1.8, label=_label(function))
+        style = line_style(i)
+        if not fitted:
+            label = _label(function, function.beta_total)
+            probability = function.probability(im, total=True)
+            axes.plot(im, probability, **style, linewidth=1.8, label=label)
+            continue
+        alpha = 0.18 if len(functions) == 1 else 0.08
+        _draw_function(axes, function, im, i, (0.5, 1.8, 4.5), alpha=alpha, label=_label(function))
         if function.modeling_dispersion and total:
             probability = function.probability(im, total=True)
             label = rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
-            axes.plot(im, probability, color=color, linestyle=":", linewidth=1.2, label=label)
-        _draw_counted(
-            axes, function, end, color=color, marker=MARKERS[i % len(MARKERS)], markersize=4.5
-        )
-    if any(np.isfinite(function.covariance).all() for function in functions):
+            axes.plot(
+                im, probability, color=style["color"], linestyle=":", linewidth=1.2, label=label
+            )
+    which = rf"with $\beta_{{model}}$ = {functions[0].modeling_dispersion:.2g}"
+    if fitted and any(np.isfinite(function.covariance).all() for function in functions):
         axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
-    axes.set(
-        xlim=(0.0, end),
-        ylim=(-0.01, 1.01),
-        xlabel=_im_label(functions[0]),
-        ylabel="probability of exceedance",
-    )
+    axes.set(xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
-    _name_functions(axes, functions)
+    _name_functions(axes, functions, "" if fitted else which)
 
 
-def _draw_band(
+def _draw_function(
     axes: Any,
     function: Fragility,
     im: Array,
-    plot_style: dict[str, Any],
-    alpha: float,
-    linewidth: float,
+    i: int,
+    sizes: tuple[float, float, float],
+    *,
+    total: bool = False,
+    alpha: float = 0.08,
+    label: str | None = None,
 ) -> None:
-    """Plot the confidence band of a fragility function, unless its covariance is unknown."""
+    """Plot a fragility function with the style number `i`, its confidence band, unless its
+    covariance is unknown, and the observed fractions to which it was fitted.
+
+    The fractions are those at intensity levels, the cumulative distribution of capacities, or the
+    fractions of the runs of a cloud in bins of the intensity. `sizes` contains the line widths of
+    the edges of the band and of the curve, and the size of markers.
+    """
+    edge_width, width, marker_size = sizes
+    style = line_style(i)
     if np.isfinite(function.covariance).all():
         low, high = function.band(im)
-        axes.fill_between(im, low, high, color=plot_style["color"], alpha=alpha, linewidth=0.0)
+        axes.fill_between(im, low, high, color=style["color"], alpha=alpha, linewidth=0.0)
         for edge in (low, high):
-            axes.plot(im, edge, **plot_style, linewidth=linewidth)
+            axes.plot(im, edge, **style, linewidth=edge_width)
+    probability = function.probability(im, total=total)
+    axes.plot(im, probability, **style, linewidth=width, label=label)
+    points, counted = function.points, function.counted
+    if points is None and counted is not None:
+        points = Points(counted.im, counted.fraction)
+    if points is not None:
+        shown = points.im <= im[-1]
+        axes.plot(
+            points.im[shown],
+            points.fraction[shown],
+            linestyle="none",
+            markerfacecolor="white",
+            zorder=4,
+            color=style["color"],
+            marker=MARKERS[i % len(MARKERS)],
+            markersize=marker_size,
+        )
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
@@ -234,32 +226,11 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
     )
 
 
-def _draw_counted(axes: Any, function: Fragility, end: float, **plot_style: Any) -> None:
-    """Plot the observed fractions to which a fragility function was fitted, up to the intensity
-    `end`.
+def _intensities(axes: Any, functions: Sequence[Fragility]) -> Array:
+    """Set the limits of the axes of fragility functions, and return the intensities of the curves.
 
-    They are the fractions at intensity levels, the cumulative distribution of capacities, or the
-    fractions of the runs of a cloud in bins of the intensity.
-    """
-    points, counted = function.points, function.counted
-    if points is None and counted is not None:
-        points = Points(counted.im, counted.fraction)
-    if points is not None:
-        shown = points.im <= end
-        axes.plot(
-            points.im[shown],
-            points.fraction[shown],
-            linestyle="none",
-            markerfacecolor="white",
-            zorder=4,
-            **plot_style,
-        )
-
-
-def _axis_end(functions: Sequence[Fragility]) -> float:
-    """Return the end of the intensity axis of fragility functions: the largest intensity where a
-    probability is nearly 1, but for each function at most two times the maximum observed intensity,
-    or two times the median if the median is larger.
+    The axis ends at the largest intensity where a probability is nearly 1, but for each function at
+    most two times the maximum observed intensity, or two times the median if the median is larger.
     """
     ends = []
     for function in functions:
@@ -267,7 +238,8 @@ def _axis_end(functions: Sequence[Fragility]) -> float:
         curve_end = function.theta * math.exp(_END_DEVIATIONS * function.beta)
         max_observed = float(np.max(observed.im)) if observed and observed.im.size else curve_end
         ends.append(min(curve_end, 2.0 * max(max_observed, function.theta)))
-    return max(ends)
+    axes.set(xlim=(0.0, max(ends)), ylim=(-0.01, 1.01))
+    return np.linspace(0.0, max(ends), _POINTS)[1:]
 
 
 def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
