@@ -8,6 +8,7 @@ from pathlib import Path
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.model.config.model_file import load_model
+from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.response.arguments import model_record
 from tdint.response.runs.settings import settings_from
@@ -18,7 +19,6 @@ from tdint.studies.campaign.definition import (
     CampaignFile,
     FactorsFile,
     ModelFiles,
-    RecordFiles,
 )
 from tdint.studies.campaign.execute import threads
 from tdint.studies.campaign.inputs import Inputs, read_factors, read_listed_motions, read_motions

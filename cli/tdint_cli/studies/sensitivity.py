@@ -142,7 +142,7 @@ def _one_at_a_time(request: Request) -> None:
     Failures is raised afterwards if some records could not be read.
     """
     from tdint.model.config.model_file import load_model
-    from tdint.studies.campaign.definition import RecordFiles
+    from tdint.model.config.record_files import RecordFiles
     from tdint.studies.campaign.execute import threads
     from tdint.studies.campaign.inputs import read_motions
     from tdint.studies.sensitivity.sensitivity import parameter_effects, plan_of

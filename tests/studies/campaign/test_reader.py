@@ -8,7 +8,7 @@ import pytest
 from json_schema import spoiled, tree, valid
 from tdint.errors import ModelError
 from tdint.ground_motion.horizontals import USUAL, PairNames
-from tdint.studies.campaign.definition import RecordFiles
+from tdint.model.config.record_files import RecordFiles
 from tdint.studies.campaign.reader import CAMPAIGN, campaign_schema, load_campaign
 
 STUDY = """\

@@ -11,6 +11,7 @@ from scipy.stats import lognorm, norm, uniform
 import tdint
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.choice import RecordChoice
+from tdint.model.config.record_files import RecordFiles
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
 from tdint.studies.campaign.campaign_tables import run_table
 from tdint.studies.campaign.chunks import CampaignSettings
@@ -20,7 +21,6 @@ from tdint.studies.campaign.definition import (
     Distribution,
     ModelFiles,
     ParameterSweep,
-    RecordFiles,
 )
 from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs, suite_motions

@@ -62,8 +62,8 @@ _OTHER_YAML = frozenset(("stories", "building", "buildings", "matrices", "record
 
 
 @dataclass(frozen=True)
-class DescribedRecords:
-    """Content of a description of records.
+class RecordFiles:
+    """Records in files and directories.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class DescribedRecords:
     pairs: PairNames | None = None
 
 
-def read_description(source: str) -> DescribedRecords | None:
+def read_description(source: str) -> RecordFiles | None:
     """Read a description of records.
 
     Parameters
@@ -88,7 +88,7 @@ def read_description(source: str) -> DescribedRecords | None:
 
     Returns
     -------
-    DescribedRecords | None
+    RecordFiles | None
         None if the file is a model file or a campaign file.
 
     Raises
@@ -110,7 +110,7 @@ def read_description(source: str) -> DescribedRecords | None:
     return described
 
 
-def read_files(section: Section) -> DescribedRecords:
+def read_files(section: Section) -> RecordFiles:
     """Return the files of a section with the keys `FILES` and `UNITS`, and how they are read.
     Errors are recorded in the document."""
     empty = "is empty; give at least one record"
@@ -119,7 +119,7 @@ def read_files(section: Section) -> DescribedRecords:
     pair_names = _pair_names(pairs) if pairs else None
     if pair_names and component:
         component.fault("cannot be used with `pairs`, which use both components; remove one key")
-    return DescribedRecords(files, choice_of_files(section), pair_names)
+    return RecordFiles(files, choice_of_files(section), pair_names)
 
 
 def _pair_names(value: Value) -> PairNames | None:

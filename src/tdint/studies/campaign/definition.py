@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
-from tdint.ground_motion.horizontals import PairNames
+from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
@@ -441,21 +441,6 @@ class InventoryFile:
     def files(self) -> tuple[str, ...]:
         """Files of the inventory."""
         return tuple(filter(None, (self.file, self.classes, self.mapping)))
-
-
-@dataclass(frozen=True)
-class RecordFiles:
-    """Records in files and directories.
-
-    Attributes
-    ----------
-    pairs : PairNames | None
-        Naming scheme of the two components of a motion; None: components are separate motions.
-    """
-
-    files: tuple[str, ...]
-    choice: RecordChoice
-    pairs: PairNames | None = None
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from tdint.ground_motion.reading.suites import (
 from tdint.ground_motion.record import Record
 from tdint.model.capacity import read_classes
 from tdint.model.config.model_file import load_model
+from tdint.model.config.record_files import RecordFiles
 from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
 from tdint.model.keys.fields import resolve
@@ -52,7 +53,6 @@ from tdint.studies.campaign.definition import (
     InventoryFile,
     ModelFiles,
     ParameterSweep,
-    RecordFiles,
     SequenceFile,
 )
 from tdint.studies.campaign.load_cases import LoadFiles, read_load_cases

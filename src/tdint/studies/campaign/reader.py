@@ -13,7 +13,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.building_rules import CAPACITY, RULES
-from tdint.model.config.record_files import FILES, UNITS, choice_of_files, read_files
+from tdint.model.config.record_files import FILES, UNITS, RecordFiles, choice_of_files, read_files
 from tdint.model.config.sections import read_sample_units
 from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import (
@@ -49,7 +49,6 @@ from tdint.studies.campaign.definition import (
     FieldFile,
     InventoryFile,
     ModelFiles,
-    RecordFiles,
     SequenceFile,
     Varied,
     read_sweep,
@@ -660,8 +659,7 @@ def read_requested_motions(
     files = section.get("files")
     if not (files or are_listed):
         section.need("files", "give a list of files and directories, or a `grid` instead")
-    described = read_files(section)
-    return RecordFiles(described.files, described.choice, described.pairs)
+    return read_files(section)
 
 
 def _fields(section: Section) -> FieldFile | None:

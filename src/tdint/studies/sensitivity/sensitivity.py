@@ -14,17 +14,13 @@ from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
+from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
-from tdint.studies.campaign.definition import (
-    AnalysisOverrides,
-    CampaignFile,
-    ModelFiles,
-    RecordFiles,
-)
+from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile, ModelFiles
 from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.campaign.plan import Plan, make_plan
