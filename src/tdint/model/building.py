@@ -613,15 +613,10 @@ def assemble(model: Model) -> Building:
     # w w^T to the damping matrix. It is a property of the stories: with the modes of a building
     # with attachments, the mode numbers and the damping of the stories would change.
     stiffness = law_parameters[rows.STIFFNESS, :n]
-    if n == floors:
-        modal = add_damping(linear_terms, stiffness, model, vibration)
-    else:
-        chain = np.zeros((rows.LINEAR_TERM_ROWS, floors + 1))
-        chain[:, :floors] = linear_terms[:, :floors]
-        damping_rows = add_damping(chain, stiffness[:floors], model, vibration)
-        linear_terms[:, :floors] = chain[:, :floors]
-        modal = np.zeros((len(damping_rows), n + 1))
-        modal[:, :floors] = damping_rows[:, :floors]
+    # Only the columns of the stories are changed in the view of the table.
+    damping_rows = add_damping(linear_terms[:, : floors + 1], stiffness[:floors], model, vibration)
+    modal = np.pad(damping_rows, ((0, 0), (0, n - floors)))
+    if n > floors:
         vibration = FreeVibration(
             linear_terms[rows.MASS, :masses],
             _without_links(linear_terms, stiffness + linear_terms[rows.GEOMETRIC, :n]),

@@ -115,36 +115,12 @@ def add_damping(
         return modal
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
-    if damping is not None and not all(story.rayleigh for story in model.stories):
-        return _damping_without_isolators(linear_terms, stiffness, model, damping)
-    if damping is not None:
-        linear_terms[rows.FLOOR_DAMPER, :n] += damping.mass * linear_terms[rows.MASS, :n]
-        _add_stiffness_part(linear_terms, stiffness, model, damping)
-    return np.zeros((0, n + 1))
+    if damping is None:
+        return np.zeros((0, n + 1))
+    return _add_rayleigh_damping(linear_terms, stiffness, model, damping)
 
 
-def _add_stiffness_part(
-    linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
-) -> None:
-    """Add the dampers in proportion to the stiffness of the stories, which is 0 for isolators.
-
-    With the tangent stiffness, the row TANGENT_DAMPING receives the coefficient of stories with a
-    nonlinear law. The tangent stiffness of a linear law is its stiffness.
-    """
-    n = stiffness.size
-    dampers = damping.stiffness * stiffness
-    linear_terms[rows.TANGENT_DAMPING] = 0.0
-    if damping.tangent:
-        is_nonlinear = np.array(
-            [any(spring.law != LINEAR for spring in story.springs) for story in model.stories]
-        )
-        has_tangent = is_nonlinear & (dampers > 0.0)
-        linear_terms[rows.TANGENT_DAMPING, :n] = np.where(has_tangent, damping.stiffness, 0.0)
-        dampers = np.where(has_tangent, 0.0, dampers)
-    linear_terms[rows.STORY_DAMPER, :n] += dampers
-
-
-def _damping_without_isolators(
+def _add_rayleigh_damping(
     linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
 ) -> Array:
     """Add Rayleigh damping that excludes isolators to the linear terms in place, and return a row w
@@ -153,26 +129,37 @@ def _damping_without_isolators(
     Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
     the velocity of a floor relative to the floor on top of the nearest isolator below. Dampers to
     the ground would also damp the isolators.
+
+    With the tangent stiffness, the row TANGENT_DAMPING receives the coefficient of stories with a
+    nonlinear law. The tangent stiffness of a linear law is its stiffness.
     """
-    n = linear_terms.shape[1] - 1
+    n = stiffness.size
     has_rayleigh = np.array([story.rayleigh for story in model.stories])
-    _add_stiffness_part(linear_terms, np.where(has_rayleigh, stiffness, 0.0), model, damping)
+    dampers = damping.stiffness * np.where(has_rayleigh, stiffness, 0.0)
+    if damping.tangent:
+        is_nonlinear = np.array(
+            [any(spring.law != LINEAR for spring in story.springs) for story in model.stories]
+        )
+        has_tangent = is_nonlinear & (dampers > 0.0)
+        linear_terms[rows.TANGENT_DAMPING, :n] = np.where(has_tangent, damping.stiffness, 0.0)
+        dampers = np.where(has_tangent, 0.0, dampers)
+    linear_terms[rows.STORY_DAMPER, :n] += dampers
     mass = linear_terms[rows.MASS, :n]
     # The sum counts the isolators from the ground up to each story.
     is_below_isolators = np.cumsum(~has_rayleigh) == 0
     linear_terms[rows.FLOOR_DAMPER, :n] += np.where(is_below_isolators, damping.mass * mass, 0.0)
-    dampers = []
+    between_floors = []
     floor_on_isolator = 0
-    for floor in range(n):
+    for floor in np.flatnonzero(~is_below_isolators).tolist():
         if not has_rayleigh[floor]:
             floor_on_isolator = floor
-        elif not is_below_isolators[floor] and damping.mass > 0.0:
+        elif damping.mass > 0.0:
             # This row w is the difference of the velocities of the two floors, so that w w^T is the
             # matrix of a damper between them.
             row = np.zeros(n + 1)
             row[floor], row[floor_on_isolator] = 1.0, -1.0
-            dampers.append(np.sqrt(damping.mass * mass[floor]) * row)
-    return np.array(dampers).reshape(len(dampers), n + 1)
+            between_floors.append(np.sqrt(damping.mass * mass[floor]) * row)
+    return np.array(between_floors).reshape(len(between_floors), n + 1)
 
 
 def rayleigh(damping: RayleighRatio, *frequencies: float) -> RayleighCoefficients:
