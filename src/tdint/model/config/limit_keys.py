@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 
 from tdint.errors import did_you_mean
 from tdint.model.config.sections import ModelUnits
@@ -111,36 +110,27 @@ LIMITS = Keys(
 """Keys of the section `limits` of a model file."""
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Stories, attachments and links of a model, to which limits apply."""
-
-    stories: Sequence[Story]
-    attachments: Sequence[Attachment]
-    links: Sequence[Link]
-
-    def names(self, quantity: str) -> tuple[str, ...]:
-        """Return the names of the attachments or links that have a quantity."""
-        items = self.attachments if quantity == STROKE else self.links
-        return tuple(item.name for item in items) if QUANTITIES[quantity].of_device else ()
+_DeviceNames = Mapping[str, tuple[str, ...]]
+"""Names of the attachments or links that have a quantity, by the quantity."""
 
 
 def read_limits(
     value: Value,
     unit: ModelUnits,
     stories: Sequence[Story],
-    attachments: Sequence[Attachment] = (),
-    links: Sequence[Link] = (),
+    attachments: Sequence[Attachment],
+    links: Sequence[Link],
 ) -> tuple[Limit, ...]:
     """Return the limits of a model: limits without a level, followed by the limits of each level.
 
     Limits with errors are reported and omitted.
     """
-    places = _Places(stories, attachments, links)
+    attached, linked = (tuple(item.name for item in items) for items in (attachments, links))
+    names = {STROKE: attached, LINK_DEFORMATION: linked, LINK_FORCE: linked}
     section = value.section(LIMITS)
     if section is None:
         return ()
-    limits = _read_level(section, "", unit, places)
+    limits = _read_level(section, "", unit, stories, names)
     levels = section.get("levels")
     expected = "the limits of each performance level, such as {life safety: {drift_ratio: 2%}}"
     level_entries = levels.named(expected, f"is empty; give {expected}") if levels else None
@@ -154,13 +144,15 @@ def read_limits(
         elif level_section := entry.section(_QUANTITIES):
             if not level_section.mentions(*_QUANTITIES):
                 entry.fault(f"is empty; give one of {', '.join(_QUANTITIES)}")
-            limits += _read_level(level_section, name, unit, places)
+            limits += _read_level(level_section, name, unit, stories, names)
     if not section.mentions(*LIMITS):
         value.fault(f"is empty; give one of {', '.join(LIMITS)}")
     return tuple(limits)
 
 
-def _read_level(section: Section, level: str, unit: ModelUnits, places: _Places) -> list[Limit]:
+def _read_level(
+    section: Section, level: str, unit: ModelUnits, stories: Sequence[Story], names: _DeviceNames
+) -> list[Limit]:
     """Return the limits of a single performance level, at most one for each quantity.
 
     `level` is empty for limits without a level.
@@ -168,15 +160,14 @@ def _read_level(section: Section, level: str, unit: ModelUnits, places: _Places)
     limits = []
     for quantity in _QUANTITIES:
         if entry := section.get(quantity):
-            names = places.names(quantity)
             values = (
-                _read_named_values(entry, quantity, unit, names)
-                if QUANTITIES[quantity].of_device
-                else _read_values(entry, quantity, unit, places.stories)
+                _read_named_values(entry, quantity, unit, names[quantity])
+                if quantity in names
+                else _read_values(entry, quantity, unit, stories)
             )
             # A limit with a reported error has no finite value and is omitted.
             if values is not None and any(map(math.isfinite, values)):
-                limits.append(Limit(level, quantity, values, names))
+                limits.append(Limit(level, quantity, values, names.get(quantity, ())))
     return limits
 
 
