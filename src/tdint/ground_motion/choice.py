@@ -32,7 +32,7 @@ class _OptionalFields:
     """Base of data classes with optional fields; a field is not set if it is None, empty or
     False."""
 
-    def _set_fields(self) -> dict[str, Any]:
+    def set_fields(self) -> dict[str, Any]:
         """Return names and values of the fields that are set."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
         return {
@@ -43,7 +43,7 @@ class _OptionalFields:
 
     def __bool__(self) -> bool:
         """Return True if at least one field is set."""
-        return bool(self._set_fields())
+        return bool(self.set_fields())
 
     def over(self, other: Self) -> Self:
         """Return a copy of `other` with the fields that are set in this object.
@@ -53,7 +53,7 @@ class _OptionalFields:
         other : object of the same class
             Source of the fields that are not set here.
         """
-        return replace(other, **self._set_fields())  # type: ignore[type-var]
+        return replace(other, **self.set_fields())  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)

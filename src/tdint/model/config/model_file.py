@@ -15,12 +15,11 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import INPUT_DIGESTS, STDIN
 from tdint.ground_motion.choice import (
-    AS_STATED,
     BASELINES,
     MAX_FILTER_ORDER,
     MAX_SKIPPED_LINES,
@@ -138,21 +137,8 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
         The layout is the default if an entry of the layout is invalid. The same applies to the
         processing.
     """
-    entries = section.read_present(*(key.name for key in LAYOUT))
-    layout = AS_STATED
-    if None not in entries.values():
-        try:
-            layout = TextLayout(**entries)
-        except UsageError as error:
-            section.value.fault(str(error))
-    steps = section.read_present(*(key.name for key in PROCESSING))
-    # An invalid entry has the value None. The error has been reported.
-    processing = Processing()
-    if None not in steps.values():
-        try:
-            processing = Processing(**steps)
-        except UsageError as error:
-            section.value.fault(str(error))
+    layout = _read_part(section, LAYOUT, TextLayout)
+    processing = _read_part(section, PROCESSING, Processing)
     return RecordChoice(
         units=(read_file_units if many else read_sample_units)(section.get("units")),
         component=section.read("component"),
@@ -160,6 +146,22 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
         processing=processing,
         layout=layout,
     )
+
+
+_PartT = TypeVar("_PartT", TextLayout, Processing)
+
+
+def _read_part(section: Section, keys: tuple[Key, ...], part: type[_PartT]) -> _PartT:
+    """Return the layout or the processing from the entries of some keys; the default after
+    reporting an error."""
+    entries = section.read_present(*(key.name for key in keys))
+    # An invalid entry has the value None. The error has been reported.
+    if None not in entries.values():
+        try:
+            return part(**entries)
+        except UsageError as error:
+            section.value.fault(str(error))
+    return part()
 
 
 _RECORD = Keys(

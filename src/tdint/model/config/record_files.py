@@ -10,7 +10,7 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -164,13 +164,8 @@ def description_text(files: Sequence[str], choice: RecordChoice, folder: Path) -
 def stated_settings(choice: RecordChoice) -> dict[str, Any]:
     """Return the settings of a choice that are not the default, by the key of the description."""
     settings = {name: getattr(choice, name) for name in ("units", "component", "inventory")}
-    for part in (choice.layout, choice.processing):
-        settings |= {field.name: getattr(part, field.name) for field in fields(part)}
-    return {
-        name: value
-        for name, value in settings.items()
-        if value not in (None, ()) and value is not False
-    }
+    stated = {name: value for name, value in settings.items() if value is not None}
+    return stated | choice.layout.set_fields() | choice.processing.set_fields()
 
 
 _PLAIN = re.compile(r"[A-Za-z/.][\w/.^-]*")
