@@ -252,7 +252,7 @@ def columns():
             *(*responses.STORY_COLUMNS, *responses.STORY_ERROR),
             *(*matrices.FLEXURE_COLUMNS, *matrices.FLEXURE_ERROR),
         ),
-        "history.csv of tdint run": histories.history_columns(1, error=True),
+        "history.csv of tdint run": histories.HistoryLayout(1, error=True).columns,
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,
         "tdint modes": (*buildings.MODE, buildings.mode_damping(None), *buildings.MODE_END),

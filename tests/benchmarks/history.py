@@ -18,7 +18,7 @@ from common import ROOT, minimum_times
 
 from tdint import load_model, run
 from tdint.files import write_file
-from tdint.output.tables.histories import history_columns, write_history
+from tdint.output.tables.histories import HistoryLayout, write_history
 
 MODEL = ROOT / "configs" / "ten-story.yaml"
 
@@ -35,7 +35,7 @@ def main():
     run(model, duration=0.1, history=True)  # compiles the kernels before the measurement
     tracemalloc.start()
     history = run(model, duration=0.01 * steps, history=True).history
-    columns = history_columns(history.displacement.shape[1])
+    columns = HistoryLayout(history.displacement.shape[1]).columns
     tracemalloc.reset_peak()
     with Path("/dev/null").open("wb") as null_device:
         memory_before, _ = tracemalloc.get_traced_memory()

@@ -11,7 +11,7 @@ import tdint
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.messages import quiet_import
 from tdint.output.tables.buildings import mode_table
-from tdint.output.tables.histories import history_columns, write_history
+from tdint.output.tables.histories import HistoryLayout, write_history
 from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import result_table
 from tdint.units import STANDARD_GRAVITY
@@ -60,7 +60,9 @@ def test_a_history_equals_the_file_of_the_command(response):
     write_history(response.history, stream)
     header, *rows = csv.reader(io.StringIO(stream.getvalue().decode()))
     columns = response.history.to_dict()
-    assert list(columns) == header == [column.name for column in history_columns(2, error=True)]
+    assert (
+        list(columns) == header == [column.name for column in HistoryLayout(2, error=True).columns]
+    )
     written = np.array([[float(cell) for cell in row] for row in rows])
     np.testing.assert_allclose(
         np.column_stack(list(columns.values())), written, rtol=1e-11, atol=1e-300

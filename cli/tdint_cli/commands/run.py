@@ -353,8 +353,8 @@ def _record_warnings(record: Record | None) -> list[str]:
 def _check_disk_space(request: Request, model: Model, steps: int) -> None:
     """Raise OutputError if the disk has not enough space for the response history."""
     if file := request.history_file:
-        columns = len(tables.histories.history_columns(len(model.stories), bool(request.check)))
-        columns += sum(len(story.elements) for story in model.stories)
+        layout = tables.histories.HistoryLayout(len(model.stories), bool(request.check))
+        columns = len(layout.columns) + sum(len(story.elements) for story in model.stories)
         rows = steps // request.history_every + 1
         bytes_per_number = _MIN_COMPRESSED_BYTES if file.suffix == ".gz" else _MIN_BYTES
         check_disk_space(file, rows * columns * bytes_per_number)

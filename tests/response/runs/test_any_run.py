@@ -28,7 +28,7 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.model.story import PowerDashpot
 from tdint.output.run_summary import failure_summary, run_summary
 from tdint.output.summary import json_bytes
-from tdint.output.tables.histories import history_columns
+from tdint.output.tables.histories import HistoryLayout
 from tdint.output.tables.responses import story_table
 from tdint.response.runs.energy import ENERGY_TERMS
 from tdint.response.runs.outcome import FailedRun
@@ -144,7 +144,7 @@ def check_response(response):
     assert b"nan" not in story_table(stories).csv() and b"inf" not in story_table(stories).csv()
     history = response.history
     assert (
-        len(history_columns(len(stories.height)))
+        len(HistoryLayout(len(stories.height)).columns)
         == 2 + 7 * len(stories.height) + len(ENERGY_TERMS) + 1
     )
     for values in (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -53,73 +53,68 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
 _ROWS_AT_ONCE = 256  # rows formatted together, which needs 1 MB for a hundred columns
 
 
-def history_parts(
-    history: History,
-) -> tuple[int, bool, Sequence[str], DeviceHistory | None, Sequence[str]]:
-    """Return the arguments of `history_groups` and `history_columns` for a response history."""
-    stories = history.displacement.shape[1]
-    has_error = history.error is not None
-    return stories, has_error, history.element_labels, history.devices, history.rows
+class HistoryLayout(NamedTuple):
+    """Columns of the CSV file of a response history.
 
-
-def history_groups(
-    stories: int,
-    error: bool,
-    elements: Sequence[str] = (),
-    devices: DeviceHistory | None = None,
-    rows: Sequence[str] = (),
-) -> tuple[tuple[Sequence[str], tuple[Column, ...]], ...]:
-    """Return the columns of a response history in groups: the names that precede the columns of a
-    group, and the columns, which are repeated for each name (floor, story, element of stories with
-    several elements, attachment, link).
-
-    The columns of time, ground and energies have an empty name. `error` adds the columns of the
-    estimated errors. Rows that are not floors (`rows`) have the columns of floors only.
-    """
-    if rows:
-        groups = (("",), HISTORY_START), (rows, HISTORY_FLOOR), (("",), HISTORY_ENERGY)
-        return (*groups, *(((rows, HISTORY_FLOOR_ERROR),) if error else ()))
-    floors, story_names = (
-        tuple(f"{location}_{i}" for i in range(1, stories + 1)) for location in ("floor", "story")
-    )
-    errors = ((floors, HISTORY_FLOOR_ERROR), (story_names, HISTORY_STORY_ERROR)) if error else ()
-    return (
-        (("",), HISTORY_START),
-        (floors, HISTORY_FLOOR),
-        (story_names, HISTORY_STORY),
-        *(((elements, (ELEMENT_FORCE,)),) if elements else ()),
-        *device_groups(devices),
-        (("",), HISTORY_ENERGY),
-        *errors,
-    )
-
-
-def history_columns(
-    stories: int,
-    error: bool = False,
-    elements: Sequence[str] = (),
-    devices: DeviceHistory | None = None,
-    rows: Sequence[str] = (),
-) -> tuple[Column, ...]:
-    """Return the columns of the CSV file of a response history, for example `floor_2_velocity_m_s`.
-
-    Parameters
+    Attributes
     ----------
     error : bool
-        True to add the columns of the estimated errors at the end; false by default.
+        True to add the columns of the estimated errors at the end.
     elements : sequence of str
-        Labels of the elements (`History.element_labels`).
-    devices : DeviceHistory, optional
+        Labels of the elements of stories with several elements (`History.element_labels`).
+    devices : DeviceHistory | None
         Attachments and links of the history.
     rows : sequence of str
-        Names of rows that are not floors.
+        Names of rows that are not floors, which have the columns of floors only.
     """
-    return tuple(
-        column._replace(name=f"{name}_{column.name}" if name else column.name)
-        for names, group in history_groups(stories, error, elements, devices, rows)
-        for name in names
-        for column in group
-    )
+
+    stories: int
+    error: bool = False
+    elements: Sequence[str] = ()
+    devices: DeviceHistory | None = None
+    rows: Sequence[str] = ()
+
+    @classmethod
+    def of(cls, history: History) -> HistoryLayout:
+        """Return the columns of a response history."""
+        stories, error = history.displacement.shape[1], history.error is not None
+        return cls(stories, error, history.element_labels, history.devices, history.rows)
+
+    @property
+    def groups(self) -> tuple[tuple[Sequence[str], tuple[Column, ...]], ...]:
+        """Columns in groups: the names that precede the columns of a group, and the columns, which
+        are repeated for each name (floor, story, element, attachment, link).
+
+        The columns of time, ground and energies have an empty name.
+        """
+        stories, error, elements, devices, rows = self
+        if rows:
+            groups = (("",), HISTORY_START), (rows, HISTORY_FLOOR), (("",), HISTORY_ENERGY)
+            return (*groups, *(((rows, HISTORY_FLOOR_ERROR),) if error else ()))
+        floors, story_names = (
+            tuple(f"{location}_{i}" for i in range(1, stories + 1))
+            for location in ("floor", "story")
+        )
+        errors = (floors, HISTORY_FLOOR_ERROR), (story_names, HISTORY_STORY_ERROR)
+        return (
+            (("",), HISTORY_START),
+            (floors, HISTORY_FLOOR),
+            (story_names, HISTORY_STORY),
+            *(((elements, (ELEMENT_FORCE,)),) if elements else ()),
+            *device_groups(devices),
+            (("",), HISTORY_ENERGY),
+            *(errors if error else ()),
+        )
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Columns of the file in their order, for example `floor_2_velocity_m_s`."""
+        return tuple(
+            column._replace(name=f"{name}_{column.name}" if name else column.name)
+            for names, group in self.groups
+            for name in names
+            for column in group
+        )
 
 
 def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -148,19 +143,17 @@ def write_history(
     header : bool
         True to write the header; true by default.
     """
-    parts = history_parts(history)
-    names_and_factors = [
-        units.column(column.name, column.unit) for column in history_columns(*parts)
-    ]
+    layout = HistoryLayout.of(history)
+    names_and_factors = [units.column(column.name, column.unit) for column in layout.columns]
     if header:
         stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
     row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
     # `groups` contains the arrays of the columns of each group, shape (steps,) or (steps, stories).
     # For a group with the quantities a and b of each story, the columns of the file are a and b of
-    # story 1, a and b of story 2, and so on, as in `history_columns`. `stack` therefore adds the
+    # story 1, a and b of story 2, and so on, as in `HistoryLayout`. `stack` therefore adds the
     # quantity as the last axis, and `reshape` joins the axes of stories and quantities.
-    groups = [[column.of(history) for column in group] for _, group in history_groups(*parts)]
+    groups = [[column.of(history) for column in group] for _, group in layout.groups]
     for start in range(0, len(history.time), _ROWS_AT_ONCE):
         row_slice = slice(start, start + _ROWS_AT_ONCE)
         group_blocks = (

@@ -73,12 +73,12 @@ def _values_of_run(values: Any, run: int, story_count: int) -> Any:
 
 def history_columns(result: History) -> Values:
     """Return the columns of a response history with their values, as in the CSV file."""
-    parts = histories.history_parts(result)
+    layout = histories.HistoryLayout.of(result)
     values: list[Any] = []
-    for names, columns in histories.history_groups(*parts):
+    for names, columns in layout.groups:
         arrays = [column.of(result) for column in columns]
         # A column for each floor or story, in the order of the CSV file; other names are empty
         values += (
             [array[:, i] for i in range(len(names)) for array in arrays] if all(names) else arrays
         )
-    return list(zip(histories.history_columns(*parts), values, strict=True))
+    return list(zip(layout.columns, values, strict=True))
