@@ -87,7 +87,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     math.nan,
                     # A run is identified by its number in the runs of its building and scale.
                     [[Run(int(index), scale, 0)] for index in np.flatnonzero(status == DONE)],
-                    [[] for _ in range(collapsed)],  # only their number is used here
+                    collapsed,
                     pairs=0,
                     failed=selected.size - done.size - collapsed,
                     measure=("", ""),

@@ -143,8 +143,8 @@ class SuiteLevel:
         number of the factor, from 1. NaN if the level is a factor (`scale`).
     completed : list of list of Run
         Runs of each motion without collapse: one run, or two for a pair.
-    collapsed_runs : list of list of Run
-        Runs of each motion with collapse.
+    collapsed : int
+        Number of motions with collapse.
     pairs : int
         Number of motions that are pairs of components, including collapsed and failed runs.
     failed : int
@@ -159,7 +159,7 @@ class SuiteLevel:
     scale: float
     level: float
     completed: list[list[Run]]
-    collapsed_runs: list[list[Run]]
+    collapsed: int
     pairs: int
     failed: int
     measure: tuple[str, str]
@@ -169,11 +169,6 @@ class SuiteLevel:
     def level_text(self) -> str:
         """Text of the level, such as `scale 2` or `sa(T1) 2.94 m/s^2`."""
         return level_text(self.scale, self.level, self.measure)
-
-    @property
-    def collapsed(self) -> int:
-        """Number of motions with collapse."""
-        return len(self.collapsed_runs)
 
     @property
     def lost(self) -> int:
@@ -202,8 +197,8 @@ class Profile(SuiteLevel):
 
     Attributes
     ----------
-    motions, collapsed_motions : tuple of str
-        Motions of completed runs, and motions with collapse.
+    motions : tuple of str
+        Motions of completed runs.
     height : ndarray, shape (n,)
         Story heights, m; NaN if not specified.
     peaks : mapping of str to ndarray, shape (motions, n)
@@ -222,7 +217,6 @@ class Profile(SuiteLevel):
     peak_errors: Mapping[str, Array]
     limits: tuple[Limit, ...] = ()
     isolators: tuple[int, ...] = ()
-    collapsed_motions: tuple[str, ...] = ()
 
     @property
     def keys(self) -> list[tuple[int, int]]:
@@ -235,7 +229,7 @@ class Profile(SuiteLevel):
         return replace(
             self,
             completed=[self.completed[index] for index in kept],
-            collapsed_runs=[],
+            collapsed=0,
             failed=0,
             motions=tuple(self.motions[index] for index in kept),
             peaks={name: values[kept] for name, values in self.peaks.items()},
@@ -318,12 +312,9 @@ def profiles(store: Store) -> Iterator[Profile]:
         devices = device_values(store, number, limits.limits)
         for level in rules.levels_of(store, number):
             # `runs` are the runs of a motion: two of a pair, with both components in the name.
-            motions, collapsed_motions = (
-                tuple(
-                    pair_name(file_of_record[runs[0].motion], file_of_record[runs[-1].motion])
-                    for runs in runs_of_motions
-                )
-                for runs_of_motions in (level.completed, level.collapsed_runs)
+            motions = tuple(
+                pair_name(file_of_record[runs[0].motion], file_of_record[runs[-1].motion])
+                for runs in level.completed
             )
             height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
             peaks |= {quantity: level.demands(values) for quantity, values in devices.items()}
@@ -336,7 +327,6 @@ def profiles(store: Store) -> Iterator[Profile]:
                 peak_errors=errors,
                 limits=limits.limits,
                 isolators=limits.isolators,
-                collapsed_motions=collapsed_motions,
             )
 
 
@@ -452,14 +442,13 @@ class SuiteRules:
             # A motion failed or collapsed if the run of one of its components did. A motion with a
             # failed and a collapsed component counts as failed.
             completed: list[list[Run]] = []
-            collapsed: list[list[Run]] = []
-            failed_count = 0
+            collapsed_count, failed_count = 0, 0
             for runs in runs_of_motion.values():
                 statuses = [status[run] for run in runs]
                 if any(item not in (DONE, *FALLEN) for item in statuses):
                     failed_count += 1
                 elif any(item in FALLEN for item in statuses):
-                    collapsed.append(runs)
+                    collapsed_count += 1
                 else:
                     completed.append(runs)
             scale, level = self._scale_and_level(rank, {run.scale for run in level_runs})
@@ -467,7 +456,7 @@ class SuiteRules:
                 scale=scale,
                 level=level,
                 completed=completed,
-                collapsed_runs=collapsed,
+                collapsed=collapsed_count,
                 pairs=sum(len(runs) > 1 for runs in runs_of_motion.values()),
                 failed=failed_count,
                 measure=self.measure,
