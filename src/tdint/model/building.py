@@ -135,13 +135,6 @@ class Building:
         start, otherwise 1."""
         return np.array([*(1.0 for _ in self.attachments), *(link.sign for link in self.links)])
 
-    @property
-    def lower_columns(self) -> NDArray[np.intp]:
-        """Columns of the lower floors of all springs; any column for the ground."""
-        if self.branched:
-            return self.linear_terms[rows.BASE, :-1].astype(np.intp)
-        return np.arange(self.stories) - 1
-
     @cached_property
     def deformations(self) -> Array:
         """Matrix of the deformations of all springs, shape (n, masses)."""
@@ -150,6 +143,21 @@ class Building:
         if not self.branched:
             return chain_deformations(self.linear_terms[rows.LINK, :-1])
         return incidence(self.linear_terms, self.masses)
+
+    def drifts(self, floors: Array) -> Array:
+        """Return the deformations of all springs from the displacements of the floors, or their
+        derivatives, shape (..., n).
+
+        `floors` contains values relative to the ground: springs on the ground keep the values of
+        the floor. A further column for the ground may follow.
+        """
+        n = self.stories
+        if self.system is not None:
+            return np.asarray(floors[..., :n] @ self.system.deformations.T)
+        link, base = self.linear_terms[[rows.LINK, rows.BASE], :-1]
+        # Columns of the lower floors; any column for the ground.
+        lower = base.astype(np.intp) if self.branched else np.arange(n) - 1
+        return np.asarray(floors[..., :n] - link * floors[..., lower])
 
     @property
     def initial_stiffness(self) -> Array:
@@ -454,11 +462,7 @@ class Building:
         omega, shape = self.vibration.first
         if self.system is not None:
             return omega, float(shape @ self.system.damping @ shape / (2.0 * omega))
-        if self.branched:
-            drift = self.deformations @ shape
-        else:
-            drift = shape.copy()
-            drift[1:] -= shape[:-1]
+        drift = self.deformations @ shape if self.branched else self.drifts(shape)
         masses = self.masses
         modal_damping = np.add.reduce(self.story_dampers * drift**2)
         modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :masses] * shape**2)

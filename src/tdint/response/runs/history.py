@@ -272,18 +272,10 @@ def _stored_field(field: int) -> FieldFunction:
 def _floor_difference(field: int) -> FieldFunction:
     """Return a `FieldFunction` that computes the difference of a field between the floors above and
     below each story, such as the drift from the displacements."""
-
-    def subtract_floor_below(building: Building, loads: Loads, time: Array, table: Array) -> Array:
-        """Return the differences, shape (rows, n)."""
-        floors = _stored_field(field)(building, loads, time, table)
-        if building.system is not None:
-            return np.asarray(floors @ building.deformations.T)
-        # The values are relative to the ground: springs on the ground keep the values of the floor.
-        return np.asarray(
-            floors - building.linear_terms[rows.LINK, :-1] * floors[:, building.lower_columns]
-        )
-
-    return subtract_floor_below
+    of_floors = _stored_field(field)
+    return lambda building, loads, time, table: building.drifts(
+        of_floors(building, loads, time, table)
+    )
 
 
 def _total_shear(building: Building, loads: Loads, time: Array, table: Array) -> Array:

@@ -92,7 +92,7 @@ def residual_oscillation(
     initial to present stiffness.
     """
     distance, present_stiffness = building.rest_distance(space.law_state)
-    rate = _drift_rates(building, space.state[rows.VELOCITY])
+    rate = building.drifts(space.state[rows.VELOCITY])
     if inverse_omega is None:
         displacement, velocity = (
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
@@ -126,7 +126,7 @@ def possible_growth(
     reach = reach + residual_oscillation(building, space, inverse_omega)
     counts = peak > 0.0
     if not is_at_rest:
-        rate = _drift_rates(building, space.state[rows.VELOCITY])
+        rate = building.drifts(space.state[rows.VELOCITY])
         counts &= (np.abs(drift) >= peak) & (drift * rate > 0.0)
     return float(np.max(reach[counts] / peak[counts] - 1.0, initial=0.0))
 
@@ -140,17 +140,6 @@ def with_growth(errors: StoryErrors, stories: StoryPeaks, growth: float) -> Stor
         if name != "residual_drift"
     }
     return StoryErrors(**values, residual_drift=errors.residual_drift)
-
-
-def _drift_rates(building: Building, floors: Array) -> Array:
-    """Subtract from the velocity or acceleration of each floor that of the floor below.
-
-    The last entry of `floors` is the ground; the result has one entry less.
-    """
-    if building.system is not None:
-        return np.asarray(building.deformations @ floors[:-1])
-    link = building.linear_terms[rows.LINK, :-1]
-    return np.asarray(floors[:-1] - link * floors[building.lower_columns])
 
 
 def interstep_peak_errors(
@@ -167,7 +156,7 @@ def interstep_peak_errors(
     drift_change = np.zeros(building.stories)
     if late > 0.0:
         velocity, acceleration = (
-            np.abs(_drift_rates(building, row))
+            np.abs(building.drifts(row))
             for row in (
                 space.state[rows.VELOCITY],
                 space.observer_state[rows.OBSERVED_ACCELERATION],

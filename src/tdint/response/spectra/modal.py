@@ -17,7 +17,6 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.kernels import layout as rows
 from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, model_of
@@ -140,14 +139,9 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     system = building.system
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
-    # A drift is the displacement of a floor minus that of the floor below. LINK is 0 for a story on
-    # the ground, so the value that `np.roll` moves to the first story has no effect. A shear is the
-    # sum of the forces above, from the roof down.
+    # A shear is the sum of the forces above, from the roof down.
     peaks = {
-        "drift": displacement
-        - building.linear_terms[rows.LINK, :-1] * np.roll(displacement, 1, axis=1)
-        if system is None
-        else displacement @ system.deformations.T,
+        "drift": building.drifts(displacement),
         "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
         "displacement": displacement,
         "force": forces,
