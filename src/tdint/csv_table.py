@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from itertools import chain, islice
+from itertools import chain, islice, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, overload
 
@@ -229,6 +229,12 @@ class CsvTable:
                 )
             lines[text] = line
         return list(lines)
+
+    def columns_of(self, rows: Sequence[list[str]]) -> list[tuple[str, ...]]:
+        """Return the cells of rows by column. Missing cells at the end of a row are empty, surplus
+        cells are omitted."""
+        columns = list(islice(zip_longest(*rows, fillvalue=""), len(self.header)))
+        return columns + [("",) * len(rows)] * (len(self.header) - len(columns))
 
     def surplus(self, cells: list[str]) -> str:
         """Return the error of a row with a cell to the right of the last column that is not empty;

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import compress, islice, zip_longest
+from itertools import compress, islice
 from pathlib import Path
 from typing import TypeVar, overload
 
@@ -266,23 +266,15 @@ class _Table:
 
         `rows` contains the line number and cells of each row.
         """
-        width = len(self.table.header)
-        self.columns.extend(TextColumn() for _ in range(width))
+        self.columns.extend(TextColumn() for _ in self.table.header)
         while block := list(islice(rows, BLOCK)):
             for index, (line, cells) in enumerate(block, start=len(self.lines)):
                 self.lines.append(line)
                 if error := self.table.surplus(cells):
                     self.overfull[index] = error
-            # Transpose the block: one tuple of texts for each column. Missing cells at the end of a
-            # row are empty, surplus cells are omitted.
-            texts = [
-                tuple(map(str.strip, column_cells))
-                for column_cells in zip_longest(*(cells for _, cells in block), fillvalue="")
-            ]
-            empty_column = ("",) * len(block)
-            texts = texts[:width] + [empty_column] * (width - len(texts))
-            for column, column_texts in zip(self.columns, texts, strict=True):
-                column.add(column_texts)
+            columns = self.table.columns_of([cells for _, cells in block])
+            for column, column_cells in zip(self.columns, columns, strict=True):
+                column.add(tuple(map(str.strip, column_cells)))
 
     @cached_property
     def column_indices(self) -> dict[str, int]:

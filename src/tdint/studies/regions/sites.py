@@ -9,7 +9,7 @@ import re
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, compress, islice, zip_longest
+from itertools import chain, compress, islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -326,10 +326,8 @@ class _FieldRows:
         errors of the other rows. Cells may be missing at the end of a row."""
         width, indices = len(self.table.header), self.indices
         lines, cells = zip(*block, strict=True)
-        # Transpose the cells to columns, without surplus cells. The column at the index `width` is
-        # empty, and represents the columns that do not exist.
-        columns = list(islice(zip_longest(*cells, fillvalue=""), width))
-        columns += [("",) * len(cells)] * (width + 1 - len(columns))
+        # The column at the index `width` is empty, and represents the columns that do not exist.
+        columns = [*self.table.columns_of(cells), ("",) * len(cells)]
         event, record, site, component, second_file, value = (columns[index] for index in indices)
         # Without a value, the factor is 1. A value that is not a number is NaN, for which the
         # comparison is False.
