@@ -16,7 +16,7 @@ from tdint_cli.options.grammar import Mode
 from tdint_cli.options.option_types import BESIDE, Count, FileName, Number, Ratio
 from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
-from tdint_cli.options.suite import CHANGED, LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
+from tdint_cli.options.suite import CHANGED, LIMIT, REQUIRE, SuiteRequest
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ELEMENTS = "elements.csv"
@@ -138,7 +138,7 @@ class Request(BuildingRequest, SuiteRequest):
     )
     limit: float | str | None = LIMIT
     require: bool = REQUIRE
-    pair_demand: str | None = PAIR_DEMAND
+    pair_demand: str | None = options.record.pair_demand()
     allow_unstable: bool = options.analysis.option(
         rare=True, help="Allow a time step larger than the stability limit of the method."
     )

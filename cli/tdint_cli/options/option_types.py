@@ -273,27 +273,23 @@ drift_size = Written("drift", parse_drift)
 """A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
 
 
-def intensity(*quantities: str) -> Written:
-    """Return the option type of a peak value or pseudo-acceleration with its unit, such as 0.6g.
+def _intensity(text: str) -> Units:
+    """Return an intensity and its unit; raise BadParameter for a text without a unit of a motion."""
+    quantities = ("acceleration", "velocity", "displacement")
+    try:
+        units = parse_units(text)
+    except UsageError:
+        units = None
+    if units is None or not units.has_factor or units.quantity not in quantities:
+        raise click.BadParameter(
+            f"{text!r} must be a number with a unit of {' or '.join(quantities)}, such as "
+            "0.6g or '5.9 m/s^2'"
+        )
+    return units
 
-    `quantities` are the allowed quantities: acceleration, velocity or displacement.
-    """
-    example = "40cm/s" if quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
 
-    def read(text: str) -> Units:
-        """Return the value and the unit; raise BadParameter for a text without an allowed unit."""
-        try:
-            units = parse_units(text)
-        except UsageError:
-            units = None
-        if units is None or not units.has_factor or units.quantity not in quantities:
-            raise click.BadParameter(
-                f"{text!r} must be a number with a unit of {' or '.join(quantities)}, such as "
-                f"{example}"
-            )
-        return units
-
-    return Written("value", read)
+intensity = Written("value", _intensity)
+"""A peak value or pseudo-acceleration with its unit, such as 0.6g."""
 
 
 def _pair_names(text: str) -> PairNames:

@@ -124,6 +124,22 @@ _factor = partial(
 scale = _factor(type=ListOf(Nonzero(), once=False))
 one_scale = _factor(type=Nonzero(), needs="RECORD")
 
+
+def pair_demand(
+    heading: str = grammar.RECORD, larger: str = "larger (default)", more: str = ""
+) -> grammar.Declaration:
+    """Return the option --pair-demand. `larger` names the treatment with the larger demand, and
+    `more` is the end of the help text."""
+    return grammar.option(
+        "--pair-demand",
+        heading=heading,
+        rare=True,
+        type=click.Choice(("larger", "mean", "separate")),
+        help="Treatment of the two horizontal components of a recording: one ground motion with "
+        f"the {larger} or the mean demand of both, or two separate ground motions.{more}",
+    )
+
+
 _LAYOUT = (
     _rare(
         "--step",

@@ -1,5 +1,5 @@
-"""Options of the commands with runs under a suite of ground motions: names of files, limits of the
-demands, and demand of pairs."""
+"""Options of the commands with runs under a suite of ground motions: names of files, and limits of
+the demands."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from tdint.units import OutputUnits
-from tdint_cli.options import analysis, output, record
+from tdint_cli.options import analysis, output
 from tdint_cli.options.option_types import Ratio
 from tdint_cli.options.output import picture_file
 from tdint_cli.options.spectra import FloorRequest
@@ -28,16 +28,6 @@ CHANGED = output.option(
     "of -o, and run only what has changed.",
 )
 """The option --changed."""
-
-
-PAIR_DEMAND = record.option(
-    "--pair-demand",
-    rare=True,
-    type=click.Choice(("larger", "mean", "separate")),
-    help="Treatment of the two horizontal components of a recording: one ground motion with the "
-    "larger (default) or the mean demand of both, or two separate ground motions.",
-)
-"""The option --pair-demand."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -123,13 +123,8 @@ class Request:
         "`event` under the ground motions of one event, are not independent; the test accounts "
         "for this.",
     )
-    pair_demand: str | None = options.option(
-        "--pair-demand",
-        type=click.Choice(("larger", "mean", "separate")),
-        rare=True,
-        help="Treatment of the two horizontal components of a recording: one ground motion with "
-        "the larger or the mean demand of both, or two separate ground motions. The default is "
-        "the treatment in the study.",
+    pair_demand: str | None = options.record.pair_demand(
+        options.grammar.OWN, "larger", " The default is the treatment in the study."
     )
     modeling_dispersion: float = options.option(
         type=Number(0.0, 10.0),

@@ -93,17 +93,11 @@ class IdaRequest(RecordsRequest):
         "The records replace RECORD. The analysis scales each record itself and does not use the "
         "factors."
     )
-    pair_demand: str | None = study_options.option(
-        "--pair-demand",
-        type=click.Choice(("larger", "mean", "separate")),
-        rare=True,
-        help="Treatment of the two horizontal components of a recording: one ground motion with "
-        "the larger (default) or the mean demand of both, or two separate ground motions.",
-    )
+    pair_demand: str | None = options.record.pair_demand(options.grammar.INTENSITY)
     damping: float = study_options.damping("--im sa or sa-avg")
     max_im: Units | None = study_options.option(
         rare=True,
-        type=intensity("acceleration", "velocity", "displacement"),
+        type=intensity,
         help="Maximum intensity, with its unit (3g). Capacities above it are censored: known "
         "only to be larger.",
     )
