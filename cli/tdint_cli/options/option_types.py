@@ -274,7 +274,7 @@ drift_size = Written("drift", parse_drift)
 
 
 def _intensity(text: str) -> Units:
-    """Return an intensity and its unit; raise BadParameter for a text without a unit of a motion."""
+    """Return an intensity and its unit; raise BadParameter for a text without such a unit."""
     quantities = ("acceleration", "velocity", "displacement")
     try:
         units = parse_units(text)
