@@ -323,26 +323,26 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
 def _respond(case: Case, events: list[Record], request: Request, is_interpreted: bool) -> Response:
     """Run the time integration under a single ground motion, or under a sequence if there are
     `events`. Interpreted time loops estimate the errors in a second process."""
-    from tdint.response.runs.run import integrate_case
+    from tdint.response.runs.run import integrate_case, run_case
     from tdint.response.runs.settings import RunSettings, settings_from
 
-    settings = settings_from(request, RunSettings, check=request.check is not False)
-    outputs: dict[str, Any] = {
-        "history": bool(request.floor_request.floors or request.export_floors),
-        "history_errors": bool(request.check),
-        "tolerance": request.tolerance,
-    }
+    names = ("dt", "until_rest", "check", "tolerance")
+    arguments: dict[str, Any] = {name: getattr(request, name) for name in names}
+    history = bool(request.floor_request.floors or request.export_floors)
     if events:
-        from tdint.response.runs.sequence import integrate_sequence
+        from tdint.response.runs.sequence import run_sequence
 
-        return integrate_sequence(case, events, settings, rest=request.rest, **outputs)
+        return run_sequence(case, events, rest=request.rest, history=history, **arguments)
     # Forked processes have the interpreted time loops.
     if is_interpreted and request.check is None and system.START_OF_PROCESSES == "fork":
         from tdint_cli.processes import worker
 
+        settings = settings_from(request, RunSettings, check=True)
         with worker() as begin:
-            return integrate_case(case, settings, **outputs, begin=begin)
-    return integrate_case(case, settings, **outputs)
+            return integrate_case(
+                case, settings, history=history, tolerance=request.tolerance, begin=begin
+            )
+    return run_case(case, duration=request.duration, history=history, **arguments)
 
 
 def _record_warnings(record: Record | None) -> list[str]:

@@ -25,8 +25,7 @@ from tdint.response.runs.error_estimate import (
     story_errors,
 )
 from tdint.response.runs.outcome import EventResponse, Response
-from tdint.response.runs.run import integrate_case
-from tdint.response.runs.settings import RunSettings
+from tdint.response.runs.run import run_case
 from tdint.response.time_steps import Steps, choose_steps
 
 
@@ -150,40 +149,17 @@ def run_sequence(
     FailedRun
         As by `tdint.run`.
     """
-    rest = number_of(rest, "rest")
-    settings = RunSettings(dt=dt, until_rest=until_rest, check=check is not False)
-    return integrate_sequence(
-        case,
-        records,
-        settings,
-        rest=rest,
-        history=history,
-        history_errors=bool(check),
-        tolerance=ratio_of(tolerance, "tolerance"),
-    )
-
-
-def integrate_sequence(
-    case: Case,
-    records: Sequence[Record],
-    settings: RunSettings,
-    *,
-    rest: float | None = None,
-    history: bool = False,
-    history_errors: bool = False,
-    tolerance: float | None = None,
-) -> Response:
-    """Integrate a building under a sequence, as `run_sequence` with checked arguments. The duration
-    of the settings is not used."""
-    sequence = sequence_of(case, records, rest=rest, dt=settings.dt)
-    joined_record = sequence.joined
-    joined = replace(case.throughout(joined_record), remarks=(*case.remarks, *sequence.notes))
-    response = integrate_case(
+    dt, rest = number_of(dt, "dt"), number_of(rest, "rest")
+    tolerance = ratio_of(tolerance, "tolerance")
+    sequence = sequence_of(case, records, rest=rest, dt=dt)
+    joined = replace(case.throughout(sequence.joined), remarks=(*case.remarks, *sequence.notes))
+    response = run_case(
         joined,
-        replace(settings, duration=None),
+        dt=dt,
         history=history,
-        history_errors=history_errors,
+        check=check,
         tolerance=tolerance,
+        until_rest=until_rest,
     )
     steps = replace(joined.steps(response.dt), count=response.steps)
     return replace(
