@@ -533,8 +533,7 @@ def files_of_motions(
 
 def component_in_name(file: str) -> str:
     """Return the component that the name of a file states, also in degrees; empty without one."""
-    name = Path(file).name
-    match = _find_component(name) or _DIRECTION.search(name)
+    match = _find_component(Path(file).name, in_degrees=True)
     return match["component"] if match else ""
 
 
@@ -547,10 +546,9 @@ def with_component(record: Record, *, in_degrees: bool = False) -> Record:
         True to accept also a direction in degrees at the end of the file name, for files that
         `motion_names` has recognized as a pair by their directions. The default is False.
     """
-    name = Path(record.source).name
-    match = None if record.component.strip() else _find_component(name)
-    if in_degrees and not match and not record.component.strip():
-        match = _DIRECTION.search(name)
+    if record.component.strip():
+        return record
+    match = _find_component(Path(record.source).name, in_degrees=in_degrees)
     return replace(record, component=match["component"].upper()) if match else record
 
 
@@ -589,10 +587,11 @@ def combine_single_components(failures: Sequence[Failure]) -> list[Failure | Rec
     return [*(failure for failure in failures if failure not in single), RecordError(text)]
 
 
-def _find_component(name: str) -> re.Match[str] | None:
+def _find_component(name: str, *, in_degrees: bool = False) -> re.Match[str] | None:
     """Return the match of the component in a file name without directories, in its group
-    `component`; None if no pattern matches."""
-    patterns = (_KNET, _NGA_EAST, _PEER, _SEED, _ENDING)
+    `component`; None if no pattern matches. With `in_degrees`, the name of a component may also be
+    a direction in degrees."""
+    patterns = (_KNET, _NGA_EAST, _PEER, _SEED, _ENDING, *((_DIRECTION,) if in_degrees else ()))
     return next((match for pattern in patterns if (match := pattern.search(name))), None)
 
 

@@ -210,7 +210,9 @@ def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
     """
     # `to_dict` passes several results only if their class has the function `rows`.
     if isinstance(result, list | tuple | ResultList):
-        return _in_rows(list(result), units)
+        rows = presentations()[type(result[0]).__name__].rows
+        assert rows is not None
+        return rows(list(result), units).by_column()
     # The table of a base class applies to subclasses without a separate table.
     for result_class in type(result).__mro__:
         known = presentations().get(result_class.__name__)
@@ -222,10 +224,3 @@ def _values(result: Any, units: OutputUnits = SI) -> list[tuple[Column, Any]]:
         if known is not None and known.rows is not None:
             return known.rows([result], units).by_column()
     raise UsageError(f"a result of the type {type(result).__name__} has no table")
-
-
-def _in_rows(results: Sequence[Any], units: OutputUnits) -> list[tuple[Column, Any]]:
-    """Return the columns, with their cells, of the table with one row for each result."""
-    rows = presentations()[type(results[0]).__name__].rows
-    assert rows is not None
-    return rows(results, units).by_column()

@@ -465,12 +465,11 @@ def measure_problem(
     _repeat_contenders(posed, points, repeats, progress)
 
     # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
+    peak_errors = partial(PeakErrors.between, true_peaks=reference.stories)
     points_by_tolerance: list[Point] = []
     for integrator in suitable:
         if integrator.label in CHOOSING:
-            points_by_tolerance += by_tolerance(
-                posed, integrator, tolerances, partial(_peak_errors, reference.stories), repeats
-            )
+            points_by_tolerance += by_tolerance(posed, integrator, tolerances, peak_errors, repeats)
 
     # Add the results of OpenSeesPy, if requested.
     opensees_points, opensees_gap, opensees_note = (
@@ -509,7 +508,7 @@ def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
         second_response = posed.case(parse("moment4")).integrate(
             posed.steps(posed.interval / steps_per_interval)
         )
-        difference = _peak_errors(reference.stories, second_response)
+        difference = PeakErrors.between(second_response.stories, reference.stories)
         gap = PeakErrors(*np.minimum(astuple(gap), astuple(difference)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / steps_per_interval:.4g} s"
         if gap.worst <= _SURE * min(TOLERANCES):
@@ -539,11 +538,6 @@ def _repeat_contenders(
         contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
 
-def _peak_errors(true_peaks: StoryPeaks, response: Response) -> PeakErrors:
-    """Return the errors of the peaks of a run relative to the true peaks."""
-    return PeakErrors.between(response.stories, true_peaks)
-
-
 def _points_of_method(
     posed: Problem, integrator: Integrator, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> list[Point]:
@@ -571,7 +565,7 @@ def _points_of_method(
             times=(response.solver_time,),
         )
         if response.status == DONE:
-            point = replace(point, errors=_peak_errors(true_peaks, response))
+            point = replace(point, errors=PeakErrors.between(response.stories, true_peaks))
         points.append(point)
         # Two successive small errors are required, because a single error may be small by chance.
         last_errors = [point.errors for point in points[-2:] if point.errors]

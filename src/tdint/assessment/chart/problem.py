@@ -40,7 +40,7 @@ from tdint.model.story_laws import CODES
 from tdint.response.arguments import model_record
 from tdint.response.runs.case import Case
 from tdint.response.runs.error_estimate import run_with_error_estimate
-from tdint.response.runs.outcome import Response
+from tdint.response.runs.outcome import Response, StoryPeaks
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.runs.run import run_case
 from tdint.response.time_steps import Steps, choose_steps
@@ -437,12 +437,12 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
     )
 
 
-def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
-    """Return the errors of a run without history relative to a reference.
+def errors_of_peaks(peaks: StoryPeaks, reference: FloorMotion) -> Errors:
+    """Return the errors of the peaks of a run without history relative to a reference.
 
     Only the error of the peak drifts is available; all other errors are nan.
     """
-    return Errors(peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift))
+    return Errors(peak_drift=largest_relative(peaks.peak_drift, reference.peak_drift))
 
 
 def largest_relative(peaks: Array, reference_peaks: Array) -> float:

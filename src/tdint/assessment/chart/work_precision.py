@@ -32,7 +32,7 @@ from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
 from tdint.response.runs.compiled_steps import unsupported_reason
 from tdint.response.runs.error_estimate import attempt
-from tdint.response.runs.outcome import FailedRun, Response
+from tdint.response.runs.outcome import FailedRun, Response, StoryPeaks
 from tdint.response.time_steps import Steps
 from tdint.tabular import Progress as Counted
 from tdint.tabular import Tabular, progress_reporter
@@ -392,7 +392,7 @@ def by_tolerance(
     problem: Problem,
     integrator: Integrator,
     tolerances: Iterable[float],
-    judge: Callable[[Response], RelativeErrors],
+    judge: Callable[[StoryPeaks], RelativeErrors],
     repeats: int,
 ) -> list[Point]:
     """Measure a method that chooses its time steps, and return a point for each relative tolerance
@@ -416,7 +416,7 @@ def by_tolerance(
             problem.run_within(integrator, tolerance)
             times.append(system.seconds() - start_time)
             walls.append(time.perf_counter() - wall_start)
-        run_errors = judge(response)
+        run_errors = judge(response.stories)
         points.append(
             replace(
                 point,

@@ -34,9 +34,9 @@ _RECORD = (
 
 
 def _run_values(name: str) -> Callable[[Any], Any]:
-    """Return a function of a `_CurveRows` (an IDA curve), which returns the attribute `name` of all
-    runs of the curve as an array, shape (runs,)."""
-    return lambda curve: curve.run_values(name)
+    """Return a function of a `_CurveRows`, which returns the attribute `name` of all runs of the
+    curve as an array, shape (runs,)."""
+    return lambda row: np.array([getattr(run, name) for run in row.curve.runs])
 
 
 IDA = (
@@ -124,10 +124,6 @@ class _CurveRows:
     study: IdaStudy
     curve: IdaCurve
     capacity: Capacity | None = None
-
-    def run_values(self, name: str) -> Any:
-        """Return an attribute of all runs, shape (runs,)."""
-        return np.array([getattr(run, name) for run in self.curve.runs])
 
 
 def ida_table(study: IdaStudy) -> Table:
