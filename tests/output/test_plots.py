@@ -107,8 +107,7 @@ def profile_of_suite(building, stood, fell, height=3.0):
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(stood))
     completed = [[Run(i, 1.0)] for i in range(stood)]
-    collapsed = [[Run(stood + i, 1.0)] for i in range(fell)]
-    level = (1.0, np.nan, completed, collapsed, 0, 0, ("level", ""), "")
+    level = (1.0, np.nan, completed, fell, 0, 0, ("level", ""), "")
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
