@@ -218,7 +218,7 @@ def test_the_shorter_bar_of_a_tornado_is_in_front():
 def test_all_buildings_of_floors_are_in_the_legend():
     """The legend contains all buildings, also if they have different numbers of floors and some are
     not in the first panel."""
-    level = (1.0, np.nan, [[Run(0, 1.0)], [Run(1, 1.0)]], [], 0, 0, ("level", ""), "")
+    level = (1.0, np.nan, [[Run(0, 1.0)], [Run(1, 1.0)]], 0, 0, 0, ("level", ""), "")
     floor_suite = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture(
         [floor_suite, replace(floor_suite, building="tall", floor=5)]
