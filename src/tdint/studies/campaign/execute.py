@@ -30,7 +30,7 @@ from tdint.studies.campaign.reader import load_campaign
 from tdint.studies.campaign.story_profiles import profiles
 from tdint.studies.store import schema
 from tdint.studies.store.identity import INVENTORY_CHANGED, all_differences
-from tdint.studies.store.opening import open_existing, open_store
+from tdint.studies.store.opening import open_existing, open_store, open_written
 from tdint.studies.store.result_store import FILE, Store, is_empty
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, progress_reporter
@@ -413,13 +413,10 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     # The target can be one of the directories; its store contains its own runs already.
     file = target / FILE
     sources = [part for part in parts if not (is_there(file) and file.samefile(part.folder / FILE))]
-    name = str(file)
-    with schema.sqlite_errors_reported(name):
-        store = Store(schema.connect(name), name)
+    store, name = open_written(file), str(file)
     with schema.closed_on_failure(store.connection):
         with schema.sqlite_errors_reported(name):
             if not is_empty(store):
-                schema.check_store(store.connection, name)
                 _check_same_campaign(parts_and_target[-1], parts[0])
             _copy_buildings(sources, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.

@@ -33,7 +33,6 @@ from tdint.response.runs.load_notes import table_notes
 from tdint.response.time_steps import choose_steps
 from tdint.studies.campaign.assigned_motions import (
     Assignment,
-    Draw,
     EveryMotion,
     Levels,
     MeasureLevels,
@@ -304,7 +303,13 @@ class Plan:
         # factor, and the number of the sample.
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
-        factors = self._factors(sources, draws)
+        # Levels of a measure at the first period require the building; other levels do not.
+        periods = [
+            source.subject().period if self.levels.depends_on_period else math.nan
+            for source in sources
+        ]
+        motions = [[draw.motion for draw in building_draws] for building_draws in draws]
+        factors = values_by_motion(motions, periods, self.levels.factors)
         result = []
         for index, (number, run_slice) in enumerate(slices):
             runs = []
@@ -356,17 +361,6 @@ class Plan:
             except BaseException as error:
                 future_step.set_exception(error)
         return future_step.result()
-
-    def _factors(
-        self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
-    ) -> list[dict[int, tuple[float, ...]]]:
-        """Return the scale factors of the motions of each building by the number of the motion."""
-        periods = [
-            source.subject().period if self.levels.depends_on_period else math.nan
-            for source in sources
-        ]
-        motions = [[draw.motion for draw in building_draws] for building_draws in draws]
-        return values_by_motion(motions, periods, self.levels.factors)
 
 
 def _samples(record: Record) -> int:

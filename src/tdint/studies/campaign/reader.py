@@ -369,6 +369,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         motions = read_requested_load_cases(forces_value)
     elif records_value:
         motions = read_requested_motions(records_value, are_listed=are_listed)
+    demand = records_value.peek("pair_demand") if records_value else None
     return CampaignFile(
         name=section.read("name") or name,
         source=label,
@@ -394,15 +395,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         ),
         outputs=listed_tables,
         style=section.read("style") or "",
-        pair_demand=_read_pair_demand(records_value),
+        pair_demand=demand.choice(PAIR_DEMANDS, "demand of pairs") if demand else None,
     )
-
-
-def _read_pair_demand(records: Value | None) -> str | None:
-    """Return the rule that combines the components of pairs (key `pair_demand` of `records`); None
-    if the file does not specify it, or after reporting an invalid rule."""
-    value = records.peek("pair_demand") if records else None
-    return value.choice(PAIR_DEMANDS, "demand of pairs") if value else None
 
 
 def _check_combinations(section: Section) -> None:

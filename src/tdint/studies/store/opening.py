@@ -62,11 +62,10 @@ def open_or_create(file: Path | None, identity: Identity) -> tuple[Store, list[s
         Campaign or study that the store must contain.
     """
     name = ":memory:" if file is None else str(file)
-    with sqlite_errors_reported(name):
-        store = Store(connect(name), name)
+    store = open_written(name)
     with schema.closed_on_failure(store.connection), sqlite_errors_reported(name):
         # `remarks` is None if the file is new or empty.
-        remarks = check_same(store, identity) if _has_contents(store) else None
+        remarks = None if is_empty(store) else check_same(store, identity)
         if remarks is None:
             create_tables(store, identity)
         elif removed_count := store.remove_invalid_chunks(identity):
@@ -148,10 +147,11 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     return store
 
 
-def open_written(file: Path) -> Store:
-    """Open the store of a study for writing, and verify it."""
-    with sqlite_errors_reported(str(file)):
-        store = Store(connect(str(file)), str(file))
+def open_written(file: Path | str) -> Store:
+    """Open the store of a study for writing, and verify it unless it is empty."""
+    name = str(file)
+    with sqlite_errors_reported(name):
+        store = Store(connect(name), name)
     _has_contents(store)  # raises the error of a store with invalid contents
     return store
 
