@@ -249,13 +249,10 @@ class LinearLoop:
                 between[:, part - 1], between[:, part]
             )
         all_loads = np.concatenate([between.reshape(count * parts, -1), loads[-1:]])
-        return _Grid(all_states, self._accelerations(all_states, all_loads), all_loads)
-
-    def _accelerations(self, states: Array, loads: Array) -> Array:
-        """Return the modal accelerations, from equilibrium."""
-        acceleration = loads @ self.patterns.T
-        acceleration -= self._internal(states[..., 0, :], states[..., 1, :])
-        return np.asarray(acceleration)
+        # The modal accelerations follow from equilibrium.
+        accelerations = all_loads @ self.patterns.T
+        accelerations -= self._internal(all_states[..., 0, :], all_states[..., 1, :])
+        return _Grid(all_states, accelerations, all_loads)
 
     def _outputs(self) -> list[_Output]:
         """Return the quantities whose peaks the run reports."""
@@ -483,15 +480,12 @@ class LinearLoop:
 
     def _internal(self, displacement: Array, velocity: Array) -> Array:
         """Return the internal modal forces per mass of displacements and velocities, m/s^2."""
-        force = self._damping_force(velocity)
-        force += self.omega**2 * displacement
-        return force
-
-    def _damping_force(self, velocity: Array) -> Array:
-        """Return the modal damping forces per mass, m/s^2."""
         if self.ratios is None:
-            return np.asarray(velocity @ self.damping)
-        return np.asarray((2.0 * self.ratios * self.omega) * velocity)
+            force = velocity @ self.damping
+        else:
+            force = (2.0 * self.ratios * self.omega) * velocity
+        force += self.omega**2 * displacement
+        return np.asarray(force)
 
 
 def _dots(first: Array, second: Array) -> Array:

@@ -134,7 +134,12 @@ def transfer_function(
     model = model_of(model)
     model.require_chain("the transfer function")
     building = assemble(model)
-    _check_source(source, building.stories)
+    is_floor = isinstance(source, int) and 1 <= source <= building.stories
+    if source != GROUND and not is_floor:
+        raise UsageError(
+            f"source: the force must be on a floor from 1 to {building.stories}, or the source "
+            f"must be {GROUND}, got {source!r:.40}"
+        )
     _check_dampers(model, building)
     stiffness = _DynamicStiffness(building, source)
     if frequency is None:
@@ -147,16 +152,6 @@ def transfer_function(
     ratios = building.modes().own_damping(building.damping_matrix())
     is_damped = building.braced or building.power_damped or bool(np.all(ratios > 0.0))
     return TransferFunction(model, source, frequency, response, is_damped)
-
-
-def _check_source(source: str | int, floors: int) -> None:
-    """Raise UsageError unless the source is the ground or the number of a floor."""
-    if source == GROUND or (isinstance(source, int) and 1 <= source <= floors):
-        return
-    raise UsageError(
-        f"source: the force must be on a floor from 1 to {floors}, or the source must be {GROUND}, "
-        f"got {source!r:.40}"
-    )
 
 
 def _check_dampers(model: Model, building: Building) -> None:
@@ -193,11 +188,10 @@ class _DynamicStiffness:
 
     def response(self, frequency: Array) -> Array:
         """Return the responses of all floors at frequencies (Hz), shape (k, n)."""
+        solve = self._dense if self.building.modal.size else self._banded
         if self.building.system is not None:
-            return np.array([self._of_system(2.0 * math.pi * value) for value in frequency])
-        if self.building.modal.size:
-            return np.array([self._dense(2.0 * math.pi * value) for value in frequency])
-        return np.array([self._banded(2.0 * math.pi * value) for value in frequency])
+            solve = self._of_system
+        return np.array([solve(2.0 * math.pi * value) for value in frequency])
 
     def _of_system(self, omega: float) -> Array:
         """Return the response of a model of matrices at a circular frequency. A unit displacement
@@ -212,19 +206,14 @@ class _DynamicStiffness:
         load = omega**2 * system.mass @ system.influence
         return np.asarray(np.linalg.solve(matrix, load) + system.influence)
 
-    def _stories(self, omega: float) -> Array:
-        """Return the complex stiffnesses of the stories, N/m."""
+    def _diagonals(self, omega: float) -> tuple[Array, Array, Array]:
+        """Return the diagonal of the stiffness and damping of stories and floors, the off-diagonal
+        above it, and the stiffness of the stories, N/m."""
         rate = 1j * omega * self.braced_damper
         series = np.divide(
             self.brace * rate, self.brace + rate, out=np.zeros_like(rate), where=self.brace != 0.0
         )
-        initial_stiffness = self.building.initial_stiffness
-        return np.asarray(initial_stiffness + 1j * omega * self.dampers + series)
-
-    def _diagonals(self, omega: float) -> tuple[Array, Array, Array]:
-        """Return the diagonal of the stiffness and damping of stories and floors, the off-diagonal
-        above it, and the stiffness of the stories, N/m."""
-        story = self._stories(omega)
+        story = self.building.initial_stiffness + 1j * omega * self.dampers + series
         diagonal = story + 1j * omega * self.floor_damper
         diagonal[:-1] += (self.link * story)[1:]
         return diagonal, -(self.link * story)[1:], story
