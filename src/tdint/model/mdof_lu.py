@@ -367,13 +367,8 @@ def _rayleigh_damping(
     of the damping.
     """
     second_mode = min(omega.size, 3)
-    if second_mode == 1:
-        coefficients = RayleighCoefficients(
-            mass=ratio * float(omega[0]), stiffness=ratio / float(omega[0])
-        )
-    else:
-        rayleigh_ratio = RayleighRatio((ratio, ratio), (1, second_mode))
-        if not mass_only:
-            return rayleigh_ratio
-        coefficients = rayleigh(rayleigh_ratio, float(omega[0]), float(omega[second_mode - 1]))
-    return RayleighCoefficients(coefficients.mass, 0.0) if mass_only else coefficients
+    rayleigh_ratio = RayleighRatio((ratio, ratio), (1, second_mode))
+    if second_mode > 1 and not mass_only:
+        return rayleigh_ratio
+    coefficients = rayleigh(rayleigh_ratio, float(omega[0]), float(omega[second_mode - 1]))
+    return coefficients._replace(stiffness=0.0) if mass_only else coefficients

@@ -243,20 +243,13 @@ def _read_law_type(value: Value, *further_keys: str) -> tuple[DriftLaw | None, S
 
 def _law_name(value: Value) -> str | None:
     """Return the name of a law; None after reporting an error."""
-    candidates = _candidate_laws(value)
+    # For a built-in law, the installed packages, which may contain more laws, are not searched.
+    candidates = LAWS if any(map(value.is_word, LAWS)) else laws()
     for name, reason in UNAVAILABLE.items():
         if value.is_word(name):
             value.fault(reason)
             return None
     return value.choice(candidates, "law")
-
-
-def _candidate_laws(name: Value) -> Mapping[str, DriftLaw]:
-    """Return the laws by name: the built-in laws if they include `name`, otherwise all laws.
-
-    This avoids a search of the installed packages, which may contain more laws.
-    """
-    return LAWS if any(map(name.is_word, LAWS)) else laws()
 
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
@@ -609,19 +602,19 @@ def _read_entry_without_spring(
         section.value.fault(
             "P-delta of stories needs their springs; include it in the matrix, or omit `p_delta`"
         )
-    stiffness = section.inner("flexural")
-    flexural = section.get("flexural")
-    height = (
-        section.need("height", "flexural stories need it") if flexural else section.get("height")
-    )
-    if flexural:
-        bending = stiffness.number("EI", scale=unit.factor(force=1, length=2))
-        shear = stiffness.number("GA", scale=unit.force, default=math.inf)
+    flexural, height = None, section.get("height")
+    if section.has("flexural"):
+        height = section.need("height", "flexural stories need it")
+        stiffness = section.inner("flexural")
+        flexural = (
+            stiffness.number("EI", scale=unit.factor(force=1, length=2)),
+            stiffness.number("GA", scale=unit.force, default=math.inf),
+        )
     story = replace(
         story,
         mass=read_mass(section, unit, NOT_NEGATIVE),
         height=height.number(scale=unit.length) if height else None,
-        flexural=(bending, shear) if flexural else None,
+        flexural=flexural,
     )
     return story, section.read("repeat", 1)
 
@@ -644,14 +637,12 @@ def read_spring(
                     f"give either `{name}` or `elements`, not both; move the {name} into an element"
                 )
         elements = _read_elements(elements_entry, unit, height)
-        law_entry, law, stiffness_of_law = None, SUM_OF_ELEMENTS, None
-    else:
-        law, stiffness_of_law = read_law(law_entry, unit)
-    if elements_entry:
+        law_entry, law = None, SUM_OF_ELEMENTS
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
         if len(elements) == 1:  # a story with a single element is a story with a law
             law, elements = elements[0].law, ()
     else:
+        law, stiffness_of_law = read_law(law_entry, unit)
         stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
 
     # Parameters and stiffness can be valid separately, but their combination invalid.
