@@ -444,7 +444,11 @@ KEPT_SAFE = {
     "campaign --plot": ("study.yaml", ".png", "campaign {read} -o o --plot={written}"),
     "campaign --report": ("shaken.yaml", ".html", "campaign of-it.yaml -o o --report {written}"),
     "campaign -o": ("study.yaml", ".csv", "campaign {read} -o {folder}"),
-    "match -o": ("motion.mseed", ".csv", f"match RECORD --target {ASCE7} -o o --plot={{written}}"),
+    "match --plot": (
+        "motion.mseed",
+        ".png",
+        f"match RECORD --target {ASCE7} -o o --plot={{written}}",
+    ),
     "scale -o": ("motion.mseed", ".csv", "scale RECORD --to pga=0.4g -o {written}"),
     "scale --spectra": ("target.csv", ".csv", "scale MOTION --target {read} --spectra {written}"),
     "ida --plot": ("shaken.yaml", ".png", "ida {read} MOTION --precision 40% --plot={written}"),
