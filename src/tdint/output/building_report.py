@@ -67,10 +67,7 @@ def pushover_page(
             ),
         ]
     chapters = [
-        Chapter(
-            "Result",
-            (list(page_text.sentences), Picture(draw, f"Pushover, {result.pattern} pattern")),
-        ),
+        page_text.result(Picture(draw, f"Pushover, {result.pattern} pattern")),
         Chapter("Stories at the target displacement", parts),
         model_chapter(model, units),
         Chapter("Assumptions", ((*_PUSHOVER_ASSUMPTIONS, *MODEL_LIMITS),)),
@@ -112,10 +109,7 @@ def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = 
     table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
     target = spectrum_text(result.target.source)
     chapters = [
-        Chapter(
-            "Result",
-            (list(page_text.sentences), Picture(draw, f"Peaks of the stories under {target}")),
-        ),
+        page_text.result(Picture(draw, f"Peaks of the stories under {target}")),
         Chapter("Peaks of the stories", (table.in_units(units),)),
         Chapter(
             "Modes",
@@ -143,10 +137,7 @@ def transfer_page(result: TransferFunction, page_text: PageText, units: OutputUn
     model, units = result.model, page_units(units)
     draw = partial(figures.mode_shapes.transfer_picture, result, units)
     chapters = [
-        Chapter(
-            "Result",
-            (list(page_text.sentences), Picture(draw, "Amplitudes and phases over the frequency")),
-        ),
+        page_text.result(Picture(draw, "Amplitudes and phases over the frequency")),
         Chapter("Maximum of each floor", (transfer.resonance_table(result).in_units(units),)),
         model_chapter(model, units),
         Chapter("Assumptions", ((*_TRANSFER_ASSUMPTIONS, *MODEL_LIMITS),)),

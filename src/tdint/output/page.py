@@ -138,6 +138,10 @@ class PageText:
     limits: Table | None = None
     governing_story: int | None = None
 
+    def result(self, *parts: Part) -> Chapter:
+        """Return the first chapter of most reports: the sentences, followed by other parts."""
+        return Chapter("Result", (list(self.sentences), *parts))
+
 
 def page_units(units: OutputUnits) -> OutputUnits:
     """Return the units of a report.

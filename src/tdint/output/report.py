@@ -197,7 +197,7 @@ def run_page(
         "Floor spectra",
     )
     chapters = [
-        Chapter("Result", (list(page_text.sentences), *run_figures)),
+        page_text.result(*run_figures),
         Chapter("Limits", _limit_parts(response, page_text, units)),
         Chapter(
             "Peaks of the stories",
@@ -211,11 +211,7 @@ def run_page(
         Chapter("Attachments and links", _device_parts(response, units)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
-        motion_chapter(
-            [[(response.record, 1.0)]] if response.record else [],
-            units,
-            periods=[(model.name, first_period(model))],
-        ),
+        unscaled_motions([response.record] if response.record else [], model, units),
         _load_chapter(model, response.steps * response.dt, units),
         assumptions(
             f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
@@ -381,6 +377,13 @@ def motion_chapter(
             draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
     return Chapter("Ground motions", parts)
+
+
+def unscaled_motions(records: Sequence[Record], model: Model, units: OutputUnits) -> Chapter:
+    """Return the chapter of ground motions that are not scaled, with the first period of a building
+    in their spectra; without content if there are no ground motions."""
+    levels = [[(record, 1.0) for record in records]] if records else []
+    return motion_chapter(levels, units, periods=[(model.name, first_period(model))])
 
 
 def assumptions(step: str, more: Sequence[str]) -> Chapter:

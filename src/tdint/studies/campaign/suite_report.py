@@ -108,7 +108,7 @@ def suite_page(
     warned = tuple(text.partition(": ")[2] for text in record_warnings)
     notes = [note for note in plan.notes if not note.endswith(warned)]
     chapters = [
-        Chapter("Result", (list(page_text.sentences), *((profile_figure,) if profiles else ()))),
+        page_text.result(*((profile_figure,) if profiles else ())),
         Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
         Chapter("Ratios to the baseline", (_ratio_rows(ratios),) if ratios else ()),
         *(_statistics_chapter(profile, units, subjects) for profile in profiles),

@@ -102,12 +102,8 @@ def fragility_page(
         verdict = [(None, _median_text(function)) for function in functions]
     fitted = fit_table_of(functions, damaged=_damaged(functions))
     chapters = [
-        Chapter(
-            "Result",
-            (
-                list(page_text.sentences),
-                Picture(partial(draw, functions), f"Probability of exceedance over {measure}"),
-            ),
+        page_text.result(
+            Picture(partial(draw, functions), f"Probability of exceedance over {measure}")
         ),
         Chapter("Fitted parameters", (LOGNORMAL, fitted)),
         Chapter("Fractions of exceedances and fitted function", _count_table(functions)),

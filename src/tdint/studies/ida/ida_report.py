@@ -11,11 +11,10 @@ from tdint.errors import AnalysisError
 from tdint.number_parsing import number_text, pluralize
 from tdint.output.page import Chapter, PageText, Part, Picture, page, page_units
 from tdint.output.report import (
-    first_period,
     method_text,
     model_chapter,
-    motion_chapter,
     simplifications,
+    unscaled_motions,
 )
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.studies.fragility.fits import fit_capacities
@@ -84,11 +83,7 @@ def ida_page(
         Chapter("Fitted fragility functions", fits),
         Chapter(f"Capacities of the ground motions, {measure} ({unit})", (capacities, remark)),
         model_chapter(study.model, units),
-        motion_chapter(
-            [[(curve.record, 1.0) for curve in states[0].curves]],
-            units,
-            periods=[(study.model.name, first_period(study.model))],
-        ),
+        unscaled_motions([curve.record for curve in states[0].curves], study.model, units),
         Chapter("Methods and assumptions", (_ida_points(study, settings, damping),)),
     ]
     about = (

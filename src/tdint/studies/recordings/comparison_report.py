@@ -10,10 +10,9 @@ from tdint.output import figures
 from tdint.output.page import Chapter, PageText, Picture, page, page_units
 from tdint.output.report import (
     assumptions,
-    first_period,
     method_text,
     model_chapter,
-    motion_chapter,
+    unscaled_motions,
 )
 from tdint.output.tables.table import Table
 from tdint.studies.recordings import comparison_tables as comparison
@@ -63,18 +62,14 @@ def comparison_page(
     band = comparisons[0].event.recording.band
     motions = [item.event.base for item in comparisons]
     chapters = [
-        Chapter("Result", (list(page_text.sentences), comparison.comparison_table(comparisons))),
+        page_text.result(comparison.comparison_table(comparisons)),
         Chapter(
             "Recorded and computed",
             (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
         ),
         Chapter("Fitted", (fitted,) if fitted else ()),
         model_chapter(response.model, units),
-        motion_chapter(
-            [[(motion, 1.0) for motion in motions]],
-            units,
-            periods=[(response.model.name, first_period(response.model))],
-        ),
+        unscaled_motions(motions, response.model, units),
         assumptions(
             integration,
             (
