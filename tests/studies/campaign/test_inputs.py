@@ -93,33 +93,31 @@ def test_inventory_without_buildings_is_refused(tmp_path: Path) -> None:
 
 
 def test_at_most_eight_differences_per_type_are_reported() -> None:
-    known = {"stored_label": "the store", "compared_label": "a.yaml"}
+    labels = "the store", "a.yaml"
     assert differences(
         {"a": "1", "b": "2", "c": "3"},
         {"b": "9", "c": "3", "d": "4"},
-        entry_type="setting",
-        **known,
+        "setting",
+        labels,
     ) == [
         "setting a: only in the store",
         "setting b: 2 in the store, 9 in a.yaml",
         "setting d: only in a.yaml",
     ]
-    assert differences({"a": "1f"}, {"a": "2f"}, entry_type="building", **known) == [
-        "building a: differs"
-    ]
+    assert differences({"a": "1f"}, {"a": "2f"}, "building", labels) == ["building a: differs"]
     for count in (8, 9, 20):
         first, second = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
-        found = differences(first, second, entry_type="record", **known)
+        found = differences(first, second, "record", labels)
         assert found[:8] == [f"record r{i}: differs" for i in range(8)]
         assert found[8:] == (
             [] if count == 8 else [f"and {count - 8} more differences of type record"]
         )
     same = ({"a": "1"}, {}, {"r": "2"}, {})
     assert (
-        all_differences(same, same, compared_label="b")
+        all_differences(same, same, ("the store", "b"))
         == "the order of buildings or records differs"
     )
-    assert all_differences(same, ({"a": "2"}, {}, {}, {}), compared_label="b").splitlines() == [
+    assert all_differences(same, ({"a": "2"}, {}, {}, {}), ("the store", "b")).splitlines() == [
         "setting a: 1 in the store, 2 in b",
         "record r: only in the store",
     ]

@@ -514,8 +514,7 @@ def _check_same_campaign(first: _Part, second: _Part) -> None:
             differences_text = all_differences(
                 first_store.compared_values(),
                 second_store.compared_values(),
-                stored_label=first.name,
-                compared_label=second.name,
+                (first.name, second.name),
                 are_shards=bool(first.shards),
                 has_new_inventory=has_new_inventory,
             )

@@ -180,27 +180,23 @@ readable."""
 
 
 def differences(
-    stored: dict[str, str],
-    compared: dict[str, str],
-    *,
-    entry_type: str,
-    stored_label: str,
-    compared_label: str,
+    stored: Mapping[str, str], compared: Mapping[str, str], entry_type: str, labels: tuple[str, str]
 ) -> list[str]:
     """Describe the differences between two mappings by at most eight lines, followed by a line
     with the number of further differences if there are more.
 
     Parameters
     ----------
-    stored, compared : dict of str to str
+    stored, compared : mapping of str to str
         The mappings: values, or SHA-256, by name.
     entry_type : str
         Type of the entries: `setting`, `building`, `record` or `plug-in`. Only the values of
         settings are shown.
-    stored_label, compared_label : str
+    labels : tuple of str
         Labels of `stored` and `compared` in the lines, for example `the store`.
     """
     lines = []
+    stored_label, compared_label = labels
     # All names of both mappings without duplicates, in the order of `stored`
     for name in dict.fromkeys([*stored, *compared]):
         if name not in compared:
@@ -236,9 +232,8 @@ INVENTORY_CHANGED = (
 def all_differences(
     stored: ComparedValues,
     compared: ComparedValues,
+    labels: tuple[str, str],
     *,
-    stored_label: str = "the store",
-    compared_label: str,
     are_shards: bool = False,
     has_new_inventory: bool = False,
 ) -> str:
@@ -254,21 +249,12 @@ def all_differences(
     """
     entry_types = ("setting", "building", "record", "plug-in")
     lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
-    for entry_type, stored_entries, compared_entries in zip(
-        entry_types, stored, compared, strict=True
-    ):
-        first, second = dict(stored_entries), dict(compared_entries)
+    for entry_type, first, second in zip(entry_types, stored, compared, strict=True):
         if are_shards and entry_type == "building":
             common_names = first.keys() & second.keys()
             first = {name: first[name] for name in first if name in common_names}
             second = {name: second[name] for name in second if name in common_names}
-        lines += differences(
-            first,
-            second,
-            entry_type=entry_type,
-            stored_label=stored_label,
-            compared_label=compared_label,
-        )
+        lines += differences(first, second, entry_type, labels)
     # This function is called if the fingerprints differ. If all compared values are equal, the
     # reason is the inventory from which the shards are derived, or the order of the entries.
     remaining_reason = (

@@ -196,7 +196,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         differences_text = all_differences(
             store.compared_values(),
             identity.compared_values,
-            compared_label=f"this {identity.study_type}",
+            ("the store", f"this {identity.study_type}"),
             are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
@@ -223,9 +223,9 @@ def obstacle_to_reuse(store: Store, identity: Identity) -> str:
         return "with `tolerance`, the time step of a building depends on all its records"
     if (version := store.meta("version")) != __version__:
         return f"it was created by tdint {version}, this is tdint {__version__}"
-    labels = {"stored_label": "the store", "compared_label": "this campaign"}
-    lines = differences(store.settings(), identity.settings, entry_type="setting", **labels)
-    lines += differences(store.code(), identity.code, entry_type="plug-in", **labels)
+    labels = "the store", "this campaign"
+    lines = differences(store.settings(), identity.settings, "setting", labels)
+    lines += differences(store.code(), identity.code, "plug-in", labels)
     return "; ".join(lines)
 
 
