@@ -553,13 +553,10 @@ def mode_table(
     shapes = modes.normalized(norm) if norm else ()
     scale_text = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     meaning = f"ordinate of the mode at the floor, {scale_text}"
-    shape_columns = (
+    shape_columns = [
         Column(f"floor_{floor}_shape", "1", shape, meaning)
         for floor, shape in enumerate(shapes, start=1)
-    )
-    complex_columns = (
-        column._replace(value=np.asarray(column.of(complex_modes)))
-        for column in (COMPLEX_MODE if complex_modes else ())
-    )
-    columns = (*MODE, mode_damping(damping), *MODE_END, *complex_columns, *shape_columns)
-    return Table.of_results(columns, [modes])
+    ]
+    columns = (*MODE, mode_damping(damping), *MODE_END)
+    shown_shapes = shape_columns, modes if shape_columns else None
+    return Table.joined((columns, modes), (COMPLEX_MODE, complex_modes), shown_shapes)

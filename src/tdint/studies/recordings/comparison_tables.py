@@ -11,7 +11,7 @@ from tdint.arrays import Array
 from tdint.model.definition import Model
 from tdint.output.summary import input_of, inputs_summary, model_input, schema, versions
 from tdint.output.tables.buildings import COMPARISON_SPECTRA, of_event
-from tdint.output.tables.table import FLOOR, TEXT, Column, Table, rows_of
+from tdint.output.tables.table import FLOOR, TEXT, Column, Table
 from tdint.studies.recordings.compare import Comparison
 from tdint.studies.recordings.fit import Fit, FittedValue
 from tdint.units import SI, OutputUnits
@@ -100,14 +100,11 @@ def _by_event(
 
     `events` is the comparison with the recordings of each event, and the results of the event.
     """
-    has_event_column = len(events) > 1
-    rows = [
-        (*row, comparison.event.recording.source) if has_event_column else row
-        for comparison, results in events
-        for result in results
-        for row in rows_of(columns, result)
-    ]
-    return Table.of((*columns, of_event("")) if has_event_column else columns, rows)
+    tables = []
+    for comparison, results in events:
+        last = (of_event(comparison.event.recording.source),) if len(events) > 1 else ()
+        tables.append(Table.of_results((*columns, *last), results))
+    return tables[0]._replace(rows=[row for table in tables for row in table.rows])
 
 
 def comparison_summary(
