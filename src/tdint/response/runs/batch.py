@@ -29,13 +29,12 @@ from tdint.model.definition import Model
 from tdint.response.arguments import numbers_of
 from tdint.response.runs.case import (
     Case,
-    extend_to_rest,
     needs_review,
     rest_criterion,
     until_forces_end,
 )
 from tdint.response.runs.elements import ElementPeaks, element_peaks
-from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
+from tdint.response.runs.error_estimate import run_until_rest, run_with_error_estimate
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.runs.loop_results import columns, device_columns, energy_errors, named_peaks
 from tdint.response.runs.outcome import (
@@ -118,11 +117,6 @@ class Subject:
 
 RunOfMotion = tuple[Record, float, Steps]
 """Number of a ground motion, its scale factor, and the time steps."""
-
-RunResult = tuple[Response | Collapse, int | None]
-"""Result of an individual run, and 1 if free vibration decayed in the run, 0 if not, None if this
-was not requested.
-"""
 
 
 @dataclass(frozen=True)
@@ -219,7 +213,7 @@ class Outcomes:
         self.failures[i], self.at_rest[i] = failure, None
         self._put(i, None, np.nan, 0)
 
-    def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
+    def replace(self, i: int, attempt: Callable[[], Response | Collapse]) -> None:
         """Replace the results of run `i` by the results of an individual run. Elements and devices
         remain unchanged, because `elements_of` and `devices_of` use those of the response.
 
@@ -230,17 +224,18 @@ class Outcomes:
             the failure is recorded instead.
         """
         try:
-            result, at_rest = attempt()
+            result = attempt()
         except FailedRun as failure:
             self.fail(i, failure)
             return
         collapse = result if isinstance(result, Collapse) else result.collapse
-        self.at_rest[i] = None if collapse else at_rest
         if collapse:
-            self.collapses[i] = collapse
+            self.collapses[i], self.at_rest[i] = collapse, None
         # A collapse that was evaluated from the batch does not change the values of the batch.
         if isinstance(result, Collapse):
             return
+        if result.time_at_rest is not None and not collapse:
+            self.at_rest[i] = 1
         self.responses[i] = result
         self._put(i, result.stories, result.energy.error, result.steps)
 
@@ -346,10 +341,7 @@ def run_batch(
         if failure:
             outcomes.fail(i, failure)
         else:
-            outcomes.replace(
-                i,
-                partial(_evaluate, run_case, steps, batch, i, to_rest=to_rest, history=has_history),
-            )
+            outcomes.replace(i, partial(run_case.review_batch_run, steps, batch, i, has_history))
     return outcomes
 
 
@@ -368,26 +360,17 @@ def _of_runs(base: Building, buildings: Sequence[Building]) -> Building:
     return replace(base, **tables)
 
 
-def _evaluate(
-    case: Case, steps: Steps, batch: BatchResult, i: int, *, to_rest: bool, history: bool
-) -> RunResult:
-    """Return the result of run `i` of a batch as evaluated by `Case.review_batch_run`."""
-    at_rest = int(batch.ends[i, AT_REST]) if to_rest else None
-    return case.review_batch_run(steps, batch, i, history), at_rest
-
-
 def _integrate_individually(
     case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool
-) -> RunResult:
+) -> Response:
     """Integrate a run individually, with the options of `run_batch`."""
-    at_rest = None
-    if to_rest:
-        steps, reached_rest = extend_to_rest(case, steps)
-        at_rest = int(reached_rest)
-        # The run ends at the requested time, so that no drift change after this time is estimated.
-        steps = case.steps(steps.h, steps.count * steps.h)
-    response = (run_with_error_estimate if check else Case.integrate)(case, steps, history)
-    return (ended_at_rest(case, response) if to_rest else response), at_rest
+    integrate = run_with_error_estimate if check else Case.integrate
+    if not to_rest:
+        return integrate(case, steps, history)
+    # The run ends at the requested time, so that no drift change after this time is estimated.
+    return run_until_rest(
+        case, steps, lambda duration: integrate(case, case.steps(steps.h, duration), history)
+    )
 
 
 def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:

@@ -15,7 +15,7 @@ stories. `start_peaks` computes P2. B and B1 are the possible excesses of the pe
 time steps which do not resolve the motion (`Response.interstep_bound`), of the run and of the
 additional run. P1 + B1 is the largest peak that the additional run does not exclude.
 
-The errors of residual drifts have additional terms (`story_errors`, `ended_at_rest`).
+The errors of residual drifts have additional terms (`story_errors`, `run_until_rest`).
 
 The estimate is not a bound: the section "Reliability of error estimates" of tests/MEASUREMENTS.md
 reports how often it is too small.
@@ -34,7 +34,7 @@ import numpy as np
 from tdint.arrays import Array, each_array, join_arrays
 from tdint.methods.catalogue import DEFAULT_METHOD, EXACT, parse
 from tdint.methods.method import Integrator
-from tdint.response.runs.case import Case
+from tdint.response.runs.case import Case, extend_to_rest
 from tdint.response.runs.compiled_steps import unsupported_reason
 from tdint.response.runs.loop_results import all_peaks, columns, with_growth
 from tdint.response.runs.outcome import ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
@@ -612,8 +612,12 @@ def common(errors: Array, size: Array) -> Array:
     return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(has_moved), 1)) * size)
 
 
-def ended_at_rest(case: Case, response: Response) -> Response:
-    """Add the amplitude of the remaining motion to the estimated errors of the residual drifts.
+def run_until_rest(case: Case, steps: Steps, run: Callable[[float], Response]) -> Response:
+    """Integrate a case until free vibration has decayed, and add the amplitude of the remaining
+    motion to the estimated errors of the residual drifts.
+
+    `steps` contains the time steps of the run without its free vibration. `run` is the function
+    that integrates the case for a duration (s).
 
     A run until rest reports the drifts at its end as residual drifts. The true residual drifts, at
     rest, differ from these by up to the amplitude of the remaining motion. The amplitude of a story
@@ -621,6 +625,13 @@ def ended_at_rest(case: Case, response: Response) -> Response:
     times the amplitude that the story would have if the ratio of amplitude to peak drift were the
     same in all stories (`common`).
     """
+    # First determine the time when free vibration has decayed, by a run without history. Then
+    # run again up to this time, so that a time step for a tolerance is chosen over the complete
+    # duration.
+    steps, is_at_rest = extend_to_rest(case, steps)
+    response = run(steps.count * steps.h)
+    if is_at_rest:
+        response = replace(response, time_at_rest=response.steps * response.dt)
     if response.check is None:
         return response
     amplitude = _remaining_motion(case, response)

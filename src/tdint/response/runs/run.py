@@ -22,8 +22,8 @@ from tdint.response.arguments import (
     record_of,
 )
 from tdint.response.defaults import NO_METHOD
-from tdint.response.runs.case import Case, extend_to_rest
-from tdint.response.runs.error_estimate import ended_at_rest, run_with_error_estimate
+from tdint.response.runs.case import Case
+from tdint.response.runs.error_estimate import run_until_rest, run_with_error_estimate
 from tdint.response.runs.outcome import FailedRun as FailedRun
 from tdint.response.runs.outcome import Response
 from tdint.response.runs.prepared import PreparedBuilding
@@ -279,20 +279,18 @@ def integrate_case(
     FailedRun
         As by `run`.
     """
-    # First determine the time when free vibration has decayed, by a run without history. Then
-    # run again up to this time, so that a time step for a tolerance is chosen over the complete
-    # duration.
     if settings.until_rest:
-        steps, at_rest = extend_to_rest(case, case.steps(settings.dt, settings.duration))
-        response = integrate_case(
+        return run_until_rest(
             case,
-            replace(settings, duration=steps.count * steps.h, until_rest=False),
-            history=history,
-            history_errors=history_errors,
-            tolerance=tolerance,
+            case.steps(settings.dt, settings.duration),
+            lambda duration: integrate_case(
+                case,
+                replace(settings, duration=duration, until_rest=False),
+                history=history,
+                history_errors=history_errors,
+                tolerance=tolerance,
+            ),
         )
-        response = ended_at_rest(case, response)
-        return replace(response, time_at_rest=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.response.runs.step_choice import choose_step
 
