@@ -361,7 +361,6 @@ class Profiles:
 # ---- Campaigns
 
 RUNS, STORIES = "runs.csv", "stories.csv"
-PARTS = ("elements.csv", "attachments.csv", "links.csv", "shocks.csv")
 SUMMARY = "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet", "losses.parquet")
@@ -372,18 +371,7 @@ MEASURES = "measures.csv"
 """Name of the table of the intensity measures of the runs, for `tdint fragility`."""
 
 _WRITTEN_FILES = (
-    *(
-        RUNS,
-        STORIES,
-        *PARTS,
-        PROFILES,
-        RATIOS,
-        DAMAGE,
-        TYPES,
-        LOSSES,
-        EXCEEDANCE,
-        PICTURE,
-    ),
+    *(RUNS, *schema.PART_TABLES, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE, PICTURE),
     *(MEASURES, SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS),
     SUMMARY,
 )

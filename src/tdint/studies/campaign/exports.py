@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
+from tdint.arrays import Array
 from tdint.errors import UsageError, write_out_controls
 from tdint.number_parsing import pluralize
 from tdint.output.tables.runs import SAMPLE
@@ -377,25 +378,20 @@ def vulnerability_model(
         squared_cov = np.minimum(
             np.maximum(mean_square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0)
         )
-        arrays = {
-            "imls": factor * intensities,
-            "meanLRs": mean,
-            "covLRs": np.sqrt(np.maximum(squared_cov, 0.0)),
-        }
-        texts = {
-            element: " ".join(f"{value:.9g}" for value in values)
-            for element, values in arrays.items()
-        }
+        coefficients_of_variation = np.sqrt(np.maximum(squared_cov, 0.0))
         lines += [
             f'    <vulnerabilityFunction id={quoteattr(group[0].type)} dist="BT">',
-            f'      <imls imt="{imt}">{texts["imls"]}</imls>',
-            *(
-                f"      <{element}>{texts[element]}</{element}>"
-                for element in ("meanLRs", "covLRs")
-            ),
+            f'      <imls imt="{imt}">{_numbers_text(factor * intensities)}</imls>',
+            f"      <meanLRs>{_numbers_text(mean)}</meanLRs>",
+            f"      <covLRs>{_numbers_text(coefficients_of_variation)}</covLRs>",
             "    </vulnerabilityFunction>",
         ]
     return _nrml("vulnerabilityModel", name, functions, lines)
+
+
+def _numbers_text(values: Array) -> str:
+    """Return the numbers of an element as text, separated by spaces."""
+    return " ".join(f"{value:.9g}" for value in values)
 
 
 _LEAST_LOSS = 1e-9  # OpenQuake rejects a coefficient of variation for a mean loss of 0
