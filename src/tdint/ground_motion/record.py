@@ -309,6 +309,11 @@ def component_names(records: Sequence[Record]) -> list[str]:
     return names
 
 
+def named_components(records: Sequence[Record]) -> list[tuple[str, str]]:
+    """Return the file of each record and the name of its component (`component_names`)."""
+    return [*zip((record.source for record in records), component_names(records), strict=True)]
+
+
 SI_LOCATION = "SI"
 """Location code of accelerations exported by tdint. It states that the samples are in SI units,
 because MiniSEED has no field for units."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdint.ground_motion.origin import matched_clause
-from tdint.ground_motion.record import Record, component_names
+from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
@@ -359,11 +359,11 @@ def motion_chapter(
         scaling = "" if factors == {1.0} else f", {times}"
         if len(levels) > 1:
             parts.append(f"Level {number} of {len(levels)}{scaling}:")
-        parts.append(motion_table(records, component_names(records)).in_units(units))
+        parts.append(motion_table(records).in_units(units))
         origins = [record.origin for record in records]
         if matched := matched_clause(origins, len(origins), spectrum_text):
             parts.append(f"The ground motions are {matched}; change: rms, relative to the seed:")
-            parts.append(match_origin_table(records, component_names(records)))
+            parts.append(match_origin_table(records))
             if warnings := [
                 f"{record.name}: {text}"
                 for record in records

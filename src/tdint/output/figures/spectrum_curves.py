@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.ground_motion.horizontals import is_vertical
-from tdint.ground_motion.record import Record, component_names
+from tdint.ground_motion.record import Record, component_names, named_components
 from tdint.number_parsing import pluralize
 from tdint.output.figures.fractiles import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.legends import add_legend
@@ -147,8 +147,7 @@ def draw_over_periods(
 
 def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
     """Return the file of the record and the name of the component of each result."""
-    names = component_names([result.record for result in results])
-    return [(result.record.source, name) for result, name in zip(results, names, strict=True)]
+    return named_components([result.record for result in results])
 
 
 def is_suite(results: Sequence[OverPeriods]) -> bool:

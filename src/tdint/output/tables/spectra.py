@@ -22,7 +22,7 @@ from tdint.ground_motion.measures import (
     measure,
     spectrum_intensity,
 )
-from tdint.ground_motion.record import Record, component_names
+from tdint.ground_motion.record import Record, named_components
 from tdint.output.tables.table import FLOOR, RECORD_COLUMNS, Column, Table, columns_of, elements_of
 from tdint.response.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.tabular import Tabular
@@ -376,8 +376,7 @@ def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
     # The names of the components depend on all records: a component that a file contains twice gets
     # its full identifier.
     records = [result.record for result in results]
-    heads = _named(records, component_names(records))
-    return Table.of_results((*RECORD_COLUMNS, *columns), results, heads)
+    return Table.of_results((*RECORD_COLUMNS, *columns), results, named_components(records))
 
 
 def result_table(results: Sequence[Any], additional: Sequence[str] = ()) -> Table:
@@ -432,17 +431,10 @@ FLOOR_SUITE_COLUMNS = (
 """Columns of floor spectra over the ground motions, after floor, damping and period."""
 
 
-def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
+def motion_table(records: Sequence[Record]) -> Table:
     """Return the table of the sampling, scale factor and peak of ground motions, one row per
-    record. `components` are the names of the components in the order of the records."""
-    return Table.of_results(MOTION, records, _named(records, components))
-
-
-def _named(records: Iterable[Record], components: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the first cells of the rows of records: file and name of the component."""
-    return [
-        (record.source, component) for record, component in zip(records, components, strict=True)
-    ]
+    record."""
+    return Table.of_results(MOTION, records, named_components(records))
 
 
 def _percent(name: str) -> Callable[[Record], float]:
@@ -471,13 +463,13 @@ def _seed(origin: MotionOrigin) -> str:
     return f"{Path(origin.seed).name} {origin.seed_component}".rstrip()
 
 
-def match_origin_table(records: Sequence[Record], components: Sequence[str]) -> Table:
+def match_origin_table(records: Sequence[Record]) -> Table:
     """Return the table of seeds, factors, changes and misfits of the matched motions among some
-    records; `components` are the names of their components."""
+    records."""
     is_matched = [bool(record.origin and record.origin.target) for record in records]
     matched = list(itertools.compress(records, is_matched))
-    names = itertools.compress(components, is_matched)
-    return Table.of_results(_MATCH_ORIGIN, matched, _named(matched, names))
+    heads = itertools.compress(named_components(records), is_matched)
+    return Table.of_results(_MATCH_ORIGIN, matched, heads)
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
