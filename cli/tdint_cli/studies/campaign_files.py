@@ -549,9 +549,8 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
             "components; omit --pair-demand"
         )
     if rule.pairs:
-        # Both components of each pair, in the order of the records
-        names = [plan.motions[i].name for pair in rule.partners.items() for i in reversed(pair)]
-        note(rule.note(names, is_default=plan.pair_demand is None))
+        files = [motion.name for motion in plan.motions]
+        note(rule.note(files, is_default=plan.pair_demand is None))
 
 
 def warn_of_plan(plan: Plan) -> None:

@@ -393,13 +393,12 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
     """Report the pairs of components and their treatment."""
-    from tdint.studies.motions.pairs import pairs_note
+    from tdint.studies.motions.pairs import PairRule
 
-    if partners := study.states[0].partners:
-        curves = study.states[0].curves
-        names = [curves[i].record.source for pair in partners.items() for i in reversed(pair)]
-        is_default = request.pair_demand is None
-        note(pairs_note(len(partners), study.pair_demand, names, is_default=is_default))
+    if study.partners:
+        files = [curve.record.source for curve in study.states[0].curves]
+        rule = PairRule(study.pair_demand, study.partners)
+        note(rule.note(files, is_default=request.pair_demand is None))
 
 
 def _report(study: IdaStudy, precision: float) -> None:

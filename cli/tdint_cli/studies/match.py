@@ -14,7 +14,7 @@ from tdint.files import check_outputs
 from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
-from tdint_cli.options.option_types import BESIDE, ListOf, PairWish, Ratio, pairs_of, span
+from tdint_cli.options.option_types import ListOf, PairWish, Ratio, pairs_of, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.studies import options as study_options
@@ -145,8 +145,7 @@ def command(request: MatchRequest) -> None:
     if request.output is None:
         raise UsageError("-o DIR is required: the directory for the matched ground motions")
     folder = Path(request.output)
-    plot = str(folder / PICTURE) if request.plot == BESIDE else request.plot
-    outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
+    outputs = Outputs.checked(str(folder / MATCHED), request.plot, request.overwrite)
     targets = read_targets(request.target, request.damping)
     suite, factors = read_table_of_factors(
         request.records, request.factors, request.choice, request.pairs

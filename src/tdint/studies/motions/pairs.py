@@ -166,12 +166,32 @@ class PairRule:
         components, depending on the rule. The first axis of `values` is the component."""
         return combine(values, self.demand)
 
-    def note(self, names: Sequence[str] = (), *, is_default: bool = True) -> str:
-        """Return one line that reports how the components of pairs are combined; empty without
-        pairs. The arguments are those of `pairs_note`."""
-        if not self.pairs:
-            return ""
-        return pairs_note(self.pairs, self.demand, names, is_default=is_default)
+    def note(self, files: Sequence[str] = (), *, is_default: bool = True) -> str:
+        """Return one line that reports the number of recognized pairs, their names and the rule for
+        their demand.
+
+        Parameters
+        ----------
+        files : sequence of str
+            File of each record, by its number; both components of a pair may be in one file or in
+            two. Files of a pair are listed by their common name. None are listed by default.
+        is_default : bool
+            True if the user specified no rule: the option that changes it is added.
+        """
+        # Both components of each pair, in the order of the records
+        pairs = self.partners.items() if files else ()
+        names = [files[number] for pair in pairs for number in reversed(pair)]
+        listed = abbreviate(list(dict.fromkeys(motion_names(names))), _MAX_LISTED_PAIRS)
+        others = " or ".join(other for other in PAIR_DEMANDS if other != self.demand)
+        change = f"; --pair-demand {others} changes this" if is_default else ""
+        return (
+            f"{pluralize(self.pairs, 'pair')} of horizontal components"
+            f"{f' ({listed})' if listed else ''}: {describe_demand(self.demand)} (pair_demand: "
+            f"{self.demand}{change})"
+        )
+
+
+_MAX_LISTED_PAIRS = 4  # maximum number of pairs in a note
 
 
 def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
@@ -243,29 +263,3 @@ def combine(values: Array, demand: str) -> Array:
 def describe_demand(demand: str) -> str:
     """Return a clause that describes the demand of a pair."""
     return _DESCRIPTIONS[demand]
-
-
-def pairs_note(
-    pairs: int, demand: str, names: Sequence[str] = (), *, is_default: bool = True
-) -> str:
-    """Return one line that reports the number of recognized pairs (`pairs`), their names and the
-    rule for their demand (`demand`).
-
-    Parameters
-    ----------
-    names : sequence of str
-        Files of the pairs; both components of a pair may be in one file or in two. Files of a pair
-        are listed by their common name. None are listed by default.
-    is_default : bool
-        True if the user specified no rule: the option that changes it is added.
-    """
-    others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
-    change = f"; --pair-demand {others} changes this" if is_default else ""
-    listed = abbreviate(list(dict.fromkeys(motion_names(names))), _MAX_LISTED_PAIRS)
-    return (
-        f"{pluralize(pairs, 'pair')} of horizontal components{f' ({listed})' if listed else ''}: "
-        f"{describe_demand(demand)} (pair_demand: {demand}{change})"
-    )
-
-
-_MAX_LISTED_PAIRS = 4  # maximum number of pairs in a note

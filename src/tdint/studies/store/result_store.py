@@ -443,9 +443,7 @@ class Store:
 
     def style(self) -> str:
         """Return the style of the figures, empty if not specified."""
-        stored = json.loads(self._meta_or_none("style") or '""')
-        # Stores of earlier versions also contain the directory of style sheets.
-        return str(stored[0] if isinstance(stored, list) else stored)
+        return str(json.loads(self._meta_or_none("style") or '""'))
 
     def pair_demand(self) -> str:
         """Return the rule that combines the components of pairs, an item of
