@@ -41,6 +41,10 @@ LINEAR_OSCILLATORS = Variant(
 )
 """Variant of the kernels for linear oscillators."""
 
+LOOP_KERNELS = (initialize_laws, sum_law_energies, update_located_peaks)
+"""Kernels that the time loop calls in addition to the step of a method, in the order of its
+arguments."""
+
 VALIDATED_STEPS: set[Kernel] = set()
 """Steps of plug-ins that this process has executed in plain Python, or that are being executed."""
 
@@ -123,16 +127,7 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
         The step of a plug-in is invalid (`validate_plugin_step`).
     """
     validate_plugin_step(integrator, variant)
-    return [
-        (kernel, variant)
-        for kernel in (
-            integrator.family.step,
-            integrate,
-            initialize_laws,
-            sum_law_energies,
-            update_located_peaks,
-        )
-    ]
+    return [(kernel, variant) for kernel in (integrator.family.step, integrate, *LOOP_KERNELS)]
 
 
 def unsupported_reason(integrator: Integrator, building: Building) -> str:

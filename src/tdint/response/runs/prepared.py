@@ -23,10 +23,8 @@ from tdint.kernels.building.load_or_compile import (
     load_or_compile,
 )
 from tdint.kernels.laws import OURS
-from tdint.kernels.located_peaks import update_located_peaks
 from tdint.kernels.stepping import Scene
 from tdint.kernels.time_loop.loop import integrate
-from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import (
     HALVINGS,
@@ -41,6 +39,7 @@ from tdint.model.definition import Model
 from tdint.model.force_arrays import load_arrays
 from tdint.model.topology import extended
 from tdint.response.runs.compiled_steps import (
+    LOOP_KERNELS,
     Instability,
     find_instability,
     kernels,
@@ -720,18 +719,9 @@ class PreparedBuilding:
             from tdint.response.runs.linear_loop import LinearLoop
 
             return LinearLoop(building, self.loads, h, ground, space)
-        called = [
-            kernel.variant(self.variant)
-            for kernel in (
-                integrator.family.step,
-                initialize_laws,
-                sum_law_energies,
-                update_located_peaks,
-            )
-        ]
         call = bind(
             integrate.variant(self.variant),
-            *called,
+            *(kernel.variant(self.variant) for kernel in (integrator.family.step, *LOOP_KERNELS)),
             space.steps_per_row,
             space.rows_before,
             HALVINGS if integrator.family.halvable else 0,
