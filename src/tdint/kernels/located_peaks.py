@@ -75,8 +75,7 @@ def _raise_peaks_before_fracture(scene, span, passage, law_state, i, located):
     floor = floor_ends(span.fast, passage, i)
     floor_below = floor_ends(span.fast, passage, base_of(scene.linear_terms, i))
     story = story_ends(floor, floor_below, link, law_state[rows.DRIFT, i])
-    first, end = columns_of_story(law_parameters, i)
-    for column in range(first, end):
+    for column in columns_of_story(law_parameters, i):
         limit = drift_of_fracture(law_parameters, law_state, column)
         if limit != 0.0:
             _raise_force_at_reversal(scene, law_state, i, rows.STEP_START, limit, located)

@@ -68,6 +68,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.laws.selection import elements_of
 from tdint.kernels.linear_terms import (
     FORCES,
     LINKS,
@@ -454,9 +455,7 @@ def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
     A change of drift exceeds the result divided by `stiffness` if it exceeds the `margin` of the
     story or the margin of an element divided by the initial stiffness of the element.
     """
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         element_stiffness = law_parameters[rows.STIFFNESS, element]
         if element_stiffness > 0.0:
             force = element_force(law_state, i, element)

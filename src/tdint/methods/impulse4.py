@@ -46,6 +46,7 @@ from tdint.kernels.laws.selection import (
     HAS_ELEMENTS,
     HAS_FRACTURE,
     HAS_NONLINEAR_FORCE,
+    elements_of,
 )
 from tdint.kernels.linear_terms import (
     BRACES,
@@ -461,9 +462,7 @@ def _change_branches_of_elements(law_parameters, law_state, story, column, event
     row = rows.UPPER if event == rows.ABOVE else rows.LOWER
     limit = law_state[row, column]
     is_linear = law_state[rows.SLOPE, column] < math.inf
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, story]), int(law_parameters[rows.END_ELEMENT, story])
-    ):
+    for element in elements_of(law_parameters, story):
         rate_sign = law_state[rows.RATE_SIGN, element]
         if event == rows.REVERSED:
             if rate_sign == direction:
@@ -647,9 +646,7 @@ def _update_elements(keep_branches, law_parameters, law_state, scratch, i, drift
     """Move the elements of story `i` to the end of a step or substep, each as a law in
     `_update_state`, and sum their branches.
     """
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         if keep_branches and law_state[rows.SLOPE, element] < math.inf:
             advance_law(law_parameters, law_state, element, 0, drift)
         else:
@@ -701,9 +698,7 @@ def _slope_of_linear_elements(law_parameters, law_state, i):
     The limit of a story with curved elements is the limit of one of its linear branches.
     """
     slope = 0.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         if law_state[rows.SLOPE, element] < math.inf:
             slope += law_state[rows.SLOPE, element]
     return slope

@@ -19,7 +19,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, R
-from tdint.kernels.laws.selection import HAS_ELEMENTS
+from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
 from tdint.kernels.linear_terms import (
     BRACES,
     FORCES,
@@ -178,9 +178,7 @@ def _find_corners_of_elements(scene, memory, i):
     complete = _story_path(scene.linear_terms, law_state, scratch, i)
     no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
     corners = Integrals(scratch, ROW.CORNERS)
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         if path.is_piecewise_linear(law_parameters, element):
             _find_corners(law_parameters, law_state, element, complete, no_reversal, corners)
             law_state[rows.PEAK_FORCE, element] = max(
@@ -235,9 +233,7 @@ def _store_forces(coefficients, scene, h, memory, i, count):
         and law_parameters[rows.CODE, i] <= rows.ELEMENTS
         and scratch[ROW.LEAVES_BRANCH, i] != 0.0
     ):
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             _store_law_forces(coefficients, scene, h, memory, i, element, count)
         _store_sums(scene, memory, i, count)
     else:
@@ -297,10 +293,7 @@ def _store_sums(scene, memory, i, count):
     _, law_state, scratch, _ = memory
     for k in range(count):
         force = 0.0
-        for element in range(
-            int(scene.law_parameters[rows.FIRST_ELEMENT, i]),
-            int(scene.law_parameters[rows.END_ELEMENT, i]),
-        ):
+        for element in elements_of(scene.law_parameters, i):
             force += scratch[ROW.NODE_FORCE + k, element]
         drift = law_state[rows.DRIFT, i] + _story_value(
             scene.linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i
@@ -561,9 +554,7 @@ def _elements_have_corners(scene, memory, i):
     rise = _story_value(scene.linear_terms, memory.scratch, ROW.RISE, i)
     bend = _story_value(scene.linear_terms, memory.scratch, ROW.BEND, i)
     has_corners = False
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         has_corners |= path.is_piecewise_linear(
             law_parameters, element
         ) and not path.remains_on_branch(memory.law_state, element, rise, bend)
@@ -600,10 +591,7 @@ def _may_exceed_peaks(scene, h, load, memory):
             peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
             may_exceed |= _may_exceed_shear_peak(law_state, i, rise, bend, peak)
             if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-                for element in range(
-                    int(law_parameters[rows.FIRST_ELEMENT, i]),
-                    int(law_parameters[rows.END_ELEMENT, i]),
-                ):
+                for element in elements_of(law_parameters, i):
                     peak = law_state[rows.PEAK_FORCE, element]
                     if path.is_piecewise_linear(law_parameters, element):
                         may_exceed |= _may_exceed_shear_peak(law_state, element, rise, bend, peak)

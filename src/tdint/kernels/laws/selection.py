@@ -89,6 +89,15 @@ _FREQUENT = 2
 """Number of laws whose selection is inlined: linear and bilinear. The selection among the other
 laws is compiled once and called, which reduces the compile times."""
 
+
+@inline
+def elements_of(law_parameters, i):
+    """Return the columns of the elements of story `i`, which must have elements."""
+    return range(
+        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
+    )
+
+
 BRANCH_STORING_LAWS = _codes(lambda law: _functions(law).keep is not None)
 
 DISSIPATING_LAWS = _codes(lambda law: _functions(law).accumulate_dissipation is not None)

@@ -16,6 +16,7 @@ from tdint.kernels.laws.branch_following import add_work, advancing
 from tdint.kernels.laws.selection import (
     CURVED_LAWS,
     HAS_ELEMENTS,
+    elements_of,
     select_function,
 )
 from tdint.kernels.linear_terms import below
@@ -59,9 +60,7 @@ def advance(law_parameters, law_state, i, block, drift):
 def _advance_elements(law_parameters, law_state, i, block, drift):
     """Move all elements of story `i` to a drift on their linear branches; sum their forces."""
     force = 0.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         advance_law(law_parameters, law_state, element, block, drift)
         force += law_state[block + rows.FORCE, element]
     law_state[block + rows.DRIFT, i] = drift
@@ -76,9 +75,7 @@ def synchronize(law_parameters, law_state, i, block):
     linear branch, the order of the drifts between does not affect force and energy.
     """
     drift = law_state[block + rows.DRIFT, i]
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         if law_state[block + rows.DRIFT, element] != drift:
             advance_law(law_parameters, law_state, element, block, drift)
 
@@ -113,9 +110,7 @@ def enter(law_parameters, law_state, i):
     stiffness, or an infinite SLOPE as the mark of a curved law, no limits, and both directions.
     """
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             enter_law(law_parameters, law_state, element)
         sum_branches(law_parameters, law_state, i, 0)
     else:
@@ -171,9 +166,7 @@ def sum_branches(law_parameters, law_state, i, block):
     lower = -math.inf
     direction = 0.0
     failed = 1.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         force += law_state[block + rows.FORCE, element]
         slope += law_state[block + rows.SLOPE, element]
         upper = min(upper, law_state[block + rows.UPPER, element])
@@ -200,9 +193,7 @@ def sum_branches(law_parameters, law_state, i, block):
 def turns_at_reversal(law_parameters, law_state, i):
     """Return True if a linear branch of an element of story `i` ends at a reversal."""
     turns = False
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         turns |= (law_state[rows.SLOPE, element] < math.inf) & (
             law_state[rows.RATE_SIGN, element] != 0.0
         )
@@ -227,9 +218,7 @@ def _element_of_event(law_parameters, law_state, i, event):
     """Return the first element of story `i` with the limit of its branch, or `i` at a reversal."""
     row = rows.UPPER if event == rows.ABOVE else rows.LOWER
     if event != rows.REVERSED:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             # The limit of the story is a copy of the limit of the element.
             if law_state[row, element] == law_state[row, i]:
                 return element

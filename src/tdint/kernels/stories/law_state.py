@@ -29,6 +29,7 @@ from tdint.kernels.laws.fracture import FRACTURING
 from tdint.kernels.laws.selection import (
     BRANCH_STORING_LAWS,
     HAS_ELEMENTS,
+    elements_of,
     select_function,
 )
 from tdint.kernels.stories.branches import enter, sum_branches, switch, synchronize
@@ -94,9 +95,7 @@ def strain_energy(law_parameters, law_state, i):
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         synchronize(law_parameters, law_state, i, 0)
         energy = 0.0
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             energy += _strain_energy(law_parameters, law_state, element)
         return energy
     return _strain_energy(law_parameters, law_state, i)
@@ -131,9 +130,7 @@ def _energy_of_elements(law_parameters, law_state, i):
     """
     synchronize(law_parameters, law_state, i, 0)
     energy = 0.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         spent = _hysteretic_energy(law_parameters, law_state, element)
         law_state[rows.ENERGY_SPENT, element] = spent - law_state[rows.INITIAL_SPENT, element]
         energy += spent
@@ -161,9 +158,7 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         # Elements that follow their branches accumulate their energies along the path.
         if law_parameters[rows.CODE, i] < rows.ELEMENTS:
-            for element in range(
-                int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-            ):
+            for element in elements_of(law_parameters, i):
                 _accumulate_dissipation(law_parameters, law_state, element, previous, trial)
     else:
         _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
@@ -227,9 +222,7 @@ def _follow_elements(law_parameters, law_state, i, previous, trial, drift):
     """Move the piecewise-linear elements of story `i` along their branches; return the tangent."""
     copy_branches_of_elements(law_parameters, law_state, i, previous)
     synchronize(law_parameters, law_state, i, previous)
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         _follow_branches(law_parameters, law_state, element, previous, trial, drift)
     sum_branches(law_parameters, law_state, i, trial)
     return law_state[trial + rows.SLOPE, i]
@@ -242,9 +235,7 @@ def copy_branches_of_elements(law_parameters, law_state, i, block):
     """
     owner = branch_owner(law_state, i, block)
     if owner != block:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             for row in range(rows.LAW_STATE_ROWS):
                 law_state[block + row, element] = law_state[owner + row, element]
             copy_extra_rows(law_state, element, owner, block)
@@ -259,9 +250,7 @@ def _force_of_elements(law_parameters, law_state, i, previous, trial, drift):
     """Compute the force of story `i` as the sum over its elements; return the tangent, N/m."""
     force = 0.0
     tangent = 0.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         law_state[trial + rows.DRIFT, element] = drift
         tangent += _force(law_parameters, law_state, element, previous, trial, drift)
         force += law_state[trial + rows.FORCE, element]
@@ -284,9 +273,7 @@ def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, d
         return restoring_force(law_parameters, law_state, i, previous, trial, drift)
     force = 0.0
     tangent = 0.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         slope = law_state[rows.SLOPE, element]
         law_state[trial + rows.DRIFT, element] = drift
         if slope < math.inf:
@@ -394,9 +381,7 @@ def _commit_elements(law_parameters, law_state, i, previous, trial):
     if follows_branches:
         copy_branches_of_elements(law_parameters, law_state, i, trial)
     failed = 1.0
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         if follows_branches:
             for row in range(rows.LAW_STATE_ROWS):
                 law_state[row, element] = law_state[trial + row, element]
@@ -479,11 +464,10 @@ def step_start(flags, follows_reversal=False):
 
 @inline
 def columns_of_story(law_parameters, i):
-    """Return the first column of the laws of story `i` and the column after the last one."""
+    """Return the columns of the laws of story `i`: of its elements, or of the story itself."""
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-        first = int(law_parameters[rows.FIRST_ELEMENT, i])
-        return first, int(law_parameters[rows.END_ELEMENT, i])
-    return i, i + 1
+        return elements_of(law_parameters, i)
+    return range(i, i + 1)
 
 
 @outlined
@@ -532,9 +516,7 @@ def resume(law_parameters, law_state, i):
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         # Piecewise-linear elements without curved elements store their branches.
         if law_parameters[rows.CODE, i] < rows.ELEMENTS:
-            for element in range(
-                int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-            ):
+            for element in elements_of(law_parameters, i):
                 if law_parameters[rows.CODE, element] not in BRANCH_STORING_LAWS:
                     enter(law_parameters, law_state, element)
             sum_branches(law_parameters, law_state, i, 0)
@@ -555,9 +537,7 @@ def start(law_parameters, law_state, i, drift):
     resume(law_parameters, law_state, i)
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         synchronize(law_parameters, law_state, i, 0)
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             law_state[rows.INITIAL_SPENT, element] = _hysteretic_energy(
                 law_parameters, law_state, element
             )
@@ -573,9 +553,7 @@ def raise_element_peaks(law_parameters, law_state, i, block, excess):
     """
     owner = branch_owner(law_state, i, block)
     drift = law_state[block + rows.DRIFT, i] - excess
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         force = law_state[owner + rows.FORCE, element]
         step = drift - law_state[owner + rows.DRIFT, element]
         if step != 0.0 and law_state[owner + rows.SLOPE, element] < math.inf:

@@ -35,6 +35,7 @@ from tdint.kernels.laws.selection import (
     DISSIPATING_LAWS,
     HAS_CURVED_LAW,
     HAS_ELEMENTS,
+    elements_of,
     select_function,
 )
 from tdint.kernels.stepping import Integrals, PathSegment
@@ -358,9 +359,7 @@ def _integrate_elements(law_parameters, law_state, i, rise, bend, no_reversal, s
     """
     synchronize(law_parameters, law_state, i, 0)
     _clear(Integrals(scratch, out), i)
-    for element in range(
-        int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-    ):
+    for element in elements_of(law_parameters, i):
         if is_piecewise_linear(law_parameters, element) and remains_on_branch(
             law_state, element, rise, bend
         ):
@@ -405,9 +404,7 @@ def commit_path_end(law_parameters, law_state, i, rise):
     """Commit the state at the end of the path of the last call of `follow`, at the committed drift
     plus `rise`."""
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             _commit_law_at_path_end(law_parameters, law_state, element, rise)
         law_state[rows.DRIFT, i] += rise
         sum_branches(law_parameters, law_state, i, 0)
@@ -421,9 +418,7 @@ def force_at_path_end(law_parameters, law_state, i, rise):
     call of `follow`, at the committed drift plus `rise`."""
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         force = tangent = 0.0
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             part, slope = _law_at_path_end(law_parameters, law_state, element, rise)
             force += part
             tangent += slope
@@ -470,9 +465,7 @@ def is_piecewise_linear(law_parameters, i):
     All elements of a story with elements must be piecewise linear.
     """
     if HAS_CURVED_LAW and HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-        for element in range(
-            int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-        ):
+        for element in elements_of(law_parameters, i):
             if law_parameters[rows.CODE, element] in CURVED_LAWS:
                 return False
         return True

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
-from tdint.kernels.laws.selection import HAS_ELEMENTS
+from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
 from tdint.kernels.linear_terms import (
     BRACES,
     FORCES,
@@ -412,9 +412,7 @@ def _observe_elements(span, scene, memory, seen):
                 a_1 -= link * observer_state[rows.OBSERVED_ACCELERATION, base]
                 reach = span.h * max(abs(v_0), abs(v_1))
                 reach += 0.05 * span.h * span.h * (abs(a_0) + abs(a_1))
-            for element in range(
-                int(law_parameters[rows.FIRST_ELEMENT, i]), int(law_parameters[rows.END_ELEMENT, i])
-            ):
+            for element in elements_of(law_parameters, i):
                 force = abs(element_force(law_state, i, element))
                 peak = max(law_state[rows.PEAK_FORCE, element], force)
                 law_state[rows.PEAK_FORCE, element] = peak
