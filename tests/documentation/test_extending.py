@@ -32,8 +32,6 @@ CHANGES = (
     ("member", "src/tdint/methods/single_step.py", "METHODS = (\n"),
     ("member-accuracy", "tests/assessment/test_stability.py", "ACCURACY = {\n"),
     ("member-powers", "tests/assessment/test_overshoot.py", "POWERS = {\n"),
-    ("law-import", f"{LAWS}/__init__.py", "    from tdint.kernels.laws import (\n"),
-    ("law-module", f"{LAWS}/__init__.py", "        imk,\n        multilinear_pinching,\n"),
     ("law-name", f"{LAWS}/__init__.py", '    "multilinear-pinching",\n'),
     ("law-case", "tests/kernels/test_branches.py", "LAW_CASES = {\n"),
     (

@@ -93,8 +93,10 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
     The file of a module of a plug-in is the file that the module was loaded from. The modules of
     other laws than `laws` are omitted; empty for all laws.
     """
-    # The module `law` declares the types of laws; the module of a law has its name.
-    law_modules = {"law", *(name.removesuffix(FRACTURES).replace("-", "_") for name in laws)}
+    # The module of a law has its name. The package imports it when the law is first used.
+    law_modules = [name.removesuffix(FRACTURES).replace("-", "_") for name in laws]
+    if not laws:
+        law_modules = [file.stem for file in (_PACKAGE / "kernels" / "laws").glob("[!_]*.py")]
     files: dict[str, Path] = {}
     queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
     while queue:
@@ -107,11 +109,9 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         # Imports of a module of tdint are found by a fast search in the text. The files of plug-ins
         # can import in any form and are parsed.
         imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
-        for imported in imports:
-            # The package _LAWS imports the modules of all laws of tdint.
-            is_other_law = laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules
-            if not imported.startswith(_BUILDING) and not is_other_law:
-                queue.append(imported)
+        queue += [imported for imported in imports if not imported.startswith(_BUILDING)]
+        if name == _LAWS:
+            queue += [f"{_LAWS}.{module}" for module in law_modules]
     return files
 
 

@@ -13,39 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    # The sources of a kernel are found by these lines (`tdint.kernels.building.sources`).
-    from tdint.kernels.laws import (
-        bilinear,
-        bouc_wen,
-        gap,
-        imk,
-        linear,
-        multilinear,
-        multilinear_pinching,
-        peak_oriented,
-        polynomial,
-        ramberg_osgood,
-        steel,
-        tanh,
-        trilinear_pinching,
-    )
     from tdint.kernels.laws.law import DriftLaw
-
-    MODULES = (
-        linear,
-        bilinear,
-        peak_oriented,
-        bouc_wen,
-        gap,
-        tanh,
-        polynomial,
-        trilinear_pinching,
-        imk,
-        multilinear_pinching,
-        multilinear,
-        ramberg_osgood,
-        steel,
-    )
 
 # The order must not change, because the position of a law is its number.
 NAMES = (
