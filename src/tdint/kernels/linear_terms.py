@@ -546,8 +546,9 @@ def finite(state, n):
 
 
 @inline
-def hermite_rate(h, v0, a0, v1, a1, s):
+def hermite_rate(h, ends, s):
     """Return the velocity at `s`, m/s, by the cubic Hermite interpolant of the velocity."""
+    _, v0, a0, _, v1, a1, _, _ = ends
     change = v1 - v0
     c2 = 3.0 * change - h * (2.0 * a0 + a1)
     c3 = h * (a0 + a1) - 2.0 * change
@@ -574,14 +575,15 @@ def damping_change(h, scene, law_state, story, part, deviations, i):
     change_1 = coefficient * deviations[1]
     bulge = 0.5 * h * coefficient * (story.a0 - story.a1)
     if POWER_DAMPERS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
-        v0, a0, v1, a1 = story.v0, story.a0, story.v1, story.a1
-        rate = hermite_rate(h, v0, a0, v1, a1, part[0])
+        rate = hermite_rate(h, story, part[0])
         change_0 += power_damper(linear_terms, i, rate + deviations[0])[0]
         change_0 -= power_damper(linear_terms, i, rate)[0]
-        rate = hermite_rate(h, v0, a0, v1, a1, part[1])
+        rate = hermite_rate(h, story, part[1])
         change_1 += power_damper(linear_terms, i, rate + deviations[1])[0]
         change_1 -= power_damper(linear_terms, i, rate)[0]
-        ends = power_damper(linear_terms, i, v0)[0] + power_damper(linear_terms, i, v1)[0]
-        middle = power_damper(linear_terms, i, hermite_rate(h, v0, a0, v1, a1, 0.5))[0]
+        ends = (
+            power_damper(linear_terms, i, story.v0)[0] + power_damper(linear_terms, i, story.v1)[0]
+        )
+        middle = power_damper(linear_terms, i, hermite_rate(h, story, 0.5))[0]
         bulge += 4.0 * middle - 2.0 * ends
     return change_0, change_1, coefficient * deviations[4], bulge

@@ -123,23 +123,19 @@ class _NearRest(NamedTuple):
         Time of the smallest absolute drift rate, as a fraction of the step.
     largest : float
         Upper limit of the absolute force in the step, N.
-    v0, a0, v1, a1 : float
-        Drift rate (m/s) and its derivative (m/s^2) at both endpoints.
+    ends : Ends
+        Motion of the story.
     """
 
     factor: float
     story: int
     rest: float
     largest: float
-    v0: float
-    a0: float
-    v1: float
-    a1: float
+    ends: Ends
 
-
-_NOT_NEAR_REST = _NearRest(0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # sum over no floors, above the roof
+_NOT_NEAR_REST = _NearRest(0.0, 0, 0.0, 0.0, ZERO_ENDS)
 ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `add_floor_forces` without forces on floors
 
 
@@ -487,15 +483,22 @@ def story_ends(floor, floor_below, link, drift):
     The drift at the end is not the difference of the displacements of the floors, but the value in
     the state of the hysteretic law (`drift`).
     """
+    u0, v0, a0, _, v1, a1, v_earlier, a_earlier = _sum_of_ends(1.0, floor, -link, floor_below)
+    return Ends(u0, v0, a0, drift, v1, a1, v_earlier, a_earlier)
+
+
+@inline
+def _sum_of_ends(factor, ends, other_factor, other_ends):
+    """Return the sum of two motions, each with a factor."""
     return Ends(
-        u0=floor.u0 - link * floor_below.u0,
-        v0=floor.v0 - link * floor_below.v0,
-        a0=floor.a0 - link * floor_below.a0,
-        u1=drift,
-        v1=floor.v1 - link * floor_below.v1,
-        a1=floor.a1 - link * floor_below.a1,
-        v_earlier=floor.v_earlier - link * floor_below.v_earlier,
-        a_earlier=floor.a_earlier - link * floor_below.a_earlier,
+        u0=factor * ends.u0 + other_factor * other_ends.u0,
+        v0=factor * ends.v0 + other_factor * other_ends.v0,
+        a0=factor * ends.a0 + other_factor * other_ends.a0,
+        u1=factor * ends.u1 + other_factor * other_ends.u1,
+        v1=factor * ends.v1 + other_factor * other_ends.v1,
+        a1=factor * ends.a1 + other_factor * other_ends.a1,
+        v_earlier=factor * ends.v_earlier + other_factor * other_ends.v_earlier,
+        a_earlier=factor * ends.a_earlier + other_factor * other_ends.a_earlier,
     )
 
 
@@ -508,17 +511,7 @@ def add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     sums above the roof are zero.
     """
     link, mass = linear_terms[rows.LINK, i + 1], linear_terms[rows.MASS, i]
-    ends = Ends(
-        u0=link * inertia_above.u0 + mass * floor.u0,
-        v0=link * inertia_above.v0 + mass * floor.v0,
-        a0=link * inertia_above.a0 + mass * floor.a0,
-        u1=link * inertia_above.u1 + mass * floor.u1,
-        v1=link * inertia_above.v1 + mass * floor.v1,
-        a1=link * inertia_above.a1 + mass * floor.a1,
-        v_earlier=link * inertia_above.v_earlier + mass * floor.v_earlier,
-        a_earlier=link * inertia_above.a_earlier + mass * floor.a_earlier,
-    )
-    return ends, link * mass_above + mass
+    return _sum_of_ends(link, inertia_above, mass, floor), link * mass_above + mass
 
 
 @outlined
@@ -531,17 +524,7 @@ def add_tree_inertia(linear_terms, span, passage, i, floor, inertia_above, mass_
     while j > 0:
         mass = linear_terms[rows.MASS, j]
         if j != i + 1 and mass > 0.0:
-            moving = floor_ends(span.fast, passage, j)
-            ends = Ends(
-                u0=ends.u0 + mass * moving.u0,
-                v0=ends.v0 + mass * moving.v0,
-                a0=ends.a0 + mass * moving.a0,
-                u1=ends.u1 + mass * moving.u1,
-                v1=ends.v1 + mass * moving.v1,
-                a1=ends.a1 + mass * moving.a1,
-                v_earlier=ends.v_earlier + mass * moving.v_earlier,
-                a_earlier=ends.a_earlier + mass * moving.a_earlier,
-            )
+            ends = _sum_of_ends(1.0, ends, mass, floor_ends(span.fast, passage, j))
             mass_sum += mass
         j = int(linear_terms[rows.NEXT_ON, j])
     return ends, mass_sum
@@ -715,14 +698,14 @@ def _dashpot_near_rest(h, linear_terms, i, story):
     rate = max(abs(story.v0), abs(story.v1))
     rate = max(rate, abs(story.v0 + h * story.a0 / 3.0), abs(story.v1 - h * story.a1 / 3.0))
     largest = abs(power_damper(linear_terms, i, rate)[0])
-    return _NearRest(1.0, i, rest, largest, story.v0, story.a0, story.v1, story.a1)
+    return _NearRest(1.0, i, rest, largest, story)
 
 
 @inline
 def _times(factor, dashpot):
     """Return a dashpot near rest with its force times a further factor."""
-    own, story, rest, largest, v0, a0, v1, a1 = dashpot
-    return _NearRest(factor * own, story, rest, largest, v0, a0, v1, a1)
+    own, story, rest, largest, ends = dashpot
+    return _NearRest(factor * own, story, rest, largest, ends)
 
 
 @inline
@@ -731,7 +714,7 @@ def zero_of_rate(h, story):
     lower, upper = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (lower + upper)
-        if hermite_rate(h, story.v0, story.a0, story.v1, story.a1, middle) * story.v0 > 0.0:
+        if hermite_rate(h, story, middle) * story.v0 > 0.0:
             lower = middle
         else:
             upper = middle
@@ -754,19 +737,13 @@ def instant_before(h, story, drift):
 
 
 @inline
-def _force_near_rest(h, linear_terms, dashpot, s):
-    """Return the force of a dashpot at `s` times its factor, N."""
-    _, story, _, _, v0, a0, v1, a1 = dashpot
-    return dashpot.factor * power_damper(linear_terms, story, hermite_rate(h, v0, a0, v1, a1, s))[0]
-
-
-@inline
 def _forces_near_rest(h, linear_terms, dashpots, s):
     """Return the sum of the forces of two dashpots at `s` times their factors, N."""
     force = 0.0
     for dashpot in dashpots:
         if dashpot.factor != 0.0:
-            force += _force_near_rest(h, linear_terms, dashpot, s)
+            rate = hermite_rate(h, dashpot.ends, s)
+            force += dashpot.factor * power_damper(linear_terms, dashpot.story, rate)[0]
     return force
 
 
