@@ -19,6 +19,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW, R
+from tdint.kernels.laws.branch_following import copy_state
 from tdint.kernels.laws.selection import HAS_ELEMENTS, elements_of
 from tdint.kernels.linear_terms import (
     BRACES,
@@ -139,7 +140,7 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     the start of the step: the reversal of the parabola can be farther, and the path back from the
     reversal is stiffer.
     """
-    path.copy(law_state, i, 0, rows.SECOND_TRIAL)
+    copy_state(law_state, i, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
     part_before = path.path_segment(complete, 0.0, reversal_time)
     end_drift = path.drift_at(complete, reversal_time)

@@ -111,6 +111,15 @@ def copy_extra_rows(law_state, i, previous, trial):
 
 
 @inline
+def copy_state(law_state, i, source, target):
+    """Copy the law state of story `i` from block `source` to block `target`, with the extra rows of
+    the law."""
+    for row in range(rows.LAW_STATE_ROWS):
+        law_state[target + row, i] = law_state[source + row, i]
+    copy_extra_rows(law_state, i, source, target)
+
+
+@inline
 def set_branch(law_state, i, block, slope, lower, upper, turn):
     """Set the current branch of a law state: stiffness, limits and direction.
 
@@ -312,9 +321,7 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         If the path has more than `MAX_BRANCHES` changes of branch, force and tangent are nan, so
         that the step fails.
         """
-        for row in range(rows.LAW_STATE_ROWS):
-            law_state[trial + row, i] = law_state[previous + row, i]
-        copy_extra_rows(law_state, i, previous, trial)
+        copy_state(law_state, i, previous, trial)
         # A path against the direction of the branch starts with a reversal.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)

@@ -46,34 +46,6 @@ class _DashpotPath(NamedTuple):
     dashpot_rows: int
 
 
-def split_at_zero_rate(integrate_part):
-    """Return a compiled function (linear_terms, i, dashpot_path) that integrates over a parabola of
-    drift, divided at zero rate.
-
-    `integrate_part` (linear_terms, i, dashpot_path, slow, fast) integrates over the part of the
-    path between the positions s = slow and s = fast. The absolute rate is smaller at `slow` than at
-    `fast`; `slow` can be later than `fast`.
-    """
-
-    @inline
-    def integrate_path(linear_terms, i, dashpot_path):
-        """Integrate the dashpot force over the path, in two parts if the rate changes its sign."""
-        # h times the drift rates at both endpoints of the step, m
-        first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
-        last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
-        if first_rate * last_rate < 0.0:
-            # Both parts start at zero rate, their smaller absolute rate.
-            s_zero = -dashpot_path.rise / dashpot_path.bend
-            integrate_part(linear_terms, i, dashpot_path, s_zero, -0.5)
-            integrate_part(linear_terms, i, dashpot_path, s_zero, 0.5)
-        elif abs(first_rate) < abs(last_rate):
-            integrate_part(linear_terms, i, dashpot_path, -0.5, 0.5)
-        else:
-            integrate_part(linear_terms, i, dashpot_path, 0.5, -0.5)
-
-    return integrate_path
-
-
 @inline
 def _add_point(linear_terms, i, dashpot_path, s, weight):
     """Add one integration point at the position `s` to the integrals of the dashpot force and to
@@ -95,8 +67,10 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
 
 @outlined
 def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
-    """Add the integrals of the dashpot force over a part of the path without change of sign of the
-    rate.
+    """Add the integrals of the dashpot force over the part of the path between the positions s =
+    `slow` and s = `fast`.
+
+    The absolute rate is smaller at `slow` than at `fast`; `slow` can be later than `fast`.
 
     If the rate is not nearly constant, the Gauss rule is applied to x, the cube root of the rate
     divided by the maximum rate. x increases from x_0 (at `slow`) to 1 (at `fast`), and
@@ -136,7 +110,22 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
         )
 
 
-_integrate_path = split_at_zero_rate(_integrate_part)
+@inline
+def _integrate_path(linear_terms, i, dashpot_path):
+    """Add the integrals of the dashpot force over the path, in two parts if the rate changes its
+    sign."""
+    # h times the drift rates at both endpoints of the step, m
+    first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
+    last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
+    if first_rate * last_rate < 0.0:
+        # Both parts start at zero rate, their smaller absolute rate.
+        s_zero = -dashpot_path.rise / dashpot_path.bend
+        _integrate_part(linear_terms, i, dashpot_path, s_zero, -0.5)
+        _integrate_part(linear_terms, i, dashpot_path, s_zero, 0.5)
+    elif abs(first_rate) < abs(last_rate):
+        _integrate_part(linear_terms, i, dashpot_path, -0.5, 0.5)
+    else:
+        _integrate_part(linear_terms, i, dashpot_path, 0.5, -0.5)
 
 
 @outlined

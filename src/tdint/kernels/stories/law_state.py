@@ -22,7 +22,7 @@ from tdint.kernels.laws.branch_following import (
     add_work,
     branch_follower,
     branch_owner,
-    copy_extra_rows,
+    copy_state,
     extra_rows,
 )
 from tdint.kernels.laws.fracture import FRACTURING
@@ -236,9 +236,7 @@ def copy_branches_of_elements(law_parameters, law_state, i, block):
     owner = branch_owner(law_state, i, block)
     if owner != block:
         for element in elements_of(law_parameters, i):
-            for row in range(rows.LAW_STATE_ROWS):
-                law_state[block + row, element] = law_state[owner + row, element]
-            copy_extra_rows(law_state, element, owner, block)
+            copy_state(law_state, element, owner, block)
         law_state[block + rows.INTERNAL, i] = law_state[owner + rows.INTERNAL, i]
         for row in range(rows.SLOPE, rows.RATE_SIGN + 1):
             law_state[block + row, i] = law_state[owner + row, i]
@@ -383,9 +381,7 @@ def _commit_elements(law_parameters, law_state, i, previous, trial):
     failed = 1.0
     for element in elements_of(law_parameters, i):
         if follows_branches:
-            for row in range(rows.LAW_STATE_ROWS):
-                law_state[row, element] = law_state[trial + row, element]
-            copy_extra_rows(law_state, element, trial, 0)
+            copy_state(law_state, element, trial, rows.COMMITTED)
         else:
             commit_law(law_parameters, law_state, element, previous, trial)
         if law_state[rows.INTERNAL, element] != law_state[rows.FAILED_INTERNAL, element]:

@@ -29,7 +29,7 @@ import numpy as np
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
-from tdint.kernels.laws.branch_following import MAX_BRANCHES, copy_extra_rows
+from tdint.kernels.laws.branch_following import MAX_BRANCHES, copy_state
 from tdint.kernels.laws.selection import (
     CURVED_LAWS,
     DISSIPATING_LAWS,
@@ -364,7 +364,7 @@ def _integrate_elements(law_parameters, law_state, i, rise, bend, no_reversal, s
             law_state, element, rise, bend
         ):
             integrate_on_branch(law_state, element, rise, bend, scratch, out)
-            copy(law_state, element, 0, rows.FIRST_TRIAL)
+            copy_state(law_state, element, 0, rows.FIRST_TRIAL)
             end_drift = law_state[rows.DRIFT, element] + rise
             advance_law(law_parameters, law_state, element, rows.FIRST_TRIAL, end_drift)
         else:
@@ -443,7 +443,7 @@ def _law_at_path_end(law_parameters, law_state, i, rise):
 def _commit_law_at_path_end(law_parameters, law_state, i, rise):
     """Commit the state of the law in column `i`, a story with a single element or an element."""
     if is_piecewise_linear(law_parameters, i):
-        copy(law_state, i, rows.FIRST_TRIAL, 0)
+        copy_state(law_state, i, rows.FIRST_TRIAL, 0)
         return
     # A hysteretic law starts from the last Gauss point, which `follow` has stored in FIRST_TRIAL.
     # An elastic law starts from the committed state, because its force depends on the drift only.
@@ -490,15 +490,6 @@ def _clear(results, i):
     """Set the six results of story `i` to zero."""
     for row in range(_RESULTS):
         results.table[results.first + row, i] = 0.0
-
-
-@inline
-def copy(law_state, i, source, target):
-    """Copy the law state of story `i` from block `source` to block `target`, with the extra rows of
-    the law."""
-    for row in range(rows.LAW_STATE_ROWS):
-        law_state[target + row, i] = law_state[source + row, i]
-    copy_extra_rows(law_state, i, source, target)
 
 
 @inline
@@ -707,7 +698,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     of `results` are zero at the start; the next twelve rows (_AFTER_REVERSAL and _SHIFTED) are used
     for intermediate results.
     """
-    copy(law_state, i, 0, rows.FIRST_TRIAL)
+    copy_state(law_state, i, 0, rows.FIRST_TRIAL)
     _integrate_monotonic(
         law_parameters,
         law_state,
@@ -728,7 +719,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     # is moved further by a small shift, in the direction of the path before the reversal, for the
     # difference quotient of `_add_after_reversal`.
     if law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * direction < 0.0:
-        copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+        copy_state(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         shift = -direction * _SHIFT * (abs(story_path.rise) + abs(story_path.bend))
         advance_law(
             law_parameters,
@@ -745,75 +736,6 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
 
 
 # ---- Curved laws
-
-
-def dividing_at_kink(integrate):
-    """Return a compiled function that integrates a curved law along a path without reversal, in two
-    parts if the force has a kink on the path.
-
-    At a kink, the tangent stiffness changes rapidly, and Gauss integration over the kink would be
-    inaccurate.
-
-    Parameters
-    ----------
-    integrate : function
-        (law_parameters, law_state, i, previous, is_elastic, count, segment, results) -> block.
-        Integrates along one part by `count` Gauss points (`_integrate`).
-
-    Returns
-    -------
-    function
-        (law_parameters, law_state, i, previous, segment, results) -> block of the state at the last
-        Gauss point. The path starts from the state in block `previous`.
-    """
-
-    @outlined
-    def integrate_path(law_parameters, law_state, i, previous, segment, results):
-        """Integrate from the state in `previous`; return the block of the state at the last Gauss
-        point.
-
-        `is_elastic` of `integrate` is always False, because only hysteretic laws are divided.
-        """
-        start_drift = drift_at(segment, segment.begin)
-        drift_change = drift_at(segment, segment.end) - start_drift
-        side = math.copysign(1.0, drift_change)
-        drift_change = abs(drift_change)
-        begin = segment.begin
-        # Change of drift from the state in `previous` to the kink, m. This state is at
-        # `start_drift`. Only for the difference quotient after a reversal, it differs by the shift
-        # of the reversal (`_integrate_hysteretic`), which is negligible.
-        kink_distance = _distance_to_kink(law_parameters, law_state, i, previous, side)
-        if kink_distance < drift_change:
-            count = required_points(law_parameters, law_state, i, kink_distance)
-            t_end = min(
-                begin + time_to(start_drift + side * kink_distance, segment, begin, side),
-                segment.end,
-            )
-            previous = integrate(
-                law_parameters,
-                law_state,
-                i,
-                previous,
-                False,
-                count,
-                path_segment(segment, begin, t_end),
-                results,
-            )
-            begin = t_end
-            drift_change -= kink_distance
-        count = required_points(law_parameters, law_state, i, drift_change)
-        return integrate(
-            law_parameters,
-            law_state,
-            i,
-            previous,
-            False,
-            count,
-            path_segment(segment, begin, segment.end),
-            results,
-        )
-
-    return integrate_path
 
 
 @outlined
@@ -866,7 +788,33 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     return trial
 
 
-_integrate_divided = dividing_at_kink(_integrate)
+@outlined
+def _integrate_divided(law_parameters, law_state, i, previous, segment, results):
+    """Add the results of a hysteretic law along a path without reversal, in two parts if the force
+    has a kink on the path; return the block of the state at the last Gauss point.
+
+    At a kink, the tangent stiffness changes rapidly, and Gauss integration over the kink would be
+    inaccurate. The path starts from the state in block `previous`.
+    """
+    start_drift = drift_at(segment, segment.begin)
+    drift_change = drift_at(segment, segment.end) - start_drift
+    side = math.copysign(1.0, drift_change)
+    drift_change = abs(drift_change)
+    begin = segment.begin
+    # Change of drift from the state in `previous` to the kink, m. This state is at `start_drift`.
+    # Only for the difference quotient after a reversal, it differs by the shift of the reversal
+    # (`_integrate_hysteretic`), which is negligible.
+    kink_distance = _distance_to_kink(law_parameters, law_state, i, previous, side)
+    if kink_distance < drift_change:
+        count = required_points(law_parameters, law_state, i, kink_distance)
+        duration = time_to(start_drift + side * kink_distance, segment, begin, side)
+        part = path_segment(segment, begin, min(begin + duration, segment.end))
+        previous = _integrate(law_parameters, law_state, i, previous, False, count, part, results)
+        begin = part.end
+        drift_change -= kink_distance
+    count = required_points(law_parameters, law_state, i, drift_change)
+    part = path_segment(segment, begin, segment.end)
+    return _integrate(law_parameters, law_state, i, previous, False, count, part, results)
 
 
 @outlined
@@ -908,4 +856,4 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         )
         _add_after_reversal(results, i, reversal_time, shift)
     if previous != rows.FIRST_TRIAL:
-        copy(law_state, i, previous, rows.FIRST_TRIAL)
+        copy_state(law_state, i, previous, rows.FIRST_TRIAL)
