@@ -16,14 +16,7 @@ from tdint.kernels.laws.law import (
     hardening_stiffness,
     yields_at_its_strength,
 )
-from tdint.kernels.laws.peak_rule import (
-    PeakKeys,
-    backbone_curve,
-    both_sides,
-    constant,
-    parameter,
-    peak_rule,
-)
+from tdint.kernels.laws.peak_rule import backbone_curve, parameter, peak_law
 
 # Rows of `law_parameters` with the parameters of the law: yield force (N), hardening ratio,
 # exponent of the unloading stiffness.
@@ -35,7 +28,6 @@ _EXPONENT = rows.FIRST_PARAMETER + 2
 def _functions() -> LawFunctions:
     """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
-    from tdint.kernels.laws.branch_following import follow_branches
 
     @inline
     def point_drift(law_parameters, i, side, j):
@@ -54,20 +46,8 @@ def _functions() -> LawFunctions:
         """Return the stiffness after yield, N/m."""
         return law_parameters[_HARDENING, i] * law_parameters[rows.STIFFNESS, i]
 
-    rule = peak_rule(
-        backbone_curve(point_drift, point_force, last_slope, 1),
-        PeakKeys(
-            unloading=parameter(_EXPONENT),
-            reloading=constant(0.0),
-            pinching_drift=constant(1.0),
-            pinching_force=constant(1.0),
-            damage_drift=constant(0.0),
-            damage_work=constant(0.0),
-            has_side=both_sides(),
-        ),
-        1,
-    )
-    return follow_branches(rule.switch, rule.strain_energy, rule.enter)
+    curve = backbone_curve(point_drift, point_force, last_slope, 1)
+    return peak_law(curve, 1, parameter(_EXPONENT))
 
 
 LAW = DriftLaw(

@@ -41,6 +41,7 @@ import math
 from typing import Any, NamedTuple
 
 from tdint.kernels import layout as rows
+from tdint.kernels.laws.law import LawFunctions
 
 # Types of branches in row INTERNAL, negative on the negative side. 0 is the first branch, elastic
 # between the first points of both sides.
@@ -180,18 +181,6 @@ def parameter(row: int) -> Any:
         return law_parameters[row, i]
 
     return key
-
-
-def both_sides() -> Any:
-    """Return a compiled function (law_parameters, i, side) that returns True."""
-    from tdint.kernels.compiling import inline
-
-    @inline
-    def has_side(law_parameters, i, side):
-        """Return True: both sides have a curve."""
-        return True
-
-    return has_side
 
 
 def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
@@ -522,3 +511,24 @@ def peak_rule(curve: BackboneCurve, keys: PeakKeys, points: int) -> PeakRule:
             )
 
     return PeakRule(switch, strain_energy, enter, set_backbone)
+
+
+def peak_law(
+    curve: BackboneCurve, points: int, unloading: Any, pinching: Any | None = None
+) -> LawFunctions:
+    """Return the functions of a law that follows the peak rule on both sides, without damage.
+
+    `unloading` and `pinching` (both fractions; default: 1) are functions (law_parameters, i).
+    """
+    from tdint.kernels.compiling import inline
+    from tdint.kernels.laws.branch_following import follow_branches
+
+    @inline
+    def has_side(law_parameters, i, side):
+        """Return True: both sides have a curve."""
+        return True
+
+    zero, pinching = constant(0.0), pinching or constant(1.0)
+    keys = PeakKeys(unloading, zero, pinching, pinching, zero, zero, has_side)
+    rule = peak_rule(curve, keys, points)
+    return follow_branches(rule.switch, rule.strain_energy, rule.enter)

@@ -15,14 +15,7 @@ from collections.abc import Sequence
 
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
-from tdint.kernels.laws.peak_rule import (
-    PeakKeys,
-    backbone_curve,
-    both_sides,
-    constant,
-    parameter,
-    peak_rule,
-)
+from tdint.kernels.laws.peak_rule import backbone_curve, parameter, peak_law
 
 # Rows of `law_parameters` with the parameters of the law: forces (N), drift (m), fraction and
 # exponent.
@@ -36,7 +29,6 @@ _UNLOADING_EXPONENT = rows.FIRST_PARAMETER + 4
 def _functions() -> LawFunctions:
     """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
-    from tdint.kernels.laws.branch_following import follow_branches
 
     @inline
     def point_drift(law_parameters, i, side, j):
@@ -55,21 +47,8 @@ def _functions() -> LawFunctions:
         """Return the slope beyond the ultimate point, 0."""
         return 0.0
 
-    pinching = parameter(_PINCHING)
-    rule = peak_rule(
-        backbone_curve(point_drift, point_force, last_slope, 2),
-        PeakKeys(
-            unloading=parameter(_UNLOADING_EXPONENT),
-            reloading=constant(0.0),
-            pinching_drift=pinching,
-            pinching_force=pinching,
-            damage_drift=constant(0.0),
-            damage_work=constant(0.0),
-            has_side=both_sides(),
-        ),
-        2,
-    )
-    return follow_branches(rule.switch, rule.strain_energy, rule.enter)
+    curve = backbone_curve(point_drift, point_force, last_slope, 2)
+    return peak_law(curve, 2, parameter(_UNLOADING_EXPONENT), parameter(_PINCHING))
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
