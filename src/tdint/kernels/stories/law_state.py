@@ -201,7 +201,7 @@ def _force_of_sum(law_parameters, law_state, i, previous, trial, drift):
     """
     law_state[trial + rows.DRIFT, i] = drift
     if law_parameters[rows.CODE, i] < rows.ELEMENTS:
-        return _force_of_elements(law_parameters, law_state, i, previous, trial, drift)
+        return _force_of_elements(law_parameters, law_state, i, previous, trial, drift, False)
     branch_block = branch_owner(law_state, i, previous)  # block that contains the branch
     drift_change = drift - law_state[previous + rows.DRIFT, i]
     is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
@@ -244,13 +244,23 @@ def copy_branches_of_elements(law_parameters, law_state, i, block):
 
 
 @outlined
-def _force_of_elements(law_parameters, law_state, i, previous, trial, drift):
-    """Compute the force of story `i` as the sum over its elements; return the tangent, N/m."""
+def _force_of_elements(law_parameters, law_state, i, previous, trial, drift, on_branches):
+    """Compute the force of story `i` as the sum over its elements; return the tangent, N/m.
+
+    With `on_branches`, an element on a linear branch does not leave it.
+    """
     force = 0.0
     tangent = 0.0
     for element in elements_of(law_parameters, i):
         law_state[trial + rows.DRIFT, element] = drift
-        tangent += _force(law_parameters, law_state, element, previous, trial, drift)
+        slope = law_state[rows.SLOPE, element]
+        if on_branches and slope < math.inf:
+            law_state[trial + rows.FORCE, element] = law_state[rows.FORCE, element] + slope * (
+                drift - law_state[rows.DRIFT, element]
+            )
+        else:
+            slope = _force(law_parameters, law_state, element, previous, trial, drift)
+        tangent += slope
         force += law_state[trial + rows.FORCE, element]
     law_state[trial + rows.DRIFT, i] = drift
     law_state[trial + rows.FORCE, i] = force
@@ -269,23 +279,7 @@ def restoring_force_on_branches(law_parameters, law_state, i, previous, trial, d
     """
     if not (HAS_ELEMENTS and law_parameters[rows.CODE, i] < rows.ELEMENTS):
         return restoring_force(law_parameters, law_state, i, previous, trial, drift)
-    force = 0.0
-    tangent = 0.0
-    for element in elements_of(law_parameters, i):
-        slope = law_state[rows.SLOPE, element]
-        law_state[trial + rows.DRIFT, element] = drift
-        if slope < math.inf:
-            law_state[trial + rows.FORCE, element] = law_state[rows.FORCE, element] + slope * (
-                drift - law_state[rows.DRIFT, element]
-            )
-        else:
-            slope = _force(law_parameters, law_state, element, previous, trial, drift)
-        tangent += slope
-        force += law_state[trial + rows.FORCE, element]
-    law_state[trial + rows.DRIFT, i] = drift
-    law_state[trial + rows.FORCE, i] = force
-    law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
-    return tangent
+    return _force_of_elements(law_parameters, law_state, i, previous, trial, drift, True)
 
 
 @outlined
