@@ -19,12 +19,22 @@
   that are reported are never fed back.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, indirect_caller, inline
+from tdint.kernels.compiling import (
+    F8,
+    I8,
+    TABLE,
+    VECTOR,
+    Kernel,
+    indirect_caller,
+    inline,
+    kernel,
+)
 
 # ---- Groups of arrays and numbers that kernels pass to other functions as a single argument. The
 # groups are named tuples, which the compiler replaces by their fields. The arguments of a kernel
@@ -298,6 +308,39 @@ class PathSegment(NamedTuple):
 STEP = I8(VECTOR, *SCENE, F8, VECTOR, *MEMORY)
 
 _call_step = indirect_caller(STEP)
+
+
+def step_kernel(function: Callable[..., int]) -> Kernel:
+    """Convert a step that receives its arguments in groups, (coefficients, scene, h, load, memory),
+    to a kernel with the signature STEP."""
+    step_of_groups = inline(function)
+
+    @kernel(STEP)
+    def step(
+        coefficients,
+        linear_terms,
+        modal,
+        law_parameters,
+        forces,
+        flags,
+        h,
+        load,
+        state,
+        law_state,
+        scratch,
+        step_status,
+    ):
+        """Build the groups and take the step."""
+        scene = Scene(linear_terms, modal, law_parameters, forces, flags)
+        memory = Memory(state, law_state, scratch, step_status)
+        return step_of_groups(coefficients, scene, h, load, memory)
+
+    step.__doc__ = function.__doc__
+    # The process that compiles a kernel finds it by the module and the name of its function.
+    step.function.__module__ = function.__module__
+    step.function.__name__ = function.__name__
+    step.function.__qualname__ = function.__qualname__
+    return step
 
 
 @inline

@@ -22,7 +22,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel, outlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
@@ -33,7 +33,7 @@ from tdint.kernels.equations.newton import (
     solve_equilibrium_with_dampers,
 )
 from tdint.kernels.linear_terms import TANGENT_DAMPING, finite, floor_load
-from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
+from tdint.kernels.stepping import EffectiveCoefficients, step_kernel
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
     commit,
@@ -95,29 +95,16 @@ AT = ImplicitTableau(0, 1, 2, 3)
 _FACTORS = EQUILIBRIUM_ROWS
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of the Bathe method.
 
     The unknown of a substep is the change of the acceleration of each floor from its first guess.
     The hysteretic laws follow the path from the committed state to the inner point (FIRST_TRIAL)
     and from this state to the end (SECOND_TRIAL).
     """
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
+    linear_terms, _, law_parameters, forces, flags = scene
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     # The matrix of a substep depends only on the weight of the acceleration at its end.
     has_equal_matrices = coefficients[AT.by_end] == 0.5 * coefficients[AT.inner]

@@ -25,9 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import kernel
 from tdint.kernels.linear_terms import below, count_masses, finite, force_value, tie
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import step_kernel
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.exact_step import oscillator, van_loan
 from tdint.methods.method import Family, Method
@@ -38,27 +37,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Compute the exact response of a linear building at the end of one time step; the result is 1.
 
     The matrix of `prepare` is multiplied by the displacements and velocities at the start, the
     loads at the start, and the loads at the end. The loads are the ground acceleration and the
     forces on floors.
     """
+    linear_terms, _, law_parameters, forces, _ = scene
+    state, law_state, scratch, _ = memory
     n = count_masses(linear_terms)
     loads = 1 + forces.shape[0]  # ground acceleration and forces on floors
     moments = forces.shape[1] - rows.FORCE_COLUMNS  # Legendre coefficients of each force

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel, outlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -47,7 +47,7 @@ from tdint.kernels.linear_terms import (
     size_above,
     tie,
 )
-from tdint.kernels.stepping import STEP, Factors, Memory, Scene
+from tdint.kernels.stepping import Factors, step_kernel
 from tdint.kernels.stories import path
 from tdint.kernels.stories.brace import BRACE_RESULT_ROWS, commit_brace, follow_brace
 from tdint.kernels.stories.law_state import (
@@ -123,21 +123,8 @@ _GAUSS_SHIFT = math.sqrt(3.0) / 6.0  # distance of the nodes of gauss4 from the 
 _IMPLICIT, _MODAL_STORE = rows.chained(_ImplicitRows)
 
 
-@kernel(STEP)
-def implicit_step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def implicit_step(coefficients, scene, h, load, memory):
     """Advance the state by one step of an implicit Runge-Kutta method with two stages.
 
     Newton's method solves the equations of all floors and both stages together. The factorization
@@ -159,9 +146,9 @@ def implicit_step(
     The state row ACCELERATION is only the first estimate of the next step. The result, the number
     of linear solutions, is also 1 if the first estimate is within the tolerance.
     """
+    linear_terms, modal, law_parameters, _, flags = scene
+    state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _IMPLICIT.BLOCKS, _IMPLICIT.COUPLING, _MODAL_STORE, linear_terms)
     a_11, a_12 = h * coefficients[_A], h * coefficients[_A + 1]
     damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])

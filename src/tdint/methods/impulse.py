@@ -59,7 +59,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel, outlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import (
     correct,
@@ -80,7 +80,7 @@ from tdint.kernels.equations.tridiagonal import (
     factor_blocks,
 )
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP, Factors, Memory
+from tdint.kernels.stepping import Factors, step_kernel
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
@@ -106,28 +106,16 @@ class _TangentRows(NamedTuple):
 _ROW, _STORE = rows.chained(_TangentRows, momentum.MOMENTUM_ROWS)
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of the published method.
 
     Newton's method solves kinematics and momentum for u1 - u0 and v1 - v0 of each floor; a1 follows
     from equilibrium. The derivative of k_T is omitted from the matrix.
     """
+    linear_terms, modal, law_parameters, forces, flags = scene
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE, linear_terms)
     _store_load(linear_terms, forces, h, load, scratch)
     # The guess is zero in a linear building.

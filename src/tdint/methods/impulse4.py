@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel, outlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
@@ -64,7 +64,7 @@ from tdint.kernels.linear_terms import (
 )
 from tdint.kernels.located_peaks import raise_located_peaks
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, keep_corner, raise_peak
-from tdint.kernels.stepping import STEP, Located, Memory, Passage, Scene, Span
+from tdint.kernels.stepping import Located, Passage, Span, step_kernel
 from tdint.kernels.stories.brace import add_reported_accelerations, commit_brace
 from tdint.kernels.stories.branches import (
     NONE,
@@ -110,21 +110,8 @@ _REVERSAL_TOLERANCE = 1e-6
 _IMMEDIATE = 1e-9
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of impulse4.
 
     If some laws have branches, the step is divided into substeps at the branch changes. Otherwise,
@@ -135,8 +122,8 @@ def step(
     If the step is divided, STEP_PEAKS of `step_status` receives the row of the peaks in the scratch
     array.
     """
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
+    linear_terms, _, law_parameters, forces, flags = scene
+    state, law_state, scratch, step_status = memory
     if not HAS_NONLINEAR_FORCE:
         return _take_substeps(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1

@@ -35,7 +35,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.compiling import inline
 from tdint.kernels.equations.tridiagonal import (
     Combination,
     assemble_combination,
@@ -45,7 +45,7 @@ from tdint.kernels.equations.tridiagonal import (
     solve_damped,
 )
 from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces
-from tdint.kernels.stepping import STEP, Factors, Memory
+from tdint.kernels.stepping import Factors, step_kernel
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
@@ -73,21 +73,8 @@ class _StepRows(NamedTuple):
 _ROW, _STORE = rows.chained(_StepRows)
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of KR-alpha or CR; the result is 1
     iteration.
 
@@ -96,8 +83,9 @@ def step(
     velocities in this residual are weighted means of start and end with the weights alpha_f and 1 -
     alpha_f: values at the weighted point. Row ACCELERATION of the state contains q.
     """
+    linear_terms, modal, law_parameters, forces, _ = scene
+    state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE, linear_terms)
     end_weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h  # factor of C in the matrix, s
@@ -209,21 +197,8 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
         q_below = q
 
 
-@kernel(STEP)
-def chang_step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def chang_step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of the method of Chang (2002); the
     result is 1 iteration.
 
@@ -238,6 +213,8 @@ def chang_step(
 
     K0 and f(u1) include P-delta.
     """
+    linear_terms, modal, law_parameters, forces, _ = scene
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     half_h = 0.5 * h
     displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE, linear_terms)

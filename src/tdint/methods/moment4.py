@@ -47,7 +47,6 @@ linear within the step. For rho_inf = 1 it is the energy-preserving collocation 
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.corners import update_peaks_at_corners
 from tdint.kernels.equations.moment4 import (
     MAX_RESIDUAL,
@@ -59,25 +58,12 @@ from tdint.kernels.equations.moment4 import (
 )
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
-from tdint.kernels.stepping import STEP, Memory, Scene
+from tdint.kernels.stepping import step_kernel
 from tdint.methods.method import SIMPSON_MEAN, Family, Method, Parameter
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of moment4.
 
     The unknowns are D0 = h U0 and D1 = h U1. P0 = int p dt is the mean of the load p, and P1 = 12
@@ -90,9 +76,9 @@ def step(
     update of the state, because they require the state at the start of the step. The state row
     ACCELERATION is only the first guess of the next step.
     """
+    linear_terms, _, _, forces, _ = scene
+    state, _, scratch, _ = memory
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
     # D0 and D1
     code = solve_step(coefficients, scene, h, memory)
     if code < 0:

@@ -26,7 +26,7 @@ average acceleration as well.
 from __future__ import annotations
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel, outlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
@@ -37,7 +37,7 @@ from tdint.kernels.equations.newton import (
     solve_equilibrium_with_dampers,
 )
 from tdint.kernels.linear_terms import TANGENT_DAMPING, finite, floor_load
-from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
+from tdint.kernels.stepping import EffectiveCoefficients, step_kernel
 from tdint.kernels.stories.law_state import commit, restoring_force_outlined
 from tdint.methods.method import Family, Method
 
@@ -62,21 +62,8 @@ START = 2
 """Number of steps with average acceleration before the first step with the multi-step formulas."""
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step of Houbolt's or Park's method.
 
     `solve_equilibrium` computes an unknown x (m/s^2) for each floor. The response at the end is a
@@ -84,8 +71,8 @@ def step(
     acceleration over the step. With the multi-step formulas, h x is the correction of the guessed
     mean velocity w1.
     """
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
+    linear_terms, _, law_parameters, forces, flags = scene
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     weights = coefficients
     # by_w, by_v and by_a are the changes of mean velocity, velocity and acceleration per unit of x.

@@ -36,9 +36,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.compiling import inline
 from tdint.kernels.linear_terms import finite, floor_load, internal_forces
-from tdint.kernels.stepping import STEP
+from tdint.kernels.stepping import step_kernel
 from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
 from tdint.methods.method import Family, Method
 
@@ -89,26 +89,15 @@ class _StepRows(NamedTuple):
 _ROW, _ROWS = rows.chained(_StepRows)
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Advance the state by one step of two explicit substeps; the result is 1.
 
     The hysteretic laws follow the path from the committed state to the end of the first substep
     (FIRST_TRIAL) and from this state to the end of the step (SECOND_TRIAL).
     """
+    linear_terms, modal, law_parameters, forces, _ = scene
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     elapsed = coefficients[_AT.inner] * h
     u_below = 0.0

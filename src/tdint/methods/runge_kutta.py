@@ -48,14 +48,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import kernel, outlined
+from tdint.kernels.compiling import outlined
 from tdint.kernels.linear_terms import (
     TANGENT_DAMPING,
     finite,
     floor_load,
     internal_forces,
 )
-from tdint.kernels.stepping import STEP, Memory
+from tdint.kernels.stepping import step_kernel
 from tdint.kernels.stories.law_state import (
     commit,
     restoring_force,
@@ -84,27 +84,16 @@ class _ExplicitRows(NamedTuple):
 _EXPLICIT, _EXPLICIT_ROWS = rows.chained(_ExplicitRows)
 
 
-@kernel(STEP)
-def explicit_step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def explicit_step(coefficients, scene, h, load, memory):
     """Advance the state by one step of an explicit Runge-Kutta method.
 
     The first stage is the start of the step. Its acceleration is taken from the state, because it
     was computed from equilibrium at the end of the previous step. The end of the step is treated
     like a further stage with the node 1 and the weights b as row of A. The result is 1 iteration.
     """
+    linear_terms, modal, law_parameters, forces, flags = scene
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     for i in range(n):
         scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
@@ -143,7 +132,6 @@ def explicit_step(
             scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
     if TANGENT_DAMPING and flags[rows.HAS_TANGENT_DAMPING] != 0.0:
-        memory = Memory(state, law_state, scratch, step_status)
         _store_explicit_damping(linear_terms, law_parameters, h, memory, stages)
     for i in range(n):
         state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import inline, kernel, outlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.newton import (
     EQUILIBRIUM_ROWS,
     ROW,
@@ -37,7 +37,7 @@ from tdint.kernels.equations.newton import (
     solve_equilibrium_with_dampers,
 )
 from tdint.kernels.linear_terms import BRACES, TANGENT_DAMPING, below, finite, floor_load
-from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
+from tdint.kernels.stepping import EffectiveCoefficients, step_kernel
 from tdint.kernels.stories.brace import commit_brace, follow_brace_at_midpoint
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
@@ -56,26 +56,13 @@ _LOAD_0 = EQUILIBRIUM_ROWS  # load at the start of the step, N
 _FACTORS = _LOAD_0 + 1  # first row of the factorization
 
 
-@kernel(STEP)
-def step(
-    coefficients,
-    linear_terms,
-    modal,
-    law_parameters,
-    forces,
-    flags,
-    h,
-    load,
-    state,
-    law_state,
-    scratch,
-    step_status,
-):
+@step_kernel
+def step(coefficients, scene, h, load, memory):
     """Integrate the equations of motion over one time step; equilibrium at the weighted point is
     solved by Newton's method.
     """
-    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, law_state, scratch, step_status)
+    linear_terms, _, law_parameters, forces, flags = scene
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     if step_status[rows.FACTORED_STEP] != h:
         invalidate(scratch, _FACTORS, n)
