@@ -68,6 +68,15 @@ def base_of(linear_terms, i):
 
 
 @inline
+def story_value(linear_terms, table, row, i):
+    """Return the difference between the floors above and below story `i` in a row with a motion of
+    the floors: the drift for displacements, the drift rate for velocities. The ground has the value
+    0.
+    """
+    return table[row, i] - linear_terms[rows.LINK, i] * table[row, base_of(linear_terms, i)]
+
+
+@inline
 def below_next(linear_terms, i):
     """Return the column of the lower floor of the spring in the next column: `i` in a chain, also
     for the roof."""

@@ -25,12 +25,13 @@ from tdint.kernels.linear_terms import (
 from tdint.kernels.peaks_between_steps import (
     floor_ends,
     instant_before,
+    observed_passage,
     raise_peak,
     story_ends,
     zero_of_rate,
 )
 from tdint.kernels.step_interpolant import quintic_motion
-from tdint.kernels.stepping import SCENE, Located, Passage, Scene, Span
+from tdint.kernels.stepping import SCENE, Located, Scene, Span
 from tdint.kernels.stories.brace import brace_force_at
 from tdint.kernels.stories.law_state import (
     columns_of_story,
@@ -245,9 +246,7 @@ def update_located_peaks(
     """Update the peaks at the reversals and located instants of the last step; return 0."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     span = Span(t, h, 0.0, 0.0, False, fast != 0, False, False)
-    passage = Passage(
-        observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
-    )
+    passage = observed_passage(state, observer_state)
     located = Located(observer_state, rows.LOCATED, peaks, 0)
     raise_located_peaks(scene, span, passage, law_state, previous, located)
     return 0

@@ -94,7 +94,7 @@ from tdint.kernels.step_interpolant import (
     resolves_motion,
     tilt_weight,
 )
-from tdint.kernels.stepping import Ends
+from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import has_fractured
 
 # Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
@@ -458,6 +458,14 @@ def _margin_of_elements(law_parameters, law_state, i, stiffness, margin):
             rest = law_state[rows.PEAK_FORCE, element] - abs(force)
             margin = min(margin, max(rest, 0.0) * stiffness / element_stiffness)
     return margin
+
+
+@inline
+def observed_passage(state, observer_state):
+    """Return the response of all floors at both endpoints of the last observed step."""
+    return Passage(
+        observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
+    )
 
 
 @inline

@@ -59,6 +59,7 @@ from tdint.kernels.linear_terms import (
     finite,
     force_value,
     is_tree,
+    story_value,
     tie,
     upper_of,
 )
@@ -413,10 +414,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, column
     # The force of tangent damping changes with the stiffness, also at the end of a loop of a curved
     # law.
     if TANGENT_DAMPING and linear_terms[rows.TANGENT_DAMPING, story] != 0.0:
-        rate = state[rows.VELOCITY, story]
-        if story > 0:
-            base = base_of(linear_terms, story)
-            rate -= linear_terms[rows.LINK, story] * state[rows.VELOCITY, base]
+        rate = story_value(linear_terms, state, rows.VELOCITY, story)
         damping_force = linear_terms[rows.TANGENT_DAMPING, story] * rate
         if law_state[rows.SLOPE, story] < math.inf:
             damping_force *= law_state[rows.SLOPE, story]
@@ -530,27 +528,17 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     the substep.
     """
     outcome = 0.0
-    u1_below = 0.0
-    v0_below = 0.0
-    v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
-        u1_below = below(linear_terms, scratch, momentum.U1, i, u1_below)
-        v0_below = below(linear_terms, state, rows.VELOCITY, i, v0_below)
-        v1_below = below(linear_terms, scratch, momentum.V1, i, v1_below)
-        drift = scratch[momentum.U1, i] - link * u1_below
+        drift = story_value(linear_terms, scratch, momentum.U1, i)
         drift_change = drift - law_state[rows.DRIFT, i]
         # If the drift reverses within the substep, its path is longer than its change.
         path_length = h * max(
-            abs(state[rows.VELOCITY, i] - link * v0_below),
-            abs(scratch[momentum.V1, i] - link * v1_below),
+            abs(story_value(linear_terms, state, rows.VELOCITY, i)),
+            abs(story_value(linear_terms, scratch, momentum.V1, i)),
         )
         tolerance = _LOCATION_TOLERANCE * max(path_length, abs(drift_change))
         if HAS_FRACTURE and not law_state[rows.SLOPE, i] < math.inf:
             tolerance = _FRACTURE_LOCATION * abs(drift)
-        u1_below = scratch[momentum.U1, i]
-        v0_below = state[rows.VELOCITY, i]
-        v1_below = scratch[momentum.V1, i]
         # A story with a net movement against its branch has a reversal in the substep.
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
@@ -697,9 +685,7 @@ def _commit_tangent_damping(linear_terms, state, scratch):
     for i in range(linear_terms.shape[1] - 1):
         coefficient = linear_terms[rows.TANGENT_DAMPING, i]
         if coefficient != 0.0:
-            rate = scratch[momentum.V1, i]
-            base = base_of(linear_terms, i)
-            rate -= linear_terms[rows.LINK, i] * scratch[momentum.V1, base]
+            rate = story_value(linear_terms, scratch, momentum.V1, i)
             state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.TANGENT_1, i] * rate
             state[rows.DAMPING_WORK, i] += scratch[ROW.TANGENT_WORK, i]
 
@@ -712,10 +698,9 @@ def _commit_braces(linear_terms, h, state, scratch):
     """
     for i in range(linear_terms.shape[1] - 1):
         if linear_terms[rows.BRACE, i] != 0.0:
-            link, below = linear_terms[rows.LINK, i], base_of(linear_terms, i)
-            first_rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
-            last_rate = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
-            rise = scratch[momentum.DU, i] - link * scratch[momentum.DU, below]
+            first_rate = story_value(linear_terms, state, rows.VELOCITY, i)
+            last_rate = story_value(linear_terms, scratch, momentum.V1, i)
+            rise = story_value(linear_terms, scratch, momentum.DU, i)
             rates = (first_rate, last_rate, last_rate, rise / h)
             commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
 

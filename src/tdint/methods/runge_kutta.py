@@ -54,6 +54,7 @@ from tdint.kernels.linear_terms import (
     finite,
     floor_load,
     internal_forces,
+    story_value,
 )
 from tdint.kernels.stepping import step_kernel
 from tdint.kernels.stories.law_state import (
@@ -178,10 +179,9 @@ def _store_explicit_damping(linear_terms, law_parameters, h, memory, stages):
         coefficient = linear_terms[rows.TANGENT_DAMPING, i]
         if coefficient == 0.0:
             continue
-        link, below = linear_terms[rows.LINK, i], max(i - 1, 0)
-        drift = scratch[_EXPLICIT.U, i] - link * scratch[_EXPLICIT.U, below]
-        rate_0 = scratch[_EXPLICIT.V, i] - link * scratch[_EXPLICIT.V, below]
-        rate_1 = scratch[velocity, i] - link * scratch[velocity, below]
+        drift = story_value(linear_terms, scratch, _EXPLICIT.U, i)
+        rate_0 = story_value(linear_terms, scratch, _EXPLICIT.V, i)
+        rate_1 = story_value(linear_terms, scratch, velocity, i)
         tangent = restoring_force_outlined(
             law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift
         )

@@ -28,10 +28,10 @@ from tdint.kernels.linear_terms import (
     TREE,
     above,
     add_modal_force,
-    base_of,
     force_value,
     is_tree,
     power_damper,
+    story_value,
     tie,
 )
 from tdint.kernels.peaks_between_steps import keep_corner, raise_peak
@@ -55,18 +55,10 @@ _DRIFT_ROUNDING = 1e-13
 
 
 @inline
-def _story_value(linear_terms, scratch, row, i):
-    """Return the difference between floor `i` and the floor below (0 for the ground) in a row of
-    floor values.
-    """
-    return scratch[row, i] - linear_terms[rows.LINK, i] * scratch[row, base_of(linear_terms, i)]
-
-
-@inline
 def _story_path(linear_terms, law_state, scratch, i):
     """Return the parabola of drift of story `i` over the step, from the committed drift."""
-    rise = _story_value(linear_terms, scratch, ROW.RISE, i)
-    bend = _story_value(linear_terms, scratch, ROW.BEND, i)
+    rise = story_value(linear_terms, scratch, ROW.RISE, i)
+    bend = story_value(linear_terms, scratch, ROW.BEND, i)
     return PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
 
 
@@ -274,7 +266,7 @@ def _store_law_forces(coefficients, scene, h, memory, i, column, count):
     # The states at the last node and at the next node alternate between two blocks.
     block, trial, other = rows.COMMITTED, rows.SECOND_TRIAL, rows.THIRD_TRIAL
     for k in range(count):
-        drift = story_path.start + _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
+        drift = story_path.start + story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
         force = law_state[rows.FORCE, column]  # at the start of the step
         if is_curved:
             s = scratch[ROW.NODE_FORCE + k, n] - 0.5
@@ -296,7 +288,7 @@ def _store_sums(scene, memory, i, count):
         force = 0.0
         for element in elements_of(scene.law_parameters, i):
             force += scratch[ROW.NODE_FORCE + k, element]
-        drift = law_state[rows.DRIFT, i] + _story_value(
+        drift = law_state[rows.DRIFT, i] + story_value(
             scene.linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i
         )
         scratch[ROW.NODE_FORCE + k, i] = force + scene.linear_terms[rows.GEOMETRIC, i] * drift
@@ -346,14 +338,14 @@ def _add_tangent_damping(scene, h, memory, count):
         if coefficient != 0.0:
             for k in range(count - 1, 0, -1):
                 node = ROW.NODE_DISPLACEMENT + k
-                drift_change = _story_value(linear_terms, scratch, node, i)
-                drift_change -= _story_value(linear_terms, scratch, node - 1, i)
+                drift_change = story_value(linear_terms, scratch, node, i)
+                drift_change -= story_value(linear_terms, scratch, node - 1, i)
                 force_change = (
                     scratch[ROW.NODE_FORCE + k, i]
                     - scratch[ROW.NODE_FORCE + k - 1, i]
                     - linear_terms[rows.GEOMETRIC, i] * drift_change
                 )
-                rate = _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i) / h
+                rate = story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i) / h
                 if drift_change != 0.0:
                     scratch[ROW.NODE_FORCE + k, i] += (
                         coefficient * force_change / drift_change * rate
@@ -369,10 +361,10 @@ def _add_brace_forces(scene, h, memory, count):
     for i in range(n):
         if linear_terms[rows.BRACE, i] != 0.0:
             force_0 = memory.state[rows.BRACE_REPORTED, i]
-            first_rate = _story_value(linear_terms, memory.state, rows.VELOCITY, i)
+            first_rate = story_value(linear_terms, memory.state, rows.VELOCITY, i)
             for k in range(count):
-                rise = _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
-                rate = _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i) / h
+                rise = story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
+                rate = story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i) / h
                 duration = h * scratch[ROW.NODE_FORCE + k, n]
                 motion = (rise, first_rate, rate)
                 scratch[ROW.NODE_FORCE + k, i] += brace_force_at(
@@ -401,8 +393,8 @@ def _store_accelerations(scene, h, load, scratch, k):
     viscous_shear = story_force_above = 0.0
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]
-        # `_story_value` returns h times the drift rate.
-        rate = inverse_h * _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
+        # `story_value` returns h times the drift rate.
+        rate = inverse_h * story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
         story_force = scratch[ROW.NODE_FORCE + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
         story_force += power_damper(linear_terms, i, rate)[0]
         viscous_force = (
@@ -552,8 +544,8 @@ def _has_corners(scene, memory, i):
 def _elements_have_corners(scene, memory, i):
     """Return True if a piecewise-linear element of story `i` leaves its branch in the step."""
     law_parameters = scene.law_parameters
-    rise = _story_value(scene.linear_terms, memory.scratch, ROW.RISE, i)
-    bend = _story_value(scene.linear_terms, memory.scratch, ROW.BEND, i)
+    rise = story_value(scene.linear_terms, memory.scratch, ROW.RISE, i)
+    bend = story_value(scene.linear_terms, memory.scratch, ROW.BEND, i)
     has_corners = False
     for element in elements_of(law_parameters, i):
         has_corners |= path.is_piecewise_linear(
@@ -587,8 +579,8 @@ def _may_exceed_peaks(scene, h, load, memory):
         deviation = 0.0
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and _has_corners(scene, memory, i):
             any_leaves = True
-            rise = _story_value(linear_terms, scratch, ROW.RISE, i)
-            bend = _story_value(linear_terms, scratch, ROW.BEND, i)
+            rise = story_value(linear_terms, scratch, ROW.RISE, i)
+            bend = story_value(linear_terms, scratch, ROW.BEND, i)
             peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
             may_exceed |= _may_exceed_shear_peak(law_state, i, rise, bend, peak)
             if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:

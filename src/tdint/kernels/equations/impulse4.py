@@ -72,6 +72,7 @@ from tdint.kernels.linear_terms import (
     floor_load,
     is_tree,
     power_damper,
+    story_value,
     tie,
 )
 from tdint.kernels.stepping import Factors
@@ -714,12 +715,10 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    link = linear_terms[rows.LINK, i]
-    below = base_of(linear_terms, i)
     sign = law_state[rows.RATE_SIGN, i]
     # q0 and q1 times the sign of the drift rate: positive in the direction of loading, m.
-    scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
-    scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
+    scaled_rate_0 = sign * h * story_value(linear_terms, state, rows.VELOCITY, i)
+    scaled_rate_1 = sign * h * story_value(linear_terms, scratch, momentum.V1, i)
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
@@ -863,10 +862,8 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     be factorized again, because SLOPE_1 has changed; SLOPE_C is not compared (see `_factor`).
     """
     state, _, scratch, _ = memory
-    link = linear_terms[rows.LINK, i]
-    base = base_of(linear_terms, i)
-    rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base]
-    rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, base]
+    rate_0 = story_value(linear_terms, state, rows.VELOCITY, i)
+    rate_1 = story_value(linear_terms, scratch, momentum.V1, i)
     rate_c = (
         coefficients[RATE_BY_INCREMENT] / h * increment
         + coefficients[RATE_BY_VELOCITY_0] * rate_0
@@ -903,9 +900,8 @@ def _add_tangent_damping(linear_terms, i, h, law, increment, memory):
     state, law_state, scratch, _ = memory
     force_1, mean, tangent = law
     coefficient = linear_terms[rows.TANGENT_DAMPING, i]
-    link, below = linear_terms[rows.LINK, i], base_of(linear_terms, i)
-    rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below]
-    rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, below]
+    rate_0 = story_value(linear_terms, state, rows.VELOCITY, i)
+    rate_1 = story_value(linear_terms, scratch, momentum.V1, i)
     force_0 = law_state[rows.FORCE, i]
     damping_1 = coefficient * tangent * rate_1
     impulse = coefficient * (force_1 - force_0)

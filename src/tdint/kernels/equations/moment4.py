@@ -53,6 +53,7 @@ from tdint.kernels.linear_terms import (
     is_tree,
     power_damper,
     size_above,
+    story_value,
     upper_of,
 )
 from tdint.kernels.stepping import Factors
@@ -446,19 +447,12 @@ def _add_tangent_damping(scene, i, h, rise, bend, memory):
 def _commit_tangent_damping(linear_terms, h, state, scratch):
     """Store force and work of tangent damping at the end of the step; `state` contains the new
     velocities."""
-    v_below = rise_below = bend_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
-        rise_below = below(linear_terms, scratch, ROW.RISE, i, rise_below)
-        bend_below = below(linear_terms, scratch, ROW.BEND, i, bend_below)
-        v_below = below(linear_terms, state, rows.VELOCITY, i, v_below)
-        rise = scratch[ROW.RISE, i] - link * rise_below
-        bend = scratch[ROW.BEND, i] - link * bend_below
-        rise_below, bend_below = scratch[ROW.RISE, i], scratch[ROW.BEND, i]
-        rate = state[rows.VELOCITY, i] - link * v_below
-        v_below = state[rows.VELOCITY, i]
         coefficient = linear_terms[rows.TANGENT_DAMPING, i]
         if coefficient != 0.0:
+            rise = story_value(linear_terms, scratch, ROW.RISE, i)
+            bend = story_value(linear_terms, scratch, ROW.BEND, i)
+            rate = story_value(linear_terms, state, rows.VELOCITY, i)
             state[rows.DAMPING_FORCE, i] = coefficient * scratch[ROW.TANGENT + 2, i] * rate
             state[rows.DAMPING_WORK, i] += (
                 rise * scratch[ROW.TANGENT, i] + bend * scratch[ROW.TANGENT + 1, i] / 12.0
@@ -609,8 +603,7 @@ def _acceleration(scene, memory, i):
 @inline
 def _story_force_at_start(linear_terms, state, law_state, j):
     """Return the force of story `j` at the start of the step, with P-delta and dampers, N."""
-    rate = state[rows.VELOCITY, j]
-    rate -= linear_terms[rows.LINK, j] * state[rows.VELOCITY, base_of(linear_terms, j)]
+    rate = story_value(linear_terms, state, rows.VELOCITY, j)
     story_force = (
         law_state[rows.FORCE, j] + linear_terms[rows.GEOMETRIC, j] * law_state[rows.DRIFT, j]
     )
@@ -911,16 +904,10 @@ def _dashpot_work(linear_terms, scratch, n):
     and bend of the drift.
     """
     total = 0.0
-    rise_below = 0.0
-    bend_below = 0.0
     for i in range(n):
-        rise_below = below(linear_terms, scratch, ROW.RISE, i, rise_below)
-        bend_below = below(linear_terms, scratch, ROW.BEND, i, bend_below)
-        rise = scratch[ROW.RISE, i] - linear_terms[rows.LINK, i] * rise_below
-        bend = scratch[ROW.BEND, i] - linear_terms[rows.LINK, i] * bend_below
-        rise_below = scratch[ROW.RISE, i]
-        bend_below = scratch[ROW.BEND, i]
         if linear_terms[rows.POWER_DAMPER, i] != 0.0:
+            rise = story_value(linear_terms, scratch, ROW.RISE, i)
+            bend = story_value(linear_terms, scratch, ROW.BEND, i)
             total += rise * scratch[ROW.DASHPOT, i] + bend * scratch[ROW.DASHPOT + 1, i] / 12.0
     return total
 

@@ -39,6 +39,7 @@ from tdint.kernels.linear_terms import (
     below,
     power_damper,
     size_above,
+    story_value,
 )
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
@@ -396,8 +397,7 @@ def commit_tangent_damping(damper_step, inertia_weight, work, slope, i, linear_t
     force = scratch[ROW.DAMPING_BASE, i]
     force += damper_step.by_force * coefficient * law_state[rows.FORCE, i]
     state[rows.DAMPING_STATE, i] += (force - state[rows.DAMPING_STATE, i]) / inertia_weight
-    rate = state[rows.VELOCITY, i]
-    rate -= linear_terms[rows.LINK, i] * state[rows.VELOCITY, base_of(linear_terms, i)]
+    rate = story_value(linear_terms, state, rows.VELOCITY, i)
     state[rows.DAMPING_FORCE, i] = coefficient * slope * rate
     state[rows.DAMPING_WORK, i] += coefficient * work
 

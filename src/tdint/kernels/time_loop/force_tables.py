@@ -29,9 +29,8 @@ from tdint.kernels.linear_terms import (
     power_damper,
     tie,
 )
-from tdint.kernels.peaks_between_steps import raise_peak
+from tdint.kernels.peaks_between_steps import observed_passage, raise_peak
 from tdint.kernels.peaks_in_parts import raise_peaks_in_part
-from tdint.kernels.stepping import Passage
 
 # Points nearer to an endpoint of the step than these fractions of the step and of the time are at
 # the endpoint: rounding of times such as 7 * 0.01 and 0.07.
@@ -481,9 +480,7 @@ def raise_peaks_in_parts(scene, points, span, memory, seen):
     """
     observer_state = seen.observer_state
     n = scene.linear_terms.shape[1] - 1
-    passage = Passage(
-        observer_state, rows.U_PREVIOUS, memory.state, observer_state, rows.OBSERVED_ACCELERATION
-    )
+    passage = observed_passage(memory.state, observer_state)
     start, last = span.t - span.h, span.t - _tolerance(span.t, span.h)
     for i in range(n):
         observer_state[rows.VELOCITY_DEVIATION + 1, i] = 0.0

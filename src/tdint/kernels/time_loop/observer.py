@@ -44,18 +44,21 @@ from tdint.kernels.located_peaks import call_update_located_peaks
 from tdint.kernels.peaks_between_steps import (
     element_force,
     find_interstep_peaks,
+    floor_ends,
     is_near_rest,
     limit_stiffness,
     may_exceed_acceleration_peak,
     may_exceed_floor_peaks,
     may_exceed_story_peaks,
     may_exceed_velocity_peak,
+    observed_passage,
     raise_peak,
+    story_ends,
     story_reach,
     velocity_reach,
 )
 from tdint.kernels.step_interpolant import acceleration_bulge
-from tdint.kernels.stepping import Ends, Located, Passage
+from tdint.kernels.stepping import Ends, Located
 from tdint.kernels.stories.law_state import (
     has_fractured,
     hysteretic_energy,
@@ -232,8 +235,8 @@ def observe(scene, span, slope, memory, seen):
         # The bounds of the story above were prepared by the previous pass; for the uppermost floor,
         # they are zero and exceed no peak. The last two fields of `Ends` (values one step earlier)
         # are not used by the bounds, so any values are allowed.
-        floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
-        may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
+        floor = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
+        may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor, peaks, i)
         if not (TREE and is_tree(linear_terms)):
             may_exceed |= may_exceed_story_peaks(
                 reach_above,
@@ -243,7 +246,7 @@ def observe(scene, span, slope, memory, seen):
                 next_story,
             )
         # The first zero replaces the drift acceleration at the end, which the next pass computes.
-        story_ends = Ends(
+        story = Ends(
             u_0 - link * u_0_below,
             v_0 - link * v_0_below,
             a_0 - link * a_0_below,
@@ -254,14 +257,14 @@ def observe(scene, span, slope, memory, seen):
             0.0,
         )
         stiffness = limit_stiffness(linear_terms, law_parameters, i)
-        reach_above = story_reach(span, story_ends, shear, stiffness)
+        reach_above = story_reach(span, story, shear, stiffness)
         a_above, link_above = a, link
         # Without forces on floors, the total shear is minus the sum of mass times absolute
         # acceleration of all floors that the story supports. With forces, this bound is not valid,
         # but `may_exceed` is then already True. `bulge` is the symmetric deviation of the
         # acceleration from a straight line in the step. The bound that follows from `bulge` also
         # covers the tilt, the antisymmetric deviation (`may_exceed_acceleration_peak`).
-        bulge = acceleration_bulge(by_h, floor_ends)
+        bulge = acceleration_bulge(by_h, floor)
         inertia_above += mass * (a_0 + span.ground_0)
         acceleration_peak = peaks[rows.PEAK_ACCELERATION, i]
         shear_peak = peaks[rows.PEAK_TOTAL_SHEAR, i]
@@ -269,7 +272,7 @@ def observe(scene, span, slope, memory, seen):
             inertia_above -= observer_state[rows.START_FORCE, i]
             acceleration_peak -= observer_state[rows.DEVIATION_BOUND, i]
             shear_peak -= observer_state[rows.SHEAR_BOUND, i]
-            reach = velocity_reach(span.h, by_h, floor_ends)
+            reach = velocity_reach(span.h, by_h, floor)
             reach += observer_state[rows.VELOCITY_BOUND, i]
             may_exceed |= reach > peaks[rows.PEAK_VELOCITY, i]
         may_exceed |= may_exceed_acceleration_peak(
@@ -330,7 +333,7 @@ def observe(scene, span, slope, memory, seen):
     )
     _update_energies(scene, span, slope, sums, memory, seen)
     if flags[rows.HAS_DASHPOTS] != 0.0:
-        may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
+        may_exceed |= _observe_dashpots(span, linear_terms, memory, seen)
     if HAS_ELEMENTS and law_state.shape[1] > n + 1:
         may_exceed |= _observe_elements(span, scene, memory, seen)
     if flags[rows.CAN_FRACTURE] != 0.0:
@@ -340,6 +343,16 @@ def observe(scene, span, slope, memory, seen):
     if may_exceed:
         _update_peaks(ground, state, law_state, seen)
     return may_exceed
+
+
+@inline
+def _story_ends(linear_terms, memory, observer_state, i):
+    """Return the motion of story `i` at both endpoints of the step."""
+    passage = observed_passage(memory.state, observer_state)
+    floor = floor_ends(False, passage, i)
+    floor_below = floor_ends(False, passage, base_of(linear_terms, i))
+    drift = memory.law_state[rows.DRIFT, i]
+    return story_ends(floor, floor_below, linear_terms[rows.LINK, i], drift)
 
 
 @outlined
@@ -358,28 +371,16 @@ def _may_exceed_tree_peaks(scene, span, memory, seen):
     for the accelerations of its lower floor as in the loop of `observe`.
     """
     linear_terms, _, law_parameters, _, _ = scene
-    state, law_state = memory.state, memory.law_state
+    law_state = memory.law_state
     observer_state, peaks, _, _, _ = seen
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
-        link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
-        a = observer_state[rows.OBSERVED_ACCELERATION, i]
-        a -= link * observer_state[rows.OBSERVED_ACCELERATION, base]
-        ends = Ends(
-            observer_state[rows.U_PREVIOUS, i] - link * observer_state[rows.U_PREVIOUS, base],
-            observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, base],
-            observer_state[rows.A_PREVIOUS, i] - link * observer_state[rows.A_PREVIOUS, base],
-            law_state[rows.DRIFT, i],
-            state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base],
-            0.0,
-            0.0,
-            0.0,
-        )
+        ends = _story_ends(linear_terms, memory, observer_state, i)
         stiffness = limit_stiffness(linear_terms, law_parameters, i)
         reach = story_reach(span, ends, law_state[rows.FORCE, i], stiffness)
         may_exceed |= may_exceed_story_peaks(
             reach,
-            0.05 * span.h * span.h * abs(a),
+            0.05 * span.h * span.h * abs(ends.a1),
             law_parameters[rows.STIFFNESS, i],
             peaks,
             i,
@@ -396,22 +397,15 @@ def _observe_elements(span, scene, memory, seen):
     element that stiffens and is symmetric has its peak force at the peak drift of its story.
     """
     linear_terms, _, law_parameters, _, _ = scene
-    state, law_state = memory.state, memory.law_state
-    observer_state = seen.observer_state
+    law_state = memory.law_state
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
         if law_parameters[rows.CODE, i] <= rows.ELEMENTS:
-            link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
-            v_0 = observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, base]
-            v_1 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base]
+            ends = _story_ends(linear_terms, memory, seen.observer_state, i)
             reach = 0.0
-            if span.on_path or v_0 * v_1 < 0.0:
-                a_0 = observer_state[rows.A_PREVIOUS, i]
-                a_0 -= link * observer_state[rows.A_PREVIOUS, base]
-                a_1 = observer_state[rows.OBSERVED_ACCELERATION, i]
-                a_1 -= link * observer_state[rows.OBSERVED_ACCELERATION, base]
-                reach = span.h * max(abs(v_0), abs(v_1))
-                reach += 0.05 * span.h * span.h * (abs(a_0) + abs(a_1))
+            if span.on_path or ends.v0 * ends.v1 < 0.0:
+                reach = span.h * max(abs(ends.v0), abs(ends.v1))
+                reach += 0.05 * span.h * span.h * (abs(ends.a0) + abs(ends.a1))
             for element in elements_of(law_parameters, i):
                 force = abs(element_force(law_state, i, element))
                 peak = max(law_state[rows.PEAK_FORCE, element], force)
@@ -467,7 +461,7 @@ def _update_energies(scene, span, slope, sums, memory, seen):
 
 
 @outlined
-def _observe_dashpots(span, linear_terms, state, seen):
+def _observe_dashpots(span, linear_terms, memory, seen):
     """Update the work of the dashpots and the peaks of the drift rates; return True if a drift rate
     can exceed its peak in the step, or a dashpot with an exponent below 1 comes to rest.
 
@@ -486,19 +480,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
         if not has_dashpot(linear_terms, i):
             continue
         link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
-        rate = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, base]
-        acceleration = observer_state[rows.OBSERVED_ACCELERATION, i]
-        drift_acceleration = acceleration - link * observer_state[rows.OBSERVED_ACCELERATION, base]
-        ends = Ends(
-            observer_state[rows.U_PREVIOUS, i] - link * observer_state[rows.U_PREVIOUS, base],
-            observer_state[rows.V_PREVIOUS, i] - link * observer_state[rows.V_PREVIOUS, base],
-            observer_state[rows.A_PREVIOUS, i] - link * observer_state[rows.A_PREVIOUS, base],
-            state[rows.DISPLACEMENT, i] - link * state[rows.DISPLACEMENT, base],
-            rate,
-            drift_acceleration,
-            0.0,
-            0.0,
-        )
+        ends = _story_ends(linear_terms, memory, observer_state, i)
+        rate = ends.v1
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
         bound = observer_state[rows.VELOCITY_BOUND, i]
         bound += link * observer_state[rows.VELOCITY_BOUND, base]
@@ -514,7 +497,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
         # Half of the derivative of the power with respect to the drift rate: c v of the linear
         # dashpot, (F + F' v) / 2 of the power-law dashpot.
         half_derivative = linear_force + 0.5 * (dashpot_force + dashpot_tangent * rate)
-        story_power_rate = 2.0 * half_derivative * drift_acceleration
+        story_power_rate = 2.0 * half_derivative * ends.a1
         power_rate += story_power_rate
         if TREE and is_tree(linear_terms):
             change = observer_state[rows.DASHPOT_RATE, i] - story_power_rate
@@ -673,9 +656,7 @@ def observe_within_step(update_located_peaks, may_exceed, scene, span, memory, s
         _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, span.kinked, n)
         step_status[rows.STEP_PEAKS] = 0.0
     if may_exceed and (span.on_path or not span.cornered):
-        passage = Passage(
-            observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
-        )
+        passage = observed_passage(state, observer_state)
         located = Located(observer_state, rows.LOCATED, peaks, 0)
         # The laws are evaluated only at reversals and instants that may cause a new peak.
         if find_interstep_peaks(span, scene, passage, law_state, located) > 0:
