@@ -194,7 +194,7 @@ def implicit_step(coefficients, scene, h, load, memory):
             for i in range(n):
                 scratch[_IMPLICIT.STAGE_A + stage, i] += scratch[_IMPLICIT.RESIDUAL + stage, i]
         if iterations > undamped_iterations:
-            copy_rows(scratch, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2, n)
+            copy_rows(scratch, _IMPLICIT.RESIDUAL, scratch, _IMPLICIT.CORRECTION, 2, n)
         if flags[rows.LINEAR] != 0.0:
             break  # one solve is exact in a linear building
     if HAS_CURVED_LAW and _is_curved(flags):
@@ -617,17 +617,11 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
                 + c_factor * linear_terms[rows.FLOOR_DAMPER, i]
                 + story
             )
-    for stage in range(2):
-        for i in range(n):
-            tangent = scratch[_IMPLICIT.TANGENT + stage, i]
-            damper_tangent = scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
-            scratch[_IMPLICIT.FACTORED_TANGENT + stage, i] = tangent
-            scratch[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i] = damper_tangent
+    copy_rows(scratch, _IMPLICIT.TANGENT, scratch, _IMPLICIT.FACTORED_TANGENT, 2, n)
+    copy_rows(scratch, _IMPLICIT.DAMPER_TANGENT, scratch, _IMPLICIT.FACTORED_DAMPER_TANGENT, 2, n)
     if BRACES:
-        for row in range(4):
-            for i in range(n):
-                tangent = scratch[_IMPLICIT.BRACE + path.MEAN_BY_RISE + row, i]
-                scratch[_IMPLICIT.FACTORED_BRACE + row, i] = tangent
+        tangents = _IMPLICIT.BRACE + path.MEAN_BY_RISE
+        copy_rows(scratch, tangents, scratch, _IMPLICIT.FACTORED_BRACE, 4, n)
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, damping, n)
 

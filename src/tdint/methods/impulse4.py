@@ -251,7 +251,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                             # The part of the present solution up to the branch change is the first
                             # estimate. The complete increments are kept for the rest of the step.
                             if not is_shortened:
-                                copy_rows(scratch, momentum.DU, ROW.REMAINING, 2, n)
+                                copy_rows(scratch, momentum.DU, scratch, ROW.REMAINING, 2, n)
                             _shorten_increments(fraction, substep, state, scratch, n)
                             has_guess = is_shortened = True
                         substep *= fraction
@@ -268,7 +268,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         branch_changes += 1
                         substep = h - elapsed
                         if HAS_CURVED_FORCE and is_shortened:
-                            copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
+                            copy_rows(scratch, ROW.REMAINING, scratch, momentum.DU, 2, n)
                             is_shortened = False
                     continue
             elif outcome == _BEFORE_EVENT:
@@ -296,7 +296,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
         if HAS_CURVED_FORCE and is_shortened:
             # The remaining motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
-            copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
+            copy_rows(scratch, ROW.REMAINING, scratch, momentum.DU, 2, n)
             is_shortened = False
         elapsed += substep
         if HAS_NONLINEAR_FORCE and ends_at_event:
@@ -346,9 +346,8 @@ def _accept_substep(is_divided, story, column, event, scene, span, memory):
     linear_terms, _, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
     if HAS_NONLINEAR_FORCE and is_divided:
-        for row in range(3):
-            for i in range(linear_terms.shape[1] - 1):
-                scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
+        n = linear_terms.shape[1] - 1
+        copy_rows(state, rows.DISPLACEMENT, scratch, ROW.SUBSTEP_START, 3, n)
         if HAS_CURVED_LAW:
             store_step_start(flags, law_state)
         if BRACES and flags[rows.HAS_BRACES] != 0.0:
@@ -769,8 +768,7 @@ def _raise_peaks_after_jump(scene, t, ground, memory):
     """Update the peaks with the accelerations after the force of a law has jumped to zero."""
     state, _, scratch, step_status = memory
     row = ROW.SUBSTEP_START + 2
-    for i in range(scene.linear_terms.shape[1] - 1):
-        scratch[row, i] = state[rows.ACCELERATION, i]
+    copy_rows(state, rows.ACCELERATION, scratch, row, 1, scene.linear_terms.shape[1] - 1)
     if BRACES and scene.flags[rows.HAS_BRACES] != 0.0:
         add_reported_accelerations(scene.linear_terms, state, scratch, row)
     _raise_floor_peaks(scene, t, ground, row, scratch)
@@ -784,19 +782,14 @@ def _save_start(state, law_state, scratch, n):
     The three rows of the state are displacements, velocities and accelerations. The committed block
     of the law states starts at row 0.
     """
-    for i in range(n):
-        for row in range(3):
-            scratch[ROW.SAVED + row, i] = state[row, i]
+    laws = ROW.SAVED + 3
     columns = law_state.shape[1] if HAS_ELEMENTS else n
-    for i in range(columns):
-        for row in range(rows.LAW_STATE_ROWS):
-            scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
-        scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i] = law_state[rows.PEAK_FORCE, i]
+    copy_rows(state, rows.DISPLACEMENT, scratch, ROW.SAVED, 3, n)
+    copy_rows(law_state, rows.COMMITTED, scratch, laws, rows.LAW_STATE_ROWS, columns)
+    copy_rows(law_state, rows.PEAK_FORCE, scratch, laws + rows.LAW_STATE_ROWS, 1, columns)
     # Only the state of a building with braces or tangent damping has more than three rows.
     if (BRACES or TANGENT_DAMPING) and state.shape[0] > rows.FIRST_OLDER:
-        for row in range(rows.ADDED_STATE_ROWS):
-            for i in range(n):
-                scratch[ROW.SAVED_ADDED + row, i] = state[rows.FIRST_OLDER + row, i]
+        copy_rows(state, rows.FIRST_OLDER, scratch, ROW.SAVED_ADDED, rows.ADDED_STATE_ROWS, n)
     # EXTRA_ROWS is the number of the first extra row. The table contains this row only if a law of
     # the building needs extra rows.
     if law_state.shape[0] > rows.EXTRA_ROWS:
@@ -811,20 +804,16 @@ def _restore_start(flags, state, law_state, scratch, n):
     Rows PEAKS are set to zero, because the substeps are discarded. The status of the step is not
     changed: `step` resets STEP_PEAKS.
     """
-    for i in range(n):
-        for row in range(2 * rows.PEAK_ROWS + 2):
-            scratch[ROW.PEAKS + row, i] = 0.0
-        for row in range(3):
-            state[row, i] = scratch[ROW.SAVED + row, i]
+    for row in range(ROW.PEAKS, ROW.PEAKS + 2 * rows.PEAK_ROWS + 2):
+        for i in range(n):
+            scratch[row, i] = 0.0
+    laws = ROW.SAVED + 3
     columns = law_state.shape[1] if HAS_ELEMENTS else n
-    for i in range(columns):
-        for row in range(rows.LAW_STATE_ROWS):
-            law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
-        law_state[rows.PEAK_FORCE, i] = scratch[ROW.SAVED + 3 + rows.LAW_STATE_ROWS, i]
+    copy_rows(scratch, ROW.SAVED, state, rows.DISPLACEMENT, 3, n)
+    copy_rows(scratch, laws, law_state, rows.COMMITTED, rows.LAW_STATE_ROWS, columns)
+    copy_rows(scratch, laws + rows.LAW_STATE_ROWS, law_state, rows.PEAK_FORCE, 1, columns)
     if (BRACES or TANGENT_DAMPING) and state.shape[0] > rows.FIRST_OLDER:
-        for row in range(rows.ADDED_STATE_ROWS):
-            for i in range(n):
-                state[rows.FIRST_OLDER + row, i] = scratch[ROW.SAVED_ADDED + row, i]
+        copy_rows(scratch, ROW.SAVED_ADDED, state, rows.FIRST_OLDER, rows.ADDED_STATE_ROWS, n)
     if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(columns):
             copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)

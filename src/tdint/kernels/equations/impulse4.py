@@ -478,7 +478,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
         # `correct` has replaced the residuals in the rows R1 and R2 by the corrections of DU and
         # DV.
         if iterations > undamped_iterations:
-            copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
+            copy_rows(scratch, momentum.R1, scratch, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
 
 

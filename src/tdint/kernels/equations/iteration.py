@@ -109,17 +109,18 @@ def must_halve(norm, previous_norm, fraction):
 
 
 @outlined
-def copy_rows(scratch, source, target, row_count, n):
-    """Copy the first `n` columns of consecutive rows within the scratch array.
+def copy_rows(source, first, target, first_target, row_count, n):
+    """Copy the first `n` columns of consecutive rows of the table `source` to the table `target`,
+    which can be the same.
 
     Parameters
     ----------
-    source, target : int
-        First row of the source and of the target.
+    first, first_target : int
+        First row in the source and in the target.
     """
     for row in range(row_count):
         for i in range(n):
-            scratch[target + row, i] = scratch[source + row, i]
+            target[first_target + row, i] = source[first + row, i]
 
 
 @outlined

@@ -246,8 +246,7 @@ def solve_equilibrium_with_dampers(damper_step, effective, factors, previous, tr
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
         if is_stale:
-            for i in range(n):
-                scratch[tangents, i] = scratch[ROW.TANGENT, i]
+            copy_rows(scratch, ROW.TANGENT, scratch, tangents, 1, n)
             factor_combination(
                 linear_terms, modal, scratch, tangents, combination, factorization, n
             )
@@ -255,7 +254,7 @@ def solve_equilibrium_with_dampers(damper_step, effective, factors, previous, tr
         solve_damped(factorization, modal, ROW.RESIDUAL, n)
         iterations += 1
         if iterations > undamped_iterations:
-            copy_rows(scratch, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
+            copy_rows(scratch, ROW.RESIDUAL, scratch, ROW.CORRECTION, 1, n)
         # If all forces are linear functions of x, one solution is exact.
         is_linear_in_x = flags[rows.LINEAR] != 0.0 or (
             by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0
