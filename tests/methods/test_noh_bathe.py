@@ -1,15 +1,18 @@
 """Tests of the explicit method of Noh and Bathe (2013): the compiled step against dense equations,
 and the path of the drift laws through the first substep."""
 
+import math
+
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 from building_cases import Law, noise
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
 from tdint.assessment.stability.stability import critical_step
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
-from tdint.methods.noh_bathe import stability_limit, tableau
+from tdint.methods.noh_bathe import tableau
 from tdint.response.runs.run import run
 
 P = 0.54
@@ -95,7 +98,35 @@ def test_coefficients_are_consistent(p):
     assert v_by_ac * p + v_by_a1 == pytest.approx(1.0 / 2.0, rel=1e-14)
 
 
+def stability_limit(p):
+    """Return the largest stable omega h of an oscillator u'' + omega^2 u = 0 with the step h.
+
+    The step multiplies (u, h v) by a 2 x 2 matrix. Its trace T and determinant D are polynomials of
+    y = (omega h)^2. Up to omega h of about 3.7, the eigenvalues are complex, with absolute values
+    below 1. At the stability limit, an eigenvalue is 1. The result is therefore the square root of
+    the smallest positive root y of 1 - T + D = 0. The method uses p = 0.54; other values were not
+    tested.
+    """
+    _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = tableau(p)
+    y = Polynomial([0.0, 1.0])
+    # h^2 times an acceleration is -y times the displacement. Factors of u0 and of h v0 in uc, u1
+    # and h v1
+    uc = (1.0 - 0.5 * p * p * y, Polynomial([p]))
+    u1 = (1.0 - y * (u_by_a0 + u_by_ac * uc[0]), 1.0 - y * u_by_ac * uc[1])
+    v1 = (
+        -y * (v_by_a0 + v_by_ac * uc[0] + v_by_a1 * u1[0]),
+        1.0 - y * (v_by_ac * uc[1] + v_by_a1 * u1[1]),
+    )
+    trace = u1[0] + v1[1]
+    determinant = u1[0] * v1[1] - u1[1] * v1[0]
+    # The root y = 0, a step of zero length, is divided out.
+    roots = Polynomial((1.0 - trace + determinant).coef[1:]).roots()
+    positive = np.real(roots)[(np.abs(np.imag(roots)) < 1e-9) & (np.real(roots) > 0.0)]
+    return math.sqrt(np.min(positive))
+
+
 def test_stability_limit_is_limit_of_spectral_radius_one():
+    assert parse("noh-bathe").stability_limit == pytest.approx(stability_limit(P), rel=1e-12)
     assert stability_limit(P) == pytest.approx(3.745, abs=5e-4)
     limits = [critical_step(parse("noh-bathe"), damping) for damping in (0.0, 0.02, 0.05, 0.2)]
     assert limits == pytest.approx([stability_limit(P), 3.546, 3.268, 2.221], rel=2e-4)

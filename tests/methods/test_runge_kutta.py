@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import tdint
 from building_cases import Law, noise
@@ -14,7 +15,7 @@ from el_centro import el_centro
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
-from tdint.methods.runge_kutta import imaginary_stability_limit
+from tdint.methods.runge_kutta import DORMAND_PRINCE
 from tdint.response.runs.compiled_steps import amplification
 from tdint.response.runs.run import run
 
@@ -146,6 +147,48 @@ def test_one_correction_per_step_is_sufficient_for_a_curved_law():
     assert all(one.iterations <= 1.3 * one.steps for one in end[1:])
 
 
+def imaginary_stability_limit(table):
+    """Return the largest stable omega h of an explicit method without damping.
+
+    omega is the circular frequency of an undamped oscillator and h the time step. The free
+    vibration of the oscillator is a sum of solutions of x' = i omega x and x' = -i omega x. In each
+    step, the method multiplies x by R(i omega h), with the stability polynomial
+
+        R(z) = 1 + b e z + b A e z^2 + b A^2 e z^3 + ... + b A^(s - 1) e z^s
+
+    A is the Butcher matrix, b the row of the weights, e a column vector with all elements equal to
+    1, and s the number of stages. The step is stable if |R(i omega h)| <= 1. The limit is the
+    smallest positive root omega h of |R(i omega h)|^2 = 1: 0 if |R| exceeds 1 for arbitrarily small
+    steps, inf if there is no root. `table` is the argument of `explicit_coefficients`.
+    """
+    stages = len(table)
+    matrix = np.zeros((stages, stages))
+    for i, row in enumerate(table[:-1], start=1):
+        matrix[i, :i] = row
+    power = np.ones(stages)  # A^k e, with k = 0 at first
+    polynomial = [1.0]  # coefficients of R, lowest power first
+    for _ in range(stages):
+        polynomial.append(float(np.dot(table[-1], power)))
+        power = matrix @ power
+    # With y = (omega h)^2, the even powers of z = i omega h are 1, -y, y^2, ... They give the real
+    # part of R, a polynomial in y. The odd powers are i omega h times the even powers, so that
+    # |R|^2 = real^2 + y imaginary^2.
+    real = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[0::2])])
+    imaginary = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[1::2])])
+    growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0  # |R|^2 - 1
+    # The low powers of y vanish up to the order of the method, except for rounding errors. The sign
+    # of the first coefficient that does not vanish decides whether small steps are stable. The
+    # tolerance 1e-12 is suitable for rk5, the only explicit method in this module: its first
+    # coefficient is -5.6e-4.
+    first_power = int(np.argmax(np.abs(growth.coef) > 1e-12))
+    if growth.coef[first_power] > 0.0:
+        return 0.0
+    roots = np.asarray(Polynomial(growth.coef[first_power:]).roots(), dtype=np.complex128)
+    # 1e-9 covers the rounding errors of real roots.
+    limits = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
+    return math.sqrt(np.min(limits, initial=math.inf))
+
+
 @pytest.mark.parametrize(
     ("table", "limit"),
     [
@@ -160,6 +203,11 @@ def test_one_correction_per_step_is_sufficient_for_a_curved_law():
 )
 def test_stability_limit_on_imaginary_axis(table, limit):
     assert imaginary_stability_limit(table) == pytest.approx(limit, abs=1e-9)
+
+
+def test_stability_limit_of_rk5_is_that_of_its_table():
+    limit = imaginary_stability_limit(DORMAND_PRINCE)
+    assert parse("rk5").stability_limit == pytest.approx(limit, rel=1e-12)
 
 
 @pytest.mark.parametrize(

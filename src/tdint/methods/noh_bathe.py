@@ -33,8 +33,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline
 from tdint.kernels.linear_terms import finite, floor_load, internal_forces
@@ -181,34 +179,9 @@ def tableau(p: float) -> ExplicitTableau:
     )
 
 
-def stability_limit(p: float) -> float:
-    """Return the largest stable omega h of an oscillator u'' + omega^2 u = 0 with the step h.
-
-    The step multiplies (u, h v) by a 2 x 2 matrix. Its trace T and determinant D are polynomials of
-    y = (omega h)^2. Up to omega h of about 3.7, the eigenvalues are complex, with absolute values
-    below 1. At the stability limit, an eigenvalue is 1. The result is therefore the square root of
-    the smallest positive root y of 1 - T + D = 0. The method uses p = 0.54; other values were not
-    tested.
-    """
-    from numpy.polynomial import Polynomial  # imported here because no other function needs it
-
-    _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = tableau(p)
-    y = Polynomial([0.0, 1.0])
-    # h^2 times an acceleration is -y times the displacement. Factors of u0 and of h v0 in uc, u1
-    # and h v1
-    uc = (1.0 - 0.5 * p * p * y, Polynomial([p]))
-    u1 = (1.0 - y * (u_by_a0 + u_by_ac * uc[0]), 1.0 - y * u_by_ac * uc[1])
-    v1 = (
-        -y * (v_by_a0 + v_by_ac * uc[0] + v_by_a1 * u1[0]),
-        1.0 - y * (v_by_ac * uc[1] + v_by_a1 * u1[1]),
-    )
-    trace = u1[0] + v1[1]
-    determinant = u1[0] * v1[1] - u1[1] * v1[0]
-    # The root y = 0, a step of zero length, is divided out.
-    roots = Polynomial((1.0 - trace + determinant).coef[1:]).roots()
-    positive = np.real(roots)[(np.abs(np.imag(roots)) < 1e-9) & (np.real(roots) > 0.0)]
-    return math.sqrt(np.min(positive))
-
+# Largest stable omega h without damping, dimensionless: there an eigenvalue of the amplification
+# matrix is 1 (tests/methods/test_noh_bathe.py).
+_STABILITY_LIMIT = 3.7450294313656904
 
 FAMILY = Family(
     "noh-bathe",
@@ -225,7 +198,7 @@ METHODS = (
         family=FAMILY,
         coefficients=lambda: tableau(_FIRST_SUBSTEP),
         implicit=lambda: False,
-        stability_limit=lambda: stability_limit(_FIRST_SUBSTEP),
+        stability_limit=lambda: _STABILITY_LIMIT,
         rho_inf=lambda: math.nan,  # unstable for large omega h
         source="Noh and Bathe (2013), two explicit substeps, p 0.54; not for stories that stiffen",
     ),

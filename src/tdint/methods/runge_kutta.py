@@ -45,8 +45,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import outlined
 from tdint.kernels.linear_terms import (
@@ -209,50 +207,6 @@ def explicit_coefficients(table: Table) -> tuple[float, ...]:
     return (float(len(table)), *flattened)
 
 
-def imaginary_stability_limit(table: Table) -> float:
-    """Return the largest stable omega h of an explicit method without damping.
-
-    omega is the circular frequency of an undamped oscillator and h the time step. The free
-    vibration of the oscillator is a sum of solutions of x' = i omega x and x' = -i omega x. In each
-    step, the method multiplies x by R(i omega h), with the stability polynomial
-
-        R(z) = 1 + b e z + b A e z^2 + b A^2 e z^3 + ... + b A^(s - 1) e z^s
-
-    A is the Butcher matrix, b the row of the weights, e a column vector with all elements equal to
-    1, and s the number of stages. The step is stable if |R(i omega h)| <= 1. The limit is the
-    smallest positive root omega h of |R(i omega h)|^2 = 1: 0 if |R| exceeds 1 for arbitrarily small
-    steps, inf if there is no root. `table` is the argument of `explicit_coefficients`.
-    """
-    from numpy.polynomial import Polynomial  # imported here because no other function needs it
-
-    stages = len(table)
-    matrix = np.zeros((stages, stages))
-    for i, row in enumerate(table[:-1], start=1):
-        matrix[i, :i] = row
-    power = np.ones(stages)  # A^k e, with k = 0 at first
-    polynomial = [1.0]  # coefficients of R, lowest power first
-    for _ in range(stages):
-        polynomial.append(float(np.dot(table[-1], power)))
-        power = matrix @ power
-    # With y = (omega h)^2, the even powers of z = i omega h are 1, -y, y^2, ... They give the real
-    # part of R, a polynomial in y. The odd powers are i omega h times the even powers, so that
-    # |R|^2 = real^2 + y imaginary^2.
-    real = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[0::2])])
-    imaginary = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[1::2])])
-    growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0  # |R|^2 - 1
-    # The low powers of y vanish up to the order of the method, except for rounding errors. The sign
-    # of the first coefficient that does not vanish decides whether small steps are stable. The
-    # tolerance 1e-12 is suitable for rk5, the only explicit method in this module: its first
-    # coefficient is -5.6e-4.
-    first_power = int(np.argmax(np.abs(growth.coef) > 1e-12))
-    if growth.coef[first_power] > 0.0:
-        return 0.0
-    roots = np.asarray(Polynomial(growth.coef[first_power:]).roots(), dtype=np.complex128)
-    # 1e-9 covers the rounding errors of real roots.
-    limits = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
-    return math.sqrt(np.min(limits, initial=math.inf))
-
-
 # Dormand and Prince (1980), table 2: rows of A for the stages 2 to 6, then the fifth-order weights
 DORMAND_PRINCE: Table = (
     (1 / 5,),
@@ -262,6 +216,12 @@ DORMAND_PRINCE: Table = (
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
     (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
 )
+
+
+# Largest stable omega h without damping, dimensionless: the smallest positive root of
+# |R(i omega h)| = 1, with the stability polynomial R of the method
+# (tests/methods/test_runge_kutta.py).
+_STABILITY_LIMIT = 0.9971890086325534
 
 
 # The acceleration follows from displacement and velocity.
@@ -281,7 +241,7 @@ METHODS = (
         coefficients=lambda: explicit_coefficients(DORMAND_PRINCE),
         order=lambda: 5,
         implicit=lambda: False,
-        stability_limit=lambda: imaginary_stability_limit(DORMAND_PRINCE),
+        stability_limit=lambda: _STABILITY_LIMIT,
         rho_inf=lambda: math.nan,  # unstable for large omega h
         tangent_damping=lambda: True,
         source="Dormand and Prince (1980), the fifth-order weights at a fixed step",
