@@ -507,15 +507,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
-        uc = (
-            state[rows.DISPLACEMENT, i]
-            + coefficients[BY_INCREMENT] * du
-            + h
-            * (
-                coefficients[BY_VELOCITY_0] * state[rows.VELOCITY, i]
-                + coefficients[BY_VELOCITY_1] * v
-            )
-        )
+        uc = _inner_displacement(coefficients, h, state, i, du, v)
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
         link = linear_terms[rows.LINK, i]
@@ -523,15 +515,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
             base = base_of(linear_terms, i)
             u_below, v_below = scratch[momentum.U1, base], scratch[momentum.V1, base]
             du_below = scratch[momentum.DU, base]
-            uc_below = (
-                state[rows.DISPLACEMENT, base]
-                + coefficients[BY_INCREMENT] * du_below
-                + h
-                * (
-                    coefficients[BY_VELOCITY_0] * state[rows.VELOCITY, base]
-                    + coefficients[BY_VELOCITY_1] * v_below
-                )
-            )
+            uc_below = _inner_displacement(coefficients, h, state, base, du_below, v_below)
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
@@ -585,6 +569,16 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         v_below = v
         du_below = du
     return is_stale
+
+
+@inline
+def _inner_displacement(coefficients, h, state, i, du, v):
+    """Return the displacement of floor `i` at the inner point, m, for the increment `du` and the
+    velocity `v` at the end."""
+    velocities = (
+        coefficients[BY_VELOCITY_0] * state[rows.VELOCITY, i] + coefficients[BY_VELOCITY_1] * v
+    )
+    return state[rows.DISPLACEMENT, i] + coefficients[BY_INCREMENT] * du + h * velocities
 
 
 @inline
