@@ -4,10 +4,10 @@ history.
 Without a history, the required memory is proportional to the number of stories.
 
 The work of the load and of the dampers in a step follows from the powers and their rates at both
-endpoints (`_work`). The totals of the run contain the values at the start of the step: `_add_work`
-and `_observe_dashpots` replace them by the values at its end. All rates are linear in the
-accelerations, so that `shift_ground` can update them at a jump of the ground acceleration. Several
-sums are *half* of a rate: the power c v^2 of a damper has the rate 2 c v a.
+endpoints (`_work`). The totals of the run contain the values at the start of the step:
+`_update_energies` and `_observe_dashpots` replace them by the values at its end. All rates are
+linear in the accelerations, so that `shift_ground` can update them at a jump of the ground
+acceleration. Several sums are *half* of a rate: the power c v^2 of a damper has the rate 2 c v a.
 
 `tdint.kernels.layout` describes the arguments.
 """
@@ -15,7 +15,6 @@ sums are *half* of a rate: the power c v^2 of a damper has the rate 2 c v a.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
@@ -69,50 +68,6 @@ from tdint.kernels.stories.law_state import (
 )
 
 
-class _PowerValues(NamedTuple):
-    """Power of the load and of the dampers at a time, their rates, and the total momentum.
-
-    Attributes
-    ----------
-    rate : float
-        Rate of the power of the load without the contribution of the rate of the ground
-        acceleration, W/s.
-    viscous_rate : float
-        Rate of the power of the dampers, W/s.
-    """
-
-    power: float
-    rate: float
-    momentum: float
-    viscous_power: float
-    viscous_rate: float
-
-
-class _FloorSums(NamedTuple):
-    """Sums over all floors and stories at the end of a step, without modal damping and without the
-    forces on floors.
-
-    Attributes
-    ----------
-    momentum : float
-        Sum of mass times velocity, N s.
-    inertia : float
-        Sum of mass times relative acceleration, N.
-    viscous_power : float
-        Power of the dampers, W.
-    half_viscous_rate : float
-        Half of the rate of this power, W/s.
-    viscous_per_acceleration : float
-        Increase of `half_viscous_rate` if the acceleration of all floors increases by 1 m/s^2.
-    """
-
-    momentum: float
-    inertia: float
-    viscous_power: float
-    half_viscous_rate: float
-    viscous_per_acceleration: float
-
-
 @inline
 def observe(scene, span, slope, memory, seen):
     """Update energies and peaks with the response at the end of a step; return True if a peak can
@@ -150,7 +105,7 @@ def observe(scene, span, slope, memory, seen):
     # within the step; with these, all steps are searched. Harmonic forces precede tables.
     has_forces = FORCES and forces.shape[0] > 0
     may_exceed = has_forces and forces[0, rows.POINTS] == 0.0
-    # Sums over all floors and stories (`_FloorSums`); `viscous_rate` is half of the rate
+    # Sums over all floors and stories (`_update_energies`)
     momentum = 0.0
     total_inertia = 0.0
     viscous_power = 0.0
@@ -328,9 +283,7 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= may_exceed_story_peaks(
             reach_above, excess * abs(a_above), stiffness, peaks, 0
         )
-    sums = _FloorSums(
-        momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
-    )
+    sums = momentum, total_inertia, viscous_power, viscous_rate, viscous_per_acceleration
     _update_energies(scene, span, slope, sums, memory, seen)
     if flags[rows.HAS_DASHPOTS] != 0.0:
         may_exceed |= _observe_dashpots(span, linear_terms, memory, seen)
@@ -416,28 +369,31 @@ def _observe_elements(span, scene, memory, seen):
 
 @inline
 def _update_energies(scene, span, slope, sums, memory, seen):
-    """Add the work of the load and of the dampers in a step to the energies of the run.
+    """Add the work of the load and of all dampers in a step to the energies of the run, and store
+    the powers at its end.
+
+    `sums` are sums over all floors and stories at the end of the step, without modal damping and
+    without the forces on floors: momentum (N s), mass times relative acceleration (N), power of the
+    dampers (W), half of the rate of this power (W/s), and the increase of this half if the
+    acceleration of all floors increases by 1 m/s^2.
 
     The power of the load is -ag (sum of m v) plus the power of the forces on floors. Its rate has
-    the terms -ag (sum of m a), -ag' (sum of m v), which `_add_work` adds with ag' = `slope`, and
-    the rate of the power of the forces. If the kernel of the step has computed the work (flag
-    OWN_WORK), this work is added instead.
+    the terms -ag (sum of m a), -ag' (sum of m v) with ag' = `slope`, and the rate of the power of
+    the forces; RATE_INPUT does not contain the term with ag'. If the kernel of the step has
+    computed the work (flag OWN_WORK), this work is added instead.
 
-    ENERGY_REFERENCE, the divisor of the relative energy imbalance, is the maximum until now of
-    initial energy plus work of the load. TOTAL_INERTIA and VISCOUS_PER_ACCELERATION are stored for
-    `shift_ground`.
+    The work of the dashpots is added to ENERGY_VISCOUS; `_observe_dashpots` later moves it to
+    ENERGY_DASHPOTS. ENERGY_REFERENCE, the divisor of the relative energy imbalance, is the maximum
+    until now of initial energy plus work of the load. TOTAL_INERTIA and VISCOUS_PER_ACCELERATION
+    are stored for `shift_ground`.
     """
     _, modal, _, forces, flags = scene
-    totals = seen.totals
+    momentum, inertia, viscous_power, half_viscous_rate, viscous_per_acceleration = sums
+    totals, h = seen.totals, span.h
     n = scene.linear_terms.shape[1] - 1
     if flags[rows.OWN_WORK] == 0.0:
-        # `rate` excludes the term -ag' (sum of m v). `viscous_rate` is half of the rate.
-        power = -span.ground_1 * sums.momentum
-        rate = -span.ground_1 * sums.inertia
-        viscous_power = sums.viscous_power
-        viscous_rate = sums.half_viscous_rate
-        totals[rows.TOTAL_INERTIA] = sums.inertia
-        totals[rows.VISCOUS_PER_ACCELERATION] = sums.viscous_per_acceleration
+        power = -span.ground_1 * momentum
+        rate = -span.ground_1 * inertia
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
             additional = _additional_powers(
                 modal, forces, span.t, memory.state, seen.observer_state, n
@@ -445,14 +401,20 @@ def _update_energies(scene, span, slope, sums, memory, seen):
             power += additional[0]
             rate += additional[1]
             viscous_power += additional[2]
-            viscous_rate += additional[3]
-        _add_work(
-            span,
-            slope,
-            _PowerValues(power, rate, sums.momentum, viscous_power, 2.0 * viscous_rate),
-            totals,
-        )
-    elif span.h > 0.0:
+            half_viscous_rate += additional[3]
+        viscous_rate = 2.0 * half_viscous_rate
+        change = totals[rows.RATE_INPUT] - rate - slope * (totals[rows.MOMENTUM] - momentum)
+        totals[rows.ENERGY_INPUT] += _work(h, totals[rows.POWER_INPUT], power, change)
+        change = totals[rows.RATE_VISCOUS] - viscous_rate
+        totals[rows.ENERGY_VISCOUS] += _work(h, totals[rows.POWER_VISCOUS], viscous_power, change)
+        totals[rows.POWER_INPUT] = power
+        totals[rows.RATE_INPUT] = rate
+        totals[rows.MOMENTUM] = momentum
+        totals[rows.TOTAL_INERTIA] = inertia
+        totals[rows.POWER_VISCOUS] = viscous_power
+        totals[rows.RATE_VISCOUS] = viscous_rate
+        totals[rows.VISCOUS_PER_ACCELERATION] = viscous_per_acceleration
+    elif h > 0.0:
         totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
         totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
     totals[rows.ENERGY_REFERENCE] = max(
@@ -785,31 +747,6 @@ def _work(h, power_0, power_1, change):
     `change` is the rate of the power at the start minus its rate at the end, W/s.
     """
     return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
-
-
-@inline
-def _add_work(span, slope, current, totals):
-    """Add the work of the load and of all dampers in a step, and store the powers at its end
-    (`current`).
-
-    The work of the dashpots is added to ENERGY_VISCOUS; `_observe_dashpots` later moves it to
-    ENERGY_DASHPOTS.
-    """
-    # The rate of the ground acceleration contributes -`slope` times the momentum to the rate of the
-    # power of the load; RATE_INPUT and `current.rate` do not contain this contribution.
-    change = (
-        totals[rows.RATE_INPUT] - current.rate - slope * (totals[rows.MOMENTUM] - current.momentum)
-    )
-    totals[rows.ENERGY_INPUT] += _work(span.h, totals[rows.POWER_INPUT], current.power, change)
-    change = totals[rows.RATE_VISCOUS] - current.viscous_rate
-    totals[rows.ENERGY_VISCOUS] += _work(
-        span.h, totals[rows.POWER_VISCOUS], current.viscous_power, change
-    )
-    totals[rows.POWER_INPUT] = current.power
-    totals[rows.RATE_INPUT] = current.rate
-    totals[rows.MOMENTUM] = current.momentum
-    totals[rows.POWER_VISCOUS] = current.viscous_power
-    totals[rows.RATE_VISCOUS] = current.viscous_rate
 
 
 @inline
