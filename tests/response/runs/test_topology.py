@@ -135,6 +135,22 @@ def test_methods_agree_on_yielding_links():
     assert runs[0].energy.hysteretic > 0.0
 
 
+def test_peak_forces_of_stiff_braces_beside_floors():
+    """The brace of a stiff damper follows the motion of the floor below, which is not the mass
+    before: impulse4 and moment4 solve the same equations."""
+    model = load_model(
+        io.StringIO(
+            LINEAR.replace("dashpot: 3}", "dashpot: {coefficient: 20, exponent: 0.5, brace: 3e4}}")
+            .replace("dashpot: 600}", "dashpot: {coefficient: 200, exponent: 0.4, brace: 2e5}}")
+        )
+    )  # fmt: skip
+    forces = [
+        tdint.run(model, MOTION, method=method, check=False).devices.stories.peak_damper_force
+        for method in ("impulse4", "moment4")
+    ]
+    np.testing.assert_allclose(forces[1][[0, 2]], forces[0][[0, 2]], rtol=1e-6)
+
+
 def test_history_and_signs_of_links():
     """The deformation of a link is the displacement of `to` minus that of `from`."""
     model = load_model(io.StringIO(LINEAR))

@@ -915,18 +915,13 @@ def _dashpot_work(linear_terms, scratch, n):
 @outlined
 def _commit_braces(linear_terms, h, state, scratch):
     """Move all dampers with braces to the end of the step; `state` contains the new velocities."""
-    v_below = v_0_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
-        v = state[rows.VELOCITY, i]
-        v_0 = v - scratch[ROW.A0, i] / h  # A0 is h times the change of the velocity
-        if TREE and is_tree(linear_terms):
-            base = base_of(linear_terms, i)
-            v_below = state[rows.VELOCITY, base]
-            v_0_below = v_below - scratch[ROW.A0, base] / h
         if linear_terms[rows.BRACE, i] != 0.0:
+            link, base = linear_terms[rows.LINK, i], base_of(linear_terms, i)
+            v, v_below = state[rows.VELOCITY, i], state[rows.VELOCITY, base]
+            # A0 is h times the change of the velocity.
+            v_0, v_0_below = v - scratch[ROW.A0, i] / h, v_below - scratch[ROW.A0, base] / h
             first_rate, last_rate = v_0 - link * v_0_below, v - link * v_below
-            mean_rate = (scratch[ROW.RISE, i] - link * scratch[ROW.RISE, max(i - 1, 0)]) / h
+            mean_rate = story_value(linear_terms, scratch, ROW.RISE, i) / h
             rates = (first_rate, last_rate, last_rate, mean_rate)
             commit_brace(linear_terms, i, h, rates, state, scratch, ROW.BRACE)
-        v_below, v_0_below = v, v_0
