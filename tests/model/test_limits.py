@@ -208,6 +208,9 @@ def test_limit_check_of_many_runs_uses_story_means():
         assert check.largest == drifts.max()
     first, second = (scale_checks[0].demand for scale_checks in checks.values())
     assert second == pytest.approx(2.0 * first, rel=1e-12)  # linear
+    # Factors that are varied as a parameter are factors, too.
+    varied = tdint.run_many(model, records, vary={"record.scale": [1.0, 2.0]}).limit_checks(0.01)
+    assert list(varied) == list(checks)
     # One record: the check of the response.
     (alone,) = tdint.run(model, records[0]).limit_checks(0.01)
     ((many,),) = tdint.run_many(model, records[:1]).limit_checks(0.01).values()

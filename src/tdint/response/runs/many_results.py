@@ -265,7 +265,7 @@ class Runs(Tabular):
         A suite contains one run under each record, of one building with equal parameters. If a
         record has several factors, each factor belongs to another suite.
         """
-        varied = {name: values for name, values in self.varied.items() if name != "scale"}
+        varied = {name: values for name, values in self.varied.items() if name != SCALE}
         # First group the runs by building, varied parameters and record, with increasing factors.
         # The run with the factor of rank r in each group belongs to suite r.
         runs_of: dict[tuple[Any, ...], list[int]] = {}

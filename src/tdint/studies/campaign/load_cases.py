@@ -21,6 +21,7 @@ from tdint.model.keys.fields import (
     TextLine,
     Value,
 )
+from tdint.model.story import MAX_STORIES
 from tdint.number_parsing import pluralize
 from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.assigned_motions import CampaignMotions
@@ -42,7 +43,7 @@ LOAD_CASES = Keys(
         ),
         Key(
             "floor",
-            Either((Integer(1, 10_000), Choice((ROOF,)))),
+            Either((Integer(1, MAX_STORIES), Choice((ROOF,)))),
             "floor, from 1 at the bottom, or roof, instead of floors",
         ),
         Key("column", TextLine(), "column of this floor; default: the only column of forces"),
