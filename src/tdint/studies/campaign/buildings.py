@@ -150,14 +150,14 @@ def digest_of(model: Model, method: str) -> str:
         "force_unit",
     ):
         del content[name]
-    # Models without tables of forces keep the digest of earlier versions.
-    content["excitation"] = {"forces": content["excitation"]["forces"]}
-    tables = model.excitation.tables
-    if tables:
-        content["excitation"]["tables"] = [
+    # A table is identified by the digest of its numbers.
+    content["excitation"] = {
+        "forces": content["excitation"]["forces"],
+        "tables": [
             (force.floor, force.table.digest, force.column, force.factor, force.start)
-            for force in tables
-        ]
+            for force in model.excitation.tables
+        ],
+    }
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
 
 
