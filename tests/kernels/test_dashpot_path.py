@@ -8,7 +8,7 @@ from scipy.interpolate import BPoly
 from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.peaks_between_steps import is_near_rest
-from tdint.kernels.stepping import Seen, Span
+from tdint.kernels.stepping import Memory, Seen, Span
 from tdint.kernels.stories import path
 from tdint.kernels.stories.dashpot_path import follow_dashpot
 from tdint.kernels.time_loop.observer import _observe_dashpots
@@ -132,6 +132,9 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
         state, observer_state = np.zeros((3, n + 1)), np.zeros((rows.OBSERVER_ROWS, n + 1))
         state[rows.DISPLACEMENT, :n], state[rows.VELOCITY, :n] = u[1], v[1]
         observer_state[rows.OBSERVED_ACCELERATION, :n] = a[1]
+        law_state = np.zeros((rows.DRIFT + 1, n))
+        law_state[rows.DRIFT] = difference @ u[1]
+        memory = Memory(state, law_state, np.zeros((0, n)), np.zeros(0))
         for row, value in zip(
             (rows.U_PREVIOUS, rows.V_PREVIOUS, rows.A_PREVIOUS), (u[0], v[0], a[0]), strict=True
         ):
@@ -153,7 +156,7 @@ def test_work_of_dashpots_and_the_search_for_peaks_of_drift_rates():
                 totals[rows.ENERGY_VISCOUS] = 5.0
                 seen = Seen(observer_state, peaks, np.zeros((3, n)), totals, np.zeros((0, 0)))
                 span = Span(h, h, 0.0, 0.0, False, False, False, False)
-                found = _observe_dashpots(span, terms, state, seen)
+                found = _observe_dashpots(span, terms, memory, seen)
                 # A step near the rest of a dashpot with an exponent below 1 is always searched.
                 ends = [difference @ one for one in v]
                 near_rest = any(is_near_rest(terms, i, ends[0][i], ends[1][i]) for i in range(n))

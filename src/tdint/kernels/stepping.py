@@ -335,7 +335,7 @@ def step_kernel(function: Callable[..., int]) -> Kernel:
         memory = Memory(state, law_state, scratch, step_status)
         return step_of_groups(coefficients, scene, h, load, memory)
 
-    step.__doc__ = function.__doc__
+    step.__doc__ = step.function.__doc__ = function.__doc__
     # The process that compiles a kernel finds it by the module and the name of its function.
     step.function.__module__ = function.__module__
     step.function.__name__ = function.__name__
