@@ -144,8 +144,8 @@ EXCEPTIONS = {
     # means over the motions in the table of the answer
     "campaign": {"3.644", "0.007579", "0.2518"},
     "compare": {"0.64", "1.52"},  # oscillation and displacement at the end, in messages
-    # displacements at the end, in the warnings of the match
-    "matched": {"1.53", "1.57", "1.67", "1.35", "0.342", "64"},
+    # displacements at the end on two machines, in the warnings of the match
+    "matched": {"1.53", "1.57", "1.67", "1.35", "0.331", "0.342", "64"},
     "isolated": {"2.395", "0.0001"},  # period with the secant stiffness; "below 0.0001 %"
     "suite of isolated": {"5"},  # damping ratio of the spectra
     "transfer functions": {"0.9951"},  # first natural frequency, Hz

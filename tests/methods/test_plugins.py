@@ -223,7 +223,7 @@ def test_energies_are_required_only_where_stories_dissipate(tmp_path, monkeypatc
     integrator, features = methods.parse("leaky"), compiled_steps.LINEAR_OSCILLATORS
     compiled_steps.validate_plugin_step(integrator)
     for laws in (("linear", "polynomial"), ("linear", "tanh")):
-        compiled_steps.kernels(integrator, replace(features, laws=laws))
+        compiled_steps.kernels(integrator, features._replace(laws=laws))
     # The problems of `failures` are elastic.
     for problem in problems().values():
         compiled_steps.kernels(integrator, PreparedBuilding.of(problem.model).variant)

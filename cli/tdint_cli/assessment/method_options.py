@@ -1,4 +1,4 @@
-"""Options of the commands that compare methods: the methods, and those in a figure."""
+"""Options of the commands that compare methods: all methods, and the methods in a figure."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def _measure(name: str) -> str:
 
 
 def _measures() -> tuple[str, ...]:
-    """Return the names of the intensity measures to whose levels ground motions can be scaled."""
+    """Return the names of the intensity measures for the scaling of ground motions."""
     from tdint.studies.motions.intensity import scalable_measures
 
     return scalable_measures()

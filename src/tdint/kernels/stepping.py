@@ -330,7 +330,7 @@ def step_kernel(function: Callable[..., int]) -> Kernel:
         scratch,
         step_status,
     ):
-        """Build the groups and take the step."""
+        """Execute the step with its arguments in groups."""
         scene = Scene(linear_terms, modal, law_parameters, forces, flags)
         memory = Memory(state, law_state, scratch, step_status)
         return step_of_groups(coefficients, scene, h, load, memory)

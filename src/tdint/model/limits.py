@@ -34,7 +34,7 @@ class LimitedQuantity:
         Location of the quantity: `story`, `floor`, `attachment` or `link`.
     peak : str
         Name of the peak response with the values of the quantity, shape (motions, n). Demands of
-        attachments and links are among the peak responses, with the keys of `QUANTITIES`.
+        attachments and links have the keys of `QUANTITIES`.
     per_height : bool
         True for the absolute value of the peak response divided by the story height.
     """

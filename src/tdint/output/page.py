@@ -121,8 +121,8 @@ class PageText:
     inputs : sequence of mapping
         Input files with their SHA-256; by default the files that the command has read.
     answer : sequence of Part
-        Table and text that answer the question of the report; they precede the warnings, so that
-        they are on the first page.
+        Table and text of the main result. They precede the warnings, and are therefore on the
+        first page.
     limits : Table | None
         Comparisons of the demands with several limits; None if the verdict contains everything.
     governing_story : int | None

@@ -247,7 +247,7 @@ def copy_branches_of_elements(law_parameters, law_state, i, block):
 def _force_of_elements(law_parameters, law_state, i, previous, trial, drift, on_branches):
     """Compute the force of story `i` as the sum over its elements; return the tangent, N/m.
 
-    With `on_branches`, an element on a linear branch does not leave it.
+    With `on_branches`, an element on a linear branch stays there.
     """
     force = 0.0
     tangent = 0.0
@@ -454,7 +454,7 @@ def step_start(flags, follows_reversal=False):
 
 @inline
 def columns_of_story(law_parameters, i):
-    """Return the columns of the laws of story `i`: of its elements, or of the story itself."""
+    """Return the columns of the laws of story `i`, one for each element."""
     if HAS_ELEMENTS and law_parameters[rows.CODE, i] <= rows.ELEMENTS:
         return elements_of(law_parameters, i)
     return range(i, i + 1)

@@ -374,8 +374,8 @@ def _update_energies(scene, span, slope, sums, memory, seen):
 
     `sums` are sums over all floors and stories at the end of the step, without modal damping and
     without the forces on floors: momentum (N s), mass times relative acceleration (N), power of the
-    dampers (W), half of the rate of this power (W/s), and the increase of this half if the
-    acceleration of all floors increases by 1 m/s^2.
+    dampers (W), half the rate of this power (W/s), and its increase if the acceleration of all
+    floors increases by 1 m/s^2.
 
     The power of the load is -ag (sum of m v) plus the power of the forces on floors. Its rate has
     the terms -ag (sum of m a), -ag' (sum of m v) with ag' = `slope`, and the rate of the power of

@@ -56,8 +56,8 @@ def row_table(response: Response) -> Table:
 
 
 def flexure_groups(response: Response) -> tuple[tuple[tuple[Column, ...], Any], ...]:
-    """Return the columns of flexural stories with their results, which are None for other stories
-    and without error estimates."""
+    """Return the columns of flexural stories with their results (None for other stories, or without
+    error estimates)."""
     peaks = response.flexure
     return (FLEXURE_COLUMNS, peaks), (FLEXURE_ERROR, peaks and peaks.errors)
 

@@ -395,7 +395,7 @@ class Case:
     def _history(
         self, space: Workspace, h: float, max_input_energy: float | None = None
     ) -> History:
-        """Return the history that a run, or a chunk of it, stored (`named_history`)."""
+        """Return the history that a run stored, complete or a chunk (`named_history`)."""
         from tdint.response.runs.history import named_history  # not needed by most runs
 
         return named_history(self.building, self.prepared.loads, space, h, max_input_energy)

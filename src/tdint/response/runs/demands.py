@@ -194,7 +194,7 @@ DECLARED: tuple[Demand, ...] = tuple(
 """Demands that are fields of `Demands`."""
 
 _COVERED = {"peak_velocity", *(demand.story_attribute or demand.name for demand in DECLARED)}
-"""Story quantities whose maxima are not part of a summary, or are included in the demands above."""
+"""Story quantities without a maximum in a summary, or included in the demands above."""
 
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,

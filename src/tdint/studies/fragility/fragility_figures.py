@@ -177,9 +177,9 @@ def _draw_function(
     label: str | None = None,
 ) -> None:
     """Plot a fragility function with the style number `i`, its confidence band, unless its
-    covariance is unknown, and the observed fractions to which it was fitted.
+    covariance is unknown, and the observed fractions.
 
-    The fractions are those at intensity levels, the cumulative distribution of capacities, or the
+    These are the fractions at intensity levels, the cumulative distribution of capacities, or the
     fractions of the runs of a cloud in bins of the intensity. `sizes` contains the line widths of
     the edges of the band and of the curve, and the size of markers.
     """
