@@ -33,7 +33,7 @@ from tdint.response.defaults import NO_METHOD
 from tdint.system import set_nonblocking
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Settings:
     """Settings that every click context carries.
 

@@ -48,7 +48,7 @@ _BEYOND_YIELD = 1.1  # drift, in yield drifts, at which an undeclared stiffness 
 _SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Building:
     """A chain of n stories, or n independent oscillators, as arrays.
 

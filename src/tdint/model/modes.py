@@ -277,7 +277,7 @@ def chain_deformations(link: Array) -> Array:
     return np.asarray(np.eye(link.size) - np.diag(link[1:], -1))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FreeVibration:
     """Undamped vibration of a chain, computed at the first request and cached.
 

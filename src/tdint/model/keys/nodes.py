@@ -58,7 +58,7 @@ class MappingNode(NamedTuple):
 Node = ScalarNode | ListNode | MappingNode
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Faults:
     """Collection of the errors of one file, which are reported together.
 

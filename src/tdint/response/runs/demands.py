@@ -113,7 +113,7 @@ class Demand(Quantity):
 MaximumT = TypeVar("MaximumT")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Demands(Generic[MaximumT]):
     """Demands of a run (`Largest`) or of many runs (`LargestOfRuns`), SI units."""
 

@@ -10,7 +10,7 @@ from tdint.arrays import Array
 Amount = TypeVar("Amount")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class EnergyTerms(Generic[Amount]):
     """Energy terms, J: one field per row of `tdint.kernels.time_loop.observer`, in its order."""
 

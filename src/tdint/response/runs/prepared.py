@@ -286,7 +286,7 @@ def _reset_peaks(integrator: Integrator, space: Workspace, row: int | slice) -> 
         space.scratch[first : first + 2 * rows.PEAK_ROWS][row] = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PreparedBuilding:
     """A building as arrays, the forces on its floors and its state at t = 0.
 
