@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isclose, isfinite, nan
 from typing import Any, NamedTuple, get_args
@@ -310,21 +312,30 @@ class Quantity:
         return (self.called or self.name) + suffix(self.unit)
 
 
+def _evaluated(annotation: Any, declaring: type) -> Any:
+    """Return an annotation of a class. It is a text if the module of the class imports
+    `annotations` from `__future__`; a text with names that only type checkers know remains."""
+    if isinstance(annotation, str):
+        with suppress(NameError):
+            return eval(annotation, vars(sys.modules[declaring.__module__]))
+    return annotation
+
+
 def quantities(declaring: type) -> tuple[Quantity, ...]:
     """Return the `Quantity` objects in the annotations of the fields and properties of a class.
 
-    Such an annotation is `Annotated[float, Quantity("m", "peak drift")]`. It must be evaluated with
-    its class, so that its module does not import `annotations` from `__future__`. The result is in
-    the order of the attribute `columns` of the class if it exists, otherwise in the order of
+    Such an annotation is `Annotated[float, Quantity("m", "peak drift")]`. The result is in the
+    order of the attribute `columns` of the class if it exists, otherwise in the order of
     declaration. The name and the type of each quantity are set from its field.
     """
     hints: dict[str, Any] = {}
     for base in reversed(declaring.__mro__):
-        hints |= vars(base).get("__annotations__", {})
+        for name, annotation in vars(base).get("__annotations__", {}).items():
+            hints[name] = _evaluated(annotation, base)
     # A property declares its quantity in the annotation of the returned value.
     for name, member in vars(declaring).items():
         if isinstance(member, property):
-            hints[name] = member.fget.__annotations__.get("return")
+            hints[name] = _evaluated(member.fget.__annotations__.get("return"), declaring)
     declared = []
     for name in getattr(declaring, "columns", hints):
         hint = hints[name]

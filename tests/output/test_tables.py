@@ -24,6 +24,7 @@ from tdint.response.runs.history import History
 from tdint.response.runs.outcome import StoryPeaks
 from tdint.response.spectra.elastic import Spectrum
 from tdint.units import parse_output_units, suffix
+from tdint.units import quantities as declared_by
 
 
 def read(data: bytes) -> list[list[str]]:
@@ -326,3 +327,38 @@ def test_dashpots_of_a_model_are_printed_with_their_law():
     ]
     text = f"{8.0 * 1e-3**0.5:.4g} v^0.5 (kN; v in mm/s; linear below 10 mm/s)"
     assert buildings.model_table(model, parse_output_units("kN,mm")).rows[1][-1] == text
+
+
+def test_quantities_do_not_depend_on_the_evaluation_of_annotations(tmp_path, monkeypatch):
+    """A plug-in can declare a result in a module with annotations as texts, also by an alias and
+    beside names for type checkers."""
+    source = """
+from typing import TYPE_CHECKING, Annotated
+
+from tdint.units import Quantity
+
+if TYPE_CHECKING:
+    from tdint import Record
+
+Drift = Annotated[float, Quantity("m", "drift")]
+
+
+class Result:
+    record: "Record"
+    drift: Drift
+    stories: Annotated[int | None, Quantity("1", "stories")]
+
+    @property
+    def force(self) -> Annotated[float, Quantity("kN", "force")]:
+        return 1.0
+"""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "objects_result.py").write_text(source)
+    (tmp_path / "texts_result.py").write_text("from __future__ import annotations\n" + source)
+    found = declared_by(import_module("texts_result").Result)
+    assert found == declared_by(import_module("objects_result").Result)
+    assert [(item.name, item.value_type) for item in found] == [
+        ("drift", float),
+        ("stories", int),
+        ("force", float),
+    ]

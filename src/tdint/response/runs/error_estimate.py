@@ -37,13 +37,19 @@ from tdint.methods.method import Integrator
 from tdint.response.runs.case import Case, extend_to_rest
 from tdint.response.runs.compiled_steps import unsupported_reason
 from tdint.response.runs.loop_results import all_peaks, columns, with_growth
-from tdint.response.runs.outcome import ErrorEstimate, FailedRun, Response, StoryErrors, StoryPeaks
+from tdint.response.runs.outcome import (
+    ErrorEstimate,
+    EventResponse,
+    FailedRun,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+)
 from tdint.response.time_steps import Steps, finer
 
 if TYPE_CHECKING:
     from tdint.response.runs.elements import ElementValues
     from tdint.response.runs.flexure import FlexureValues
-    from tdint.response.runs.outcome import EventResponse
 
 REFERENCE = parse(DEFAULT_METHOD)
 """Method of the additional run that estimates the errors of most methods."""

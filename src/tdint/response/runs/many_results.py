@@ -17,7 +17,13 @@ from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
 from tdint.number_parsing import first_warning, pluralize
 from tdint.response.runs.history import HISTORIES, History
-from tdint.response.runs.outcome import STORY_QUANTITIES, StoryErrors, StoryPeaks, StoryValues
+from tdint.response.runs.outcome import (
+    STORY_QUANTITIES,
+    Gradient,
+    StoryErrors,
+    StoryPeaks,
+    StoryValues,
+)
 from tdint.response.time_steps import Steps
 from tdint.system import available_memory
 from tdint.tabular import Tabular
@@ -27,7 +33,6 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from tdint.model.limits import LimitCheck
-    from tdint.response.runs.outcome import Gradient
 
 SCALE = "record.scale"
 """Name in `vary` that is not a parameter of the building: factor on the ground motion."""
