@@ -19,7 +19,7 @@ from tdint.studies.ida.ida import IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, IdaRun
 from tdint.studies.ida.ida_figures import ida_picture
 from tdint.studies.motions.intensity import MotionIntensity, pga, sa, sa_average
-from tdint.studies.motions.scaling import Scaling, scale_p695, scale_to_target, scale_to_value
+from tdint.studies.motions.scaling import Scaling, scale, scale_p695
 from tdint.studies.motions.scaling_figures import suite_picture
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")
@@ -102,12 +102,13 @@ PAIR = Horizontals(record(0), record(1))
     every(
         2,
         [
-            (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
-            (scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
+            (scale([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
+            (scale([record(), record(2)], sa_average(1.0), 2.0),
              ["2 records", "median", "Sa_avg = 2 m/s²"]),
-            (scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
+            (scale([PAIR], MotionIntensity("pgv"), 0.3, pair="rotd50"),
              ["1 pair", "RotD50", "PGV = 0.3 m/s"]),
-            (scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
+            (scale([record(i) for i in range(44)], target=TARGET,
+                   periods=np.geomspace(0.2, 2.0, 5)),
              ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"]),
             (scale_p695([PAIR] * 3, sa(1.0), 2.0),
              ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"]),
@@ -134,7 +135,7 @@ def test_suites(scaling, expected):
 
 
 def test_motions_that_are_not_selected_do_not_change_the_height_of_the_axis():
-    scaling = scale_to_target([record(), record(2)], TARGET, np.geomspace(0.2, 2.0, 5))
+    scaling = scale([record(), record(2)], target=TARGET, periods=np.geomspace(0.2, 2.0, 5))
     others = replace(scaling, unselected_spectra=1e-4 * scaling.spectra(scaling.periods))
     limits = [suite_picture(item).axes[0].get_ylim() for item in (scaling, others)]
     assert limits[0] == limits[1]

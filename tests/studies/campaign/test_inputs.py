@@ -19,7 +19,7 @@ from tdint.studies.campaign.definition import AnalysisOverrides, InventoryFile
 from tdint.studies.campaign.inputs import adapted, read_rows
 from tdint.studies.motions.intensity import sa
 from tdint.studies.motions.pairs import recording_numbers
-from tdint.studies.motions.scaling import scale, scale_p695, scale_to_target
+from tdint.studies.motions.scaling import scale, scale_p695
 from tdint.studies.store.identity import all_differences, differences
 
 HEIGHTS = (4.0, 3.0, 3.5)
@@ -171,7 +171,7 @@ def test_scale_with_rule_equals_rule_function(pairs: list[Horizontals]) -> None:
     rule = {"target": target, "damping": 0.2}
     same(
         scale(4 * pairs, **rule, rule="asce7"),
-        scale_to_target(4 * pairs, **rule, rule="asce7", periods=grid_periods),
+        scale(4 * pairs, **rule, rule="asce7", periods=grid_periods),
     )
     for wrong in ({}, {"measure": "pga"}, {"value": 3.0}):
         with pytest.raises(UsageError, match="scale requires an intensity measure"):

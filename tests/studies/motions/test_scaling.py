@@ -26,9 +26,8 @@ from tdint.studies.motions.intensity import (
     sa_average,
 )
 from tdint.studies.motions.scaling import (
+    scale,
     scale_p695,
-    scale_to_target,
-    scale_to_value,
 )
 
 ROOT = Path(__file__).parents[3]
@@ -98,7 +97,7 @@ def test_measures_grow_with_power_of_factor(measured, power):
     assert measured.of(component.scaled(-2.5)) == pytest.approx(
         2.5**power * measured.of(component), rel=1e-12
     )
-    (factor,) = scale_to_value([component], measured, 0.37).factors
+    (factor,) = scale([component], measured, 0.37).factors
     assert measured.of(component.scaled(float(factor))) == pytest.approx(0.37, rel=1e-12)
 
 
@@ -182,7 +181,7 @@ def test_target_is_linear_on_logarithmic_axes():
 def test_scaling_to_a_target_is_least_squares():
     motions = [record(1), record(2)]
     grid = np.geomspace(0.2, 2.0, 12)
-    found = scale_to_target(motions, TARGET, grid).factors
+    found = scale(motions, target=TARGET, periods=grid).factors
     for motion, factor in zip(motions, found, strict=True):
         spectrum = pseudo_accelerations(motion, grid, 0.05)
         misfit = [
@@ -198,7 +197,7 @@ def test_asce7_scaling_meets_floor_with_common_factor():
     and all factors are multiplied by a common factor."""
     motions, grid = pairs(11), np.geomspace(0.4, 2.0, 3)
     target = read_target(str(ROOT / "configs" / "design-spectrum.csv"))
-    scaling = scale_to_target(motions, target, grid, "asce7", damping=0.2)
+    scaling = scale(motions, target=target, periods=grid, rule="asce7", damping=0.2)
     dense = np.unique([*grid, 0.6, 1.5, scaling.least[1]])
     spectra = np.array([rotated_spectrum(pair, dense, 0.2, [100]).psa[0] for pair in motions])
     target_psa = np.exp(np.interp(np.log(dense), np.log(target.periods), np.log(target.psa)))
@@ -223,7 +222,7 @@ def test_asce7_raises_too_low_suite():
     peaked = TargetSpectrum(
         "peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0])
     )
-    scaling = scale_to_target(pairs(11), peaked, grid, "asce7", damping=0.2)
+    scaling = scale(pairs(11), target=peaked, periods=grid, rule="asce7", damping=0.2)
     dense = np.append(np.geomspace(0.2, 2.0, 500), 0.63)  # the peak is at no period of the fit
     average = np.mean(scaling.spectra(dense), axis=0) / peaked.at(dense)
     assert average.min() == pytest.approx(0.9, rel=1e-12)
@@ -239,7 +238,7 @@ def test_ec8_floor_is_met_between_periods_of_fit(period):
         np.geomspace(0.2 * period, 2.0 * period, 5),
     )
     motions = [component for pair in pairs(3) for component in (pair.first, pair.second)]
-    scaling = scale_to_target(motions, target, grid, "ec8")
+    scaling = scale(motions, target=target, periods=grid, rule="ec8")
     dense = np.append(np.geomspace(0.2 * period, 2.0 * period, 5000), scaling.least[1])
     average = np.mean(scaling.spectra(dense), axis=0) / target.at(dense)
     assert average.min() == pytest.approx(scaling.least[0], rel=1e-5)
@@ -264,13 +263,13 @@ def test_p695_normalization_and_scaling():
 
 def test_rules_refuse_incomplete_input():
     with pytest.raises(UsageError, match="asce7 requires pairs"):
-        scale_to_target([record(i) for i in range(11)], TARGET, PERIODS, "asce7")
+        scale([record(i) for i in range(11)], target=TARGET, periods=PERIODS, rule="asce7")
     with pytest.raises(UsageError, match="p695 requires pairs"):
         scale_p695([record(1)])
     with pytest.raises(UsageError, match="or neither"):
         scale_p695(pairs(1), sa(1.0))
     with pytest.raises(UsageError, match="must be positive"):
-        scale_to_value([record(1)], pga(), -1.0)
+        scale([record(1)], pga(), -1.0)
 
 
 def test_target_tables_are_read(tmp_path):

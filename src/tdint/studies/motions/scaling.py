@@ -178,88 +178,10 @@ def suite_spectra(
     return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
 
 
-def suite_peaks(motions: Sequence[GroundMotion], pair: str) -> Array:
-    """Return the peak ground accelerations of n motions, m/s^2, shape (n,). `pair` is the
-    combination of the two components of a pair, a name of `PAIRS`."""
-    return np.array([pga().of(motion, pair) for motion in motions])
-
-
-def scale_to_value(
-    motions: Sequence[GroundMotion],
-    measure: IntensityMeasure,
-    value: float,
-    pair: str = GEOMETRIC_MEAN,
-) -> Scaling:
-    """Scale each motion to a value of an intensity measure.
-
-    Parameters
-    ----------
-    pair : str
-        Combination of the components of a pair; by default the geometric mean.
-
-    Raises
-    ------
-    UsageError
-        The value is not positive.
-    RecordError
-        A motion is zero.
-    """
-    _check_value(measure, value)
-    factors = np.array([factor_to(value, measure, measure.of(motion, pair)) for motion in motions])
-    damping = getattr(measure, "damping", SA_DAMPING)
-    return Scaling(tuple(motions), factors, "value", pair, damping, measure, value)
-
-
 def _check_value(measure: IntensityMeasure, value: float) -> None:
     """Raise UsageError if a value of an intensity measure is not a positive number."""
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"{measure.name}: the value must be positive, got {value:g}")
-
-
-def scale_to_target(
-    motions: Sequence[GroundMotion],
-    target: TargetSpectrum,
-    periods: Array,
-    rule: str = "mean",
-    *,
-    damping: float = SA_DAMPING,
-    pair: str = GEOMETRIC_MEAN,
-) -> Scaling:
-    """Scale a suite to a target spectrum.
-
-    Each motion is fitted to the target by least squares of ln Sa, with equal weights of all
-    periods: its factor is exp(mean(ln target - ln Sa)). If the suite does not satisfy its rule, all
-    factors are multiplied by the smallest common factor that does.
-
-    Parameters
-    ----------
-    periods : ndarray, shape (k,)
-        Periods, s, in the range of the target.
-    rule : str
-        `mean` (default): no common factor. `asce7`: ASCE 7-16 (16.2.3.2), at least 11 pairs; the
-        average of the maximum-direction spectra is at least 90 % of the target at all periods
-        between the first and the last of `periods`. `ec8`: EN 1998-1:2004 (3.2.3.1.2(4)), at least
-        3 motions; the mean spectrum is at least 90 % of the target at these periods, and the mean
-        of the peak ground accelerations is not less than the target at the period 0, which is ag S.
-    pair : str
-        Spectrum that represents a pair of components; by default the geometric mean. `asce7`
-        prescribes maximum-direction spectra.
-
-    Raises
-    ------
-    UsageError
-        The rule is unknown, or it requires more motions, pairs, or a target with a value at the
-        period 0; a period is outside the range of the target.
-    """
-    check_rule(rule, motions, target)
-    if text := missing_motions(rule, len(motions)):
-        raise UsageError(f"{text}; add ground motions, or use the rule mean")
-    pair = pair_of_rule(rule, pair)
-    target_values = target.at(periods)
-    spectra = suite_spectra(motions, periods, damping, pair)
-    factors = np.exp(np.mean(np.log(target_values) - np.log(spectra), axis=1))
-    fitted = Scaling(tuple(motions), factors, "mean", pair, damping, target=target, periods=periods)
-    return raise_to_rule(fitted, rule)
 
 
 def pair_of_rule(rule: str, pair: str) -> str:
@@ -325,7 +247,9 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
     if rule == "ec8":
         assert fitted.target is not None
         assert fitted.target.zero is not None
-        peaks = fitted.factors * suite_peaks(fitted.motions, fitted.pair)
+        peaks = fitted.factors * np.array(
+            [pga().of(motion, fitted.pair) for motion in fitted.motions]
+        )
         peak_factor = fitted.target.zero / float(np.mean(peaks))
     minimum_ratio, period = _minimum_average(fitted)
     common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / minimum_ratio)
@@ -463,15 +387,23 @@ def scale(
         Alternative to a value: a file with a spectrum, or the text of a design spectrum
         (`tdint.response.spectra.target.read_target`).
     rule : str
-        Rule for a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`. For
-        pairs without a target: `p695`, with an optional measure `sa(T)` and value.
+        Rule for a target. `mean` (default): each motion is fitted by least squares of ln Sa; its
+        factor is exp(mean(ln target - ln Sa)). `asce7` and `ec8`: all factors are also multiplied
+        by the smallest common factor that satisfies the rule. `asce7`: ASCE 7-16 (16.2.3.2), at
+        least 11 pairs; the average of the maximum-direction spectra is at least 90 % of the target
+        at all periods between the first and the last of `periods`. `ec8`: EN 1998-1:2004
+        (3.2.3.1.2(4)), at least 3 motions; the mean spectrum is at least 90 % of the target at
+        these periods, and the mean of the peak ground accelerations is not less than the target at
+        the period 0, which is ag S. For pairs without a target: `p695`, with an optional measure
+        `sa(T)` and value.
     periods : sequence of float, optional
         Periods of the comparison with the target, s; by default 100 logarithmically spaced periods
         over the range of the target.
     damping : float
         Damping ratio of the spectra; default 0.05.
     pair : str
-        Spectrum that represents a pair: a name of `tdint.studies.motions.intensity.PAIRS`.
+        Spectrum that represents a pair: a name of `tdint.studies.motions.intensity.PAIRS`. `asce7`
+        prescribes maximum-direction spectra.
 
     Returns
     -------
@@ -481,8 +413,9 @@ def scale(
     Raises
     ------
     UsageError
-        No value and no target are given, or both; the measure or rule is unknown; periods are
-        outside the range of the target.
+        No value and no target are given, or both; the value is not positive; the measure or rule is
+        unknown; the rule requires more motions, pairs, or a target with a value at the period 0;
+        periods are outside the range of the target.
     RecordError
         A motion is invalid or zero.
     """
@@ -492,12 +425,27 @@ def scale(
         if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
         spectrum, compared_periods = target_at(target, periods)
-        return scale_to_target(suite, spectrum, compared_periods, rule, damping=damping, pair=pair)
+        check_rule(rule, suite, spectrum)
+        if text := missing_motions(rule, len(suite)):
+            raise UsageError(f"{text}; add ground motions, or use the rule mean")
+        pair = pair_of_rule(rule, pair)
+        target_psa = spectrum.at(compared_periods)
+        psa = suite_spectra(suite, compared_periods, damping, pair)
+        # Least squares of ln Sa, with equal weights of all periods
+        factors = np.exp(np.mean(np.log(target_psa) - np.log(psa), axis=1))
+        fitted = Scaling(
+            tuple(suite), factors, "mean", pair, damping, target=spectrum, periods=compared_periods
+        )
+        return raise_to_rule(fitted, rule)
     if rule == "p695":
         return scale_p695(suite, intensity_measure, value, damping=damping)
     if intensity_measure is None or value is None:
         raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
-    return scale_to_value(suite, intensity_measure, value, pair)
+    _check_value(intensity_measure, value)
+    intensities = [intensity_measure.of(motion, pair) for motion in suite]
+    factors = np.array([factor_to(value, intensity_measure, item) for item in intensities])
+    damping = getattr(intensity_measure, "damping", SA_DAMPING)
+    return Scaling(tuple(suite), factors, "value", pair, damping, intensity_measure, value)
 
 
 _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets
