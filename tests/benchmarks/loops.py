@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 import raw_points
-from common import ROOT
+from common import ROOT, use_own_loops
 
 from tdint import load_model
 from tdint.errors import TdintError
@@ -58,7 +58,8 @@ def times(model: Model, method: str) -> tuple[float, float] | None:
     assert record is not None
     steps = choose_steps(None, None, record.dt, record.duration)
     buildings = [prepare_building(model, for_all_laws) for for_all_laws in (False, True)]
-    buildings[0].compile([integrator], own_loops=True)
+    use_own_loops()
+    buildings[0].compile([integrator])
     best, peaks = [math.inf, math.inf], [None, None]
     for _ in range(REPEATS):
         for i, prepared in enumerate(buildings):

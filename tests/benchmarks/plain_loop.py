@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 import raw_points
-from common import NAMES, ROOT, components, minimum_times
+from common import NAMES, ROOT, components, minimum_times, use_own_loops
 from long_steps import random_bilinear
 from newmark_loop import loop_arguments, plain_loop
 
@@ -113,7 +113,8 @@ def compare(number: int, model: Model, record: Record, motion: str) -> list[list
         Name of the ground motion.
     """
     case = prepare(model, record, method="impulse4")
-    case.prepared.compile([parse("impulse4")], own_loops=True)
+    use_own_loops()
+    case.prepared.compile([parse("impulse4")])
     true = run_case(case, dt=record.dt / FINE, check=False).stories.peak_drift
     programs = {"plain loop": plain_call, "run_case": tdint_call}
     calls = {name: [make(case, part) for part in STEP_LENGTHS] for name, make in programs.items()}
@@ -146,7 +147,8 @@ def fixed_costs() -> list[list[str]]:
     record = model_record(model)
     record = replace(record, acceleration=record.acceleration[: STEPS + 1].copy())
     case = prepare(model, record)
-    case.prepared.compile([case.method], own_loops=True)
+    use_own_loops()
+    case.prepared.compile([case.method])
     calls = {
         "run_case, no error estimate": lambda: run_case(case, check=False),
         "run, no error estimate": lambda: run(model, record, check=False),

@@ -37,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).parent))
 import page_tables
 import raw_points
+from common import use_own_loops
 from page_tables import WORDS, percent, table
 from raw_points import Conditions, Entry
 
@@ -153,9 +154,9 @@ def measure_standard_problem(number: int, file: Path, methods: Sequence[str], pe
     problem = read_problems(STANDARD)[number]
     # Loops for all laws are slower than loops for the laws of the building. The cache may contain
     # either for a method, so all methods are compiled for the laws of the building.
-    problem.posed.prepared.compile(
-        [parse(name) for name in dict.fromkeys([*methods, "impulse4", "moment4"])], own_loops=True
-    )
+    use_own_loops()
+    names = dict.fromkeys([*methods, "impulse4", "moment4"])
+    problem.posed.prepared.compile([parse(name) for name in names])
     began = time.process_time()
     measured = measure_problem(problem, chosen(methods), tolerances=TOLERANCES, peers=peers)
     # On a busy machine the process of OpenSees may not start. Such a result is not stored, so that
@@ -194,7 +195,8 @@ def measure_tolerance_lines(number: int, file: Path, methods: Sequence[str]) -> 
     """
     problem = read_problems(STANDARD)[number]
     measured, day, load, seconds = pickle.loads(file.read_bytes())
-    problem.posed.prepared.compile([parse("impulse4"), parse("moment4")], own_loops=True)
+    use_own_loops()
+    problem.posed.prepared.compile([parse("impulse4"), parse("moment4")])
     posed = ending_together(problem.posed, [problem.posed.interval * part for part in PARTS])
     steps = posed.steps(posed.interval)
     true = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / profiles._FINE))

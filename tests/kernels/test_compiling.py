@@ -783,7 +783,7 @@ def test_variant_that_runs_require_is_compiled_ahead(cache, monkeypatch, whole):
     assert len(written) == (2 if whole else 3)
 
 
-def test_requested_specific_loops_are_not_replaced(monkeypatch):
+def test_loops_for_all_laws_are_used_unless_benchmarks_compare_times(monkeypatch):
     """Otherwise, methods with building-specific loops in the cache would be compared with methods
     that use slower loops for all laws."""
     kernel, variant = SimpleNamespace(name="a:b"), Variant(laws=("tanh",))
@@ -791,10 +791,10 @@ def test_requested_specific_loops_are_not_replaced(monkeypatch):
         store, "find_object", lambda name, text, _: ("file", b"", "b") if "all" in text else None
     )
     monkeypatch.setattr(building_module, "_load", lambda *_: True)
-    assert building_module._load_existing([(kernel, variant)], own_loops=False) == []
-    assert building_module._load_existing([(kernel, variant)], own_loops=True) == [
-        (kernel, variant)
-    ]
+    assert building_module._load_existing([(kernel, variant)]) == []
+    # As `use_own_loops` of the benchmarks
+    monkeypatch.setattr(building_module, "_usable_variants", lambda variant: (variant,))
+    assert building_module._load_existing([(kernel, variant)]) == [(kernel, variant)]
 
 
 def test_all_laws_do_not_replace_laws_that_can_fracture():

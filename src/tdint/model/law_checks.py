@@ -118,8 +118,6 @@ def verify_laws(law_parameters: Array) -> None:
     """
     # Laws of plug-ins are numbered from `OURS` on.
     codes = law_parameters[..., rows.CODE, :]
-    if not np.any(codes >= OURS):
-        return
     # Each row of `columns` is the column of the table for a story with a plug-in law.
     columns = np.moveaxis(law_parameters, -2, -1)[codes >= OURS]
     for column in np.unique(columns, axis=0):

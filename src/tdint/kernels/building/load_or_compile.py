@@ -55,7 +55,6 @@ if hasattr(os, "register_at_fork"):
 def load_or_compile(
     pairs: Sequence[tuple[Compilable, Variant]],
     progress: Callable[[float], None] = lambda done: None,
-    own_loops: bool = False,
 ) -> None:
     """Load kernels into this process, and compile those without an object file in parallel
     processes.
@@ -65,11 +64,6 @@ def load_or_compile(
     progress : callable, optional
         Is called after each compilation with the fraction of the missing kernels that are
         completed; the last value is 1. It is not called if all kernels have an object file.
-    own_loops : bool
-        True to use only kernels that are compiled for exactly the required features, for
-        comparisons of run times. False to use also an existing kernel with all features, which
-        `tdint compile --all` creates. Kernels that this process has already loaded are not
-        replaced, so a comparison of run times must load its kernels first. Default: False.
 
     Raises
     ------
@@ -81,13 +75,12 @@ def load_or_compile(
     if all(kernel.loaded(variant) for kernel, variant in pairs):
         return
     with _ONE_AT_A_TIME:
-        _load_missing(pairs, progress, own_loops)
+        _load_missing(pairs, progress)
 
 
 def _load_missing(
     pairs: Sequence[tuple[Compilable, Variant]],
     progress: Callable[[float], None],
-    own_loops: bool,
 ) -> None:
     """Load the kernels that are not loaded, and compile kernels without an object file
     (`load_or_compile`).
@@ -120,7 +113,7 @@ def _load_missing(
         return
     from tdint.kernels.building import store
 
-    if not (missing := _load_existing(dict.fromkeys(requested), own_loops)):
+    if not (missing := _load_existing(dict.fromkeys(requested))):
         return
     folder = store.writable()
     # Processes that need the same kernels wait for each other. The lock file is one of 16, selected
@@ -132,7 +125,7 @@ def _load_missing(
         file, lambda: LOG.info("waiting for another tdint process that compiles time loops")
     ):
         # Another process may have compiled the kernels in the meantime.
-        if missing := _load_existing(missing, own_loops):
+        if missing := _load_existing(missing):
             _compile(missing, progress, folder)
 
 
@@ -145,17 +138,15 @@ def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
 
 
 def _load_existing(
-    pairs: Iterable[tuple[Compilable, Variant]], own_loops: bool
+    pairs: Iterable[tuple[Compilable, Variant]],
 ) -> list[tuple[Compilable, Variant]]:
-    """Load kernels that have an object file, and return the remaining kernels (`own_loops` of
-    `load_or_compile`).
-    """
+    """Load kernels that have an object file, and return the remaining kernels."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     missing = []
     for kernel, variant in pairs:
-        for usable in (variant,) if own_loops else _usable_variants(variant):
+        for usable in _usable_variants(variant):
             stored = store.find_object(kernel.name, usable.text, runnable())
             # Path, code and name of the function; None without an object file
             if stored and _load(kernel, variant, *stored[1:]):
@@ -333,15 +324,14 @@ def interpret_while_compiling(
     # Without numba the compilation fails, and the caller reports the error.
     if importlib.util.find_spec("numba") is None:
         return False
-    # `own_loops` False also accepts object files that were compiled for all features. If a kernel
-    # of the time loop has no object file, all its kernels are installed as Python functions, with
-    # memory views (`as_views`), which are faster.
+    # If a kernel of the time loop has no object file, all its kernels are installed as Python
+    # functions, with memory views (`as_views`), which are faster.
     with _ONE_AT_A_TIME:
         in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
-        if not _load_existing(in_loop, False):
+        if not _load_existing(in_loop):
             return False  # all kernels of the time loop have an object file
         others = [(kernel, kernel.required_variant(variant)) for kernel, variant in other_kernels()]
-        for kernel, variant in [*in_loop, *_load_existing(others, False)]:
+        for kernel, variant in [*in_loop, *_load_existing(others)]:
             kernel.install(variant, as_views(kernel.function, variant), interpreted=True)
     folder = store.writable() if setting != "never" else None
     background = ""

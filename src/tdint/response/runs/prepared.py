@@ -44,7 +44,6 @@ from tdint.response.runs.compiled_steps import (
     find_instability,
     kernels,
     unsupported_reason,
-    validate_plugin_step,
 )
 from tdint.response.time_steps import Steps
 
@@ -362,7 +361,6 @@ class PreparedBuilding:
         self,
         integrators: Iterable[Integrator],
         progress: Callable[[float], None] = lambda part: None,
-        own_loops: bool = False,
     ) -> None:
         """Load or compile the kernels for some methods before a timer starts.
 
@@ -370,9 +368,6 @@ class PreparedBuilding:
         ----------
         progress : callable
             Function that receives the completed fraction, from 0 to 1; by default no function.
-        own_loops : bool, default False
-            True compiles loops for the laws of the building even if slower loops for all laws are
-            available, as needed when the times of methods are compared.
 
         Raises
         ------
@@ -385,7 +380,6 @@ class PreparedBuilding:
         load_or_compile(
             [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
             progress,
-            own_loops,
         )
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
@@ -674,27 +668,23 @@ class PreparedBuilding:
         return 0, steps.count
 
     def _loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
-        """Check that the method supports the building, load the kernels, and return `arrays`."""
-        if reason := unsupported_reason(integrator, self.building):
-            raise AnalysisError(reason)
-        self.compile([integrator])
-        return self.arrays(integrator, h, row_count)
-
-    def arrays(self, integrator: Integrator, h: float, row_count: int) -> Workspace:
-        """Return the arrays of a time integration in the initial state.
+        """Check that the method supports the building, load the kernels, and return the arrays of a
+        time integration in the initial state.
 
         Parameters
         ----------
         row_count : int
-            Number of rows of the history; 0 for no history.
+            Number of rows of the history; by default no history.
 
         Raises
         ------
         AnalysisError
-            A law or the method of a plug-in is invalid.
+            The method does not support the building, or a law or the method of a plug-in is
+            invalid.
         """
-        _verify_laws(self.building.law_parameters)
-        validate_plugin_step(integrator, self.variant)
+        if reason := unsupported_reason(integrator, self.building):
+            raise AnalysisError(reason)
+        self.compile([integrator])
         moments = integrator.family.moments
         columns = moments(self.building, h) if moments and self.points.size else 0
         # The kernels continue from these arrays, so that each run has a separate copy of the
