@@ -9,10 +9,9 @@ installed, 4 if it is installed but cannot be loaded.
 from __future__ import annotations
 
 import ctypes
-import io
-import json
 import math
 import os
+import pickle
 import signal
 import sys
 import time
@@ -51,7 +50,7 @@ def main() -> int:
     """Execute the runs of standard input, write their results, and return the exit code.
 
     A run is not started if earlier runs of its integrator used the processor time of the problem.
-    The results of run number i are stored under the names `i_outcome`, `i_motion` and so on.
+    The results are a list with an entry for each run; an entry contains arrays by name.
 
     The argument of the process is the ID of the process that started it. On Linux, this process is
     killed when that process ends.
@@ -73,23 +72,17 @@ def main() -> int:
     except (ImportError, OSError, RuntimeError) as error:
         sys.stderr.write(f"{error}\n")
         return NOT_LOADED
-    with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as content:
-        problem = dict(content)
-    runs = json.loads(str(problem["runs"]))
-    results: Content = {}
-    seconds_used = {json.dumps(run["integrator"]): 0.0 for run in runs}
-    for run_number, run in enumerate(runs):
-        integrator = json.dumps(run["integrator"])
-        if seconds_used[integrator] > SECONDS * float(problem["share"]):
-            results[f"{run_number}_outcome"] = np.array(NOT_RUN)
+    problem = pickle.load(sys.stdin.buffer)
+    results: list[Content] = []
+    seconds_used = {run["integrator"]: 0.0 for run in problem["runs"]}
+    for run in problem["runs"]:
+        if seconds_used[run["integrator"]] > SECONDS * problem["share"]:
+            results.append({"outcome": NOT_RUN})
             continue
         start_time = time.process_time()
-        for name, value in _run(ops, problem, run).items():
-            results[f"{run_number}_{name}"] = value
-        seconds_used[integrator] += time.process_time() - start_time
-    stream = io.BytesIO()
-    np.savez(stream, **results)
-    output.write(stream.getvalue())
+        results.append(_run(ops, problem, run))
+        seconds_used[run["integrator"]] += time.process_time() - start_time
+    pickle.dump(results, output)
     output.close()
     return 0
 
@@ -123,9 +116,9 @@ def _run(ops: Any, problem: Content, run: Content) -> Content:
         error_code = ops.analyze(run["steps"], run["h"])
         times.append(clock_seconds() - start_time)
         if error_code != 0:
-            motion["outcome"] = np.array("not-converged")
+            motion["outcome"] = "not-converged"
     ops.wipe()
-    return motion | {"times": np.array(times)}
+    return motion | {"times": times}
 
 
 def _build(ops: Any, problem: Content, run: Content) -> None:
@@ -136,7 +129,7 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     """
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
-    story_count, materials = problem["mass"].size, json.loads(str(problem["materials"]))
+    story_count, materials = problem["mass"].size, problem["materials"]
     for node in range(story_count + 1):
         ops.node(node, 0.0)
     ops.fix(_GROUND, 1)
@@ -166,11 +159,11 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
                     "-doRayleigh",
                     int(position == 0),
                 )
-    ops.rayleigh(float(problem["alpha_mass"]), 0.0, float(problem["beta_stiffness"]), 0.0)
+    ops.rayleigh(problem["alpha_mass"], 0.0, problem["beta_stiffness"], 0.0)
     _load_floors(ops, problem)
     if problem["ground"].size > 1:
         values = [*problem["ground"].tolist(), 0.0]
-        ops.timeSeries("Path", 1, "-dt", float(problem["interval"]), "-values", *values)
+        ops.timeSeries("Path", 1, "-dt", problem["interval"], "-values", *values)
         ops.pattern("UniformExcitation", _PATTERN, 1, "-accel", 1)
     for set_node, name in ((ops.setNodeDisp, "u"), (ops.setNodeVel, "v"), (ops.setNodeAccel, "a")):
         for i, value in enumerate(problem[f"{name}_start"]):
@@ -179,7 +172,7 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.constraints("Plain")
     ops.numberer("Plain")
     ops.system("BandSPD")
-    ops.test("NormUnbalance", TOLERANCE * float(problem["largest"]), ITERATIONS)
+    ops.test("NormUnbalance", TOLERANCE * problem["largest"], ITERATIONS)
     # A linear building has a constant matrix, which needs to be factorized only one time.
     ops.algorithm(*("Linear", "-factorOnce") if problem["one_solve"] else ("Newton",))
     ops.integrator(*run["integrator"])
@@ -222,13 +215,13 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     """
     node_values, story_force, iterations = _run_steps(ops, problem, run)
     if not node_values:
-        return {"outcome": np.array("not-converged")}
+        return {"outcome": "not-converged"}
     initial_state = (problem["u_start"], problem["v_start"], problem["a_start"])
     u, v, a = (
         np.vstack([start, values]) for start, values in zip(initial_state, node_values, strict=True)
     )
     if not np.all(np.isfinite(u)):
-        return {"outcome": np.array("diverged")}
+        return {"outcome": "diverged"}
     # The ground acceleration decreases linearly to 0 after the last sample.
     times, ground_samples = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
     ground_acceleration = np.interp(
@@ -243,12 +236,12 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
     shear *= math.nan if problem["forces"].size else 1.0
     return {
-        "outcome": np.array("done"),
+        "outcome": "done",
         "motion": np.array([u, v, a])[:, :: run["per_sample"]],
         "peak_drift": np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0),
         "peak_absolute_acceleration": np.max(np.abs(absolute), axis=0),
         "peak_total_shear": np.max(np.abs(shear), axis=0),
-        "iterations": np.array(iterations),
+        "iterations": iterations,
     }
 
 
@@ -292,7 +285,7 @@ def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any)
     `story_force` contains the forces of the materials of the stories; f includes P-delta.
     """
     # Damping in proportion to the mass acts on the floors, all other damping on the stories.
-    force = -float(problem["alpha_mass"]) * problem["mass"] * v
+    force = -problem["alpha_mass"] * problem["mass"] * v
     for floor, cosine, sine, omega, *_ in problem["forces"]:
         force[:, int(floor)] += cosine * np.cos(omega * times) + sine * np.sin(omega * times)
     drift, drift_rate = (np.diff(values, axis=1, prepend=0.0) for values in (u, v))

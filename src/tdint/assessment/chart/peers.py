@@ -6,14 +6,11 @@ the time steps automatically.
 
 from __future__ import annotations
 
-import io
-import json
 import math
 import os
+import pickle
 import subprocess
 import sys
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
@@ -183,14 +180,8 @@ def openseespy_points(
     if failure_reason:
         return [], [f"openseespy is omitted: {failure_reason}"]
     points = []
-    for run_number, (integrator, steps) in enumerate(method_steps):
-        # Names of results of the run start with its number and an underscore.
-        run_results = {
-            name.partition("_")[2]: value
-            for name, value in worker_results.items()
-            if name.startswith(f"{run_number}_")
-        }
-        label, outcome = f"openseespy/{integrator.label}", str(run_results["outcome"])
+    for (integrator, steps), run_results in zip(method_steps, worker_results, strict=True):
+        label, outcome = f"openseespy/{integrator.label}", run_results["outcome"]
         point = Point(label, steps.h, steps.count, outcome, line=label)
         if outcome == DONE:
             motion = _motion(problem, steps, run_results["motion"], run_results["peak_drift"])
@@ -199,9 +190,9 @@ def openseespy_points(
             )
             point = replace(
                 point,
-                iterations=int(run_results["iterations"]),
+                iterations=run_results["iterations"],
                 errors=run_errors,
-                times=tuple(run_results["times"].tolist()),
+                times=tuple(run_results["times"]),
             )
         points.append(point)
     line_order = [f"openseespy/{name}" for name in _OPENSEES]
@@ -246,14 +237,14 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
         worker_results, failure_reason = _run_worker(
             problem, [(average, steps)], reference, 0, math.inf
         )
-        if failure_reason or str(worker_results["0_outcome"]) != DONE:
-            return (
-                math.nan,
-                failure_reason or f"with dt {steps.h:.3g} s it is {worker_results['0_outcome']}",
-            )
+        if failure_reason:
+            return math.nan, failure_reason
+        (run_results,) = worker_results
+        if run_results["outcome"] != DONE:
+            return math.nan, f"with dt {steps.h:.3g} s it is {run_results['outcome']}"
         # Each further entry eliminates one more term, by extrapolation from the entry at the
         # previous (twice as long) step.
-        limits = [worker_results["0_motion"]]
+        limits = [run_results["motion"]]
         for error_factor, coarser_limit in zip(error_factors, previous_limits, strict=False):
             limits.append(limits[-1] + (limits[-1] - coarser_limit) / (error_factor - 1.0))
         previous_limits = limits
@@ -319,10 +310,9 @@ def _run_worker(
     reference: Reference,
     repeats: int,
     share: float,
-) -> tuple[dict[str, Any], str]:
+) -> tuple[list[dict[str, Any]], str]:
     """Run OpenSeesPy in a separate process, because its libraries would stay loaded and may crash;
-    return its arrays (names `run number`_`quantity`) and the reason of a failure, empty if it
-    succeeds.
+    return the results of each run by name, and the reason of a failure, empty if it succeeds.
 
     The maximum inertia force of the reference scales the tolerance of OpenSees' iterations, and its
     peak drifts scale the drifts of the force tables that replace curved laws.
@@ -340,36 +330,29 @@ def _run_worker(
         }
         for integrator, steps in runs
     ]
-    stream = io.BytesIO()
-    np.savez(
-        stream,
-        runs=np.array(json.dumps(run_descriptions)),
-        share=np.array(share),
-        **_arrays(problem, reference),
-    )
+    content = {"runs": run_descriptions, "share": share} | _arrays(problem, reference)
     # The worker receives the ID of the present process, so that both processes end together.
     command = [sys.executable, "-P", "-m", opensees_worker.__name__, str(os.getpid())]
     try:
         process = subprocess.run(
-            command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES
+            command, input=pickle.dumps(content), capture_output=True, timeout=60.0 * _MINUTES
         )
     except (OSError, subprocess.TimeoutExpired):
-        return {}, NO_PROCESS
+        return [], NO_PROCESS
     if process.returncode == opensees_worker.NOT_INSTALLED:
-        return {}, "it is not installed (pip install 'tdint[peers]')"
+        return [], "it is not installed (pip install 'tdint[peers]')"
     if process.returncode == opensees_worker.NOT_LOADED:
         last_error_line = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        return {}, f"it cannot be loaded ({' '.join(last_error_line)})"
+        return [], f"it cannot be loaded ({' '.join(last_error_line)})"
     try:
-        with np.load(io.BytesIO(process.stdout), allow_pickle=False) as content:
-            return dict(content), ""
-    # The standard output is no complete archive if the process crashed before or while it wrote.
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error):
-        return {}, f"its process ended with code {process.returncode}"
+        return pickle.loads(process.stdout), ""
+    # The standard output is not complete if the process crashed before or while it wrote.
+    except (pickle.UnpicklingError, EOFError):
+        return [], f"its process ended with code {process.returncode}"
 
 
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
-    """Return the arrays that describe a problem for `opensees_worker`, by name, in SI units.
+    """Return the values that describe a problem for `opensees_worker`, by name, in SI units.
 
     Dampers in proportion to the stiffness are passed as the Rayleigh coefficient `beta_stiffness`,
     other dampers as separate `dashpot` elements. `largest` is the maximum inertia force, N.
@@ -397,22 +380,20 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         start_force[int(row[rows.FLOOR])] += row[rows.COSINE]
     return {
         "mass": building.mass,
-        "materials": np.array(json.dumps(materials)),
-        "alpha_mass": np.array(
-            _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass)
-        ),
-        "beta_stiffness": np.array(0.0 if beta is None else beta),
+        "materials": materials,
+        "alpha_mass": _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass),
+        "beta_stiffness": 0.0 if beta is None else beta,
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
         "story_damper": dampers,
         "geometric": building.linear_terms[rows.GEOMETRIC, :-1],
         "forces": problem.forces,
         "ground": problem.ground,
-        "interval": np.array(problem.interval),
-        "one_solve": np.array(_needs_one_solution(problem)),
+        "interval": problem.interval,
+        "one_solve": _needs_one_solution(problem),
         "u_start": problem.displacement,
         "v_start": problem.velocity,
         "a_start": np.asarray(start_force / building.mass - problem.ground[0]),
-        "largest": np.array(np.max(building.mass * np.abs(reference.motion.acceleration))),
+        "largest": float(np.max(building.mass * np.abs(reference.motion.acceleration))),
     }
 
 
