@@ -26,7 +26,6 @@ from tdint_cli.terminal import Progress, note, part_of, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.assessment.chart.chart_summary import Advice
-    from tdint.assessment.chart.performance_profiles import FieldProblem
     from tdint.assessment.chart.problem import Problem
     from tdint.assessment.chart.work_precision import Chart, Peer, Point, Timing
     from tdint.ground_motion.record import Record
@@ -314,14 +313,15 @@ def _chart_many(request: Request) -> None:
             "under one record; specify one model and one record"
         )
     from tdint.assessment.chart.chart_summary import field_summary
-    from tdint.assessment.chart.performance_profiles import METHODS, measure_all
+    from tdint.assessment.chart.performance_profiles import METHODS, performance_profiles
 
-    problems = _problems(request)
+    models = None if request.problems else _models(request)
     integrators = _integrators(request, METHODS)
     with progress_bar(request.outputs.table is None) as progress:
-        chart = measure_all(
-            problems,
-            integrators,
+        chart = performance_profiles(
+            models,
+            problems=request.problems,
+            method=[integrator.label for integrator in integrators],
             repeats=request.repeat,
             tolerances=request.tolerances or (),
             peers=request.peers,
@@ -358,13 +358,10 @@ def _chart_many(request: Request) -> None:
     _report_timing([chart.timing], chart.peers)
 
 
-def _problems(request: Request) -> list[FieldProblem]:
-    """Return the problems of --problems, or all combinations of the models and records."""
-    from tdint.assessment.chart.performance_profiles import crossed, read_problems
+def _models(request: Request) -> list[Model]:
+    """Return all combinations of the models and records."""
     from tdint.model.config.model_file import load_model
 
-    if request.problems:
-        return read_problems(request.problems)
     models = []
     for file in request.models:
         model = load_model(file)
@@ -379,7 +376,7 @@ def _problems(request: Request) -> list[FieldProblem]:
             check_motion(building_request)
             models.append(with_motion(model, building_request))
     # The models already contain their records, so that no further records are specified.
-    return crossed(models, ())
+    return models
 
 
 def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:

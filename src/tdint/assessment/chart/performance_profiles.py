@@ -684,33 +684,7 @@ def performance_profiles(
             "performance_profiles requires either models (with records) or problems: 'standard' or "
             "a file"
         )
-    return measure_all(
-        selected,
-        chosen(method),
-        repeats=repeats,
-        tolerances=tolerances,
-        peers=peers,
-        progress=progress,
-    )
-
-
-def measure_all(
-    problems: Sequence[FieldProblem],
-    integrators: Sequence[Integrator],
-    *,
-    repeats: int = _REPEATS,
-    tolerances: Sequence[float] = (),
-    peers: bool = False,
-    progress: Progress = silent,
-) -> FieldChart:
-    """Measure problems sequentially and return their chart; the other arguments are those of
-    `measure_problem`.
-
-    Raises
-    ------
-    AnalysisError
-        The reference of a problem does not reach its end.
-    """
+    integrators = chosen(method)
 
     def measure_one(completed: int, problem: FieldProblem) -> Measured:
         """Measure a problem after others that are completed."""
@@ -722,11 +696,11 @@ def measure_all(
             tolerances=tolerances,
             peers=peers,
             progress=lambda action, fraction: progress(
-                f"{label}: {action}", (completed + fraction) / len(problems)
+                f"{label}: {action}", (completed + fraction) / len(selected)
             ),
         )
 
-    return field_chart([measure_one(*numbered) for numbered in enumerate(problems)])
+    return field_chart([measure_one(*numbered) for numbered in enumerate(selected)])
 
 
 def field_chart(measured: Sequence[Measured]) -> FieldChart:
