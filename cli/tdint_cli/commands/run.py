@@ -173,9 +173,10 @@ def _run(request: Request) -> None:
         )
     request.floor_request.chosen_floors(model)
     if model.damage:
-        from tdint.response.runs.damage import own_type
+        from tdint.response.runs.damage import divisor_and_period_of_model
 
-        own_type(model)  # invalid damage states are refused before the run
+        # Invalid damage states are refused before the run.
+        divisor_and_period_of_model(model, model.damage.demand)
     events = _sequence_records(request, model)
     record = None if events else model_record(model)
     records = events or ([record] if record else [])

@@ -268,16 +268,6 @@ class Building:
             force = force + peaks[..., rows.PEAK_BRACE_FORCE, :]
         return self.damper_force(force)
 
-    def observed(self, peaks: Array) -> Array:
-        """Return the peaks of a run, shape (..., PEAK_ROWS, n), with nan in the rows that the time
-        loops do not fill without dashpots, or without braces."""
-        filled = np.array(peaks)
-        if not self.damped_by_devices:
-            filled[..., rows.PEAK_DRIFT_RATE, :] = np.nan
-        if not self.braced:
-            filled[..., rows.PEAK_BRACE_FORCE, :] = np.nan
-        return filled
-
     def device_force(self, rate: Array) -> Array:
         """Return the forces (N) of dashpots without a brace at drift rates (m/s), shape (..., n),
         in the direction of the drift.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,47 +129,19 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> RunDamage |
     ModelError
         The model lacks data for the computation of the demand.
     """
-    states, building_type = model.damage, own_type(model)
-    if states is None or building_type is None:
+    states = model.damage
+    if states is None:
         return None
     # The divisor converts a peak of the run to the demand, for example a displacement to a ratio.
     (cells,) = demand_cells(stories)
-    demand = np.array([abs(cells[RUN_QUANTITIES[states.demand]])]) / building_type.divisor
+    divisor, _ = divisor_and_period_of_model(model, states.demand)
+    demand = np.array([abs(cells[RUN_QUANTITIES[states.demand]])]) / divisor
     return RunDamage(
         states=states,
         status=[status],
         demand=demand,
         probability=probabilities(states, demand, [status]),
     )
-
-
-class BuildingType(NamedTuple):
-    """Properties of a building for the computation of its damage.
-
-    Attributes
-    ----------
-    divisor : float
-        Divisor that converts a peak of the run to the demand of the damage states, for example the
-        height for the roof drift ratio; 1 if the peak is the demand.
-    """
-
-    type: str
-    divisor: float
-    period: float
-
-
-def own_type(model: Model) -> BuildingType | None:
-    """Return the properties of a building from which the damage by the states of its model is
-    computed; None if the model has no damage states.
-
-    Raises
-    ------
-    ModelError
-        The model lacks data for the demand.
-    """
-    if model.damage is None:
-        return None
-    return BuildingType(model.name, *divisor_and_period_of_model(model, model.damage.demand))
 
 
 def divisor_and_period_of_model(model: Model, demand: str) -> tuple[float, float]:

@@ -129,7 +129,8 @@ def story_values(building: "Building", peaks: Array, end: Array) -> dict[str, Ar
     Parameters
     ----------
     peaks : ndarray, shape (..., PEAK_ROWS, n)
-        Peaks in the rows of `Workspace.peaks`; rows that the run has not observed become nan.
+        Peaks in the rows of `Workspace.peaks`. The time loops fill the row of the drift rates only
+        for a building with dashpots, and the row of the forces of braces only with braces.
     end : ndarray, shape (..., n)
         Drifts at the end of the run, m.
 
@@ -138,9 +139,8 @@ def story_values(building: "Building", peaks: Array, end: Array) -> dict[str, Ar
     dict of str to ndarray, shape (..., n)
         Values by the name of the quantity (`StoryValues`), SI units.
     """
-    observed = building.observed(peaks)
     return {
-        quantity.name: quantity.value(building, observed, end)
+        quantity.name: quantity.value(building, peaks, end)
         for quantity in STORY_QUANTITIES
         if quantity.value
     }

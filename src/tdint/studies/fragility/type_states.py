@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, UsageError
@@ -30,11 +30,7 @@ from tdint.model.damage_states import (
 from tdint.model.definition import Model
 from tdint.model.keys.fields import Either, EntriesOf, Key, Keys, Section, TextLine, Value
 from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
-from tdint.response.runs.damage import (
-    BuildingType,
-    divisor_and_period,
-    divisor_and_period_of_model,
-)
+from tdint.response.runs.damage import divisor_and_period, divisor_and_period_of_model
 from tdint.studies.campaign.buildings import Buildings, RowBuilding, RowBuildings, models_of
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
@@ -316,6 +312,21 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
                     "equal, or specify them in one row"
                 )
     return by_class
+
+
+class BuildingType(NamedTuple):
+    """Properties of a building for the computation of its damage.
+
+    Attributes
+    ----------
+    divisor : float
+        Divisor that converts a peak of the run to the demand of the damage states, for example the
+        height for the roof drift ratio; 1 if the peak is the demand.
+    """
+
+    type: str
+    divisor: float
+    period: float
 
 
 @dataclass(frozen=True)
