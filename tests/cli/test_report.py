@@ -26,7 +26,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 from tdint.output.spectrum_text import spectrum_text
-from tdint.studies.campaign.assigned_motions import MotionFactors
+from tdint.studies.campaign.assigned_motions import FactorTable
 from tdint.studies.campaign.suite_report import _scaled_motions
 
 CONFIGS, RECORDS = (Path(__file__).parents[2] / name for name in ("configs", "records"))
@@ -670,7 +670,7 @@ def test_components_that_are_no_pair_remain_single_in_the_suite() -> None:
             for row, dt, name in zip(samples, intervals, ("X", "Y"), strict=True)
         ]
         plan: Any = SimpleNamespace(motions=suite_motions(records))
-        factors = MotionFactors({0: (2.0,), 1: (2.0,)})
+        factors = FactorTable("", {}, by_motion={0: (2.0,), 1: (2.0,)})
         return [motion for motion, _ in _scaled_motions(plan, factors, paired=True)]
 
     (pair,) = shown(0.01, 0.01)

@@ -15,7 +15,7 @@ from tdint.ground_motion.reading.suites import suite_motions
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.response.runs.batch import Subject
-from tdint.studies.campaign.assigned_motions import EveryMotion, MotionFactors
+from tdint.studies.campaign.assigned_motions import EveryMotion, FactorTable
 from tdint.studies.campaign.buildings import model_buildings
 from tdint.studies.campaign.chunks import CampaignSettings, spectral_accelerations
 from tdint.studies.campaign.execute import Advance, merge
@@ -57,9 +57,8 @@ def plan_of(
     suite = suite_motions(
         [Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()]
     )
-    levels = MotionFactors(
-        {i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))}
-    )
+    by_motion = {i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))}
+    levels = FactorTable("factors.csv", {}, by_motion=by_motion)
     plan_buildings = model_buildings([Subject(model, "newmark-average")] * buildings)
     return Plan(
         "", plan_buildings, suite, EveryMotion(len(motions)), levels, CampaignSettings(**settings)

@@ -412,20 +412,9 @@ longitude and latitude, which have equal weight and are not periodic."""
 
 @dataclass(frozen=True)
 class Scales:
-    """Equal scale factors for all motions.
-
-    Attributes
-    ----------
-    depends_on_period : bool
-        True if factors depend on the first period of the building, which is then computed.
-    ignores_motion_factor : bool
-        True if factors scale a motion to a value of an intensity measure, so that the factor of the
-        motion in a grid or field is ignored. False if both factors are multiplied.
-    """
+    """Equal scale factors for all motions."""
 
     values: tuple[float, ...]
-    depends_on_period: bool = field(default=False, init=False)
-    ignores_motion_factor: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
         """Return the number of factors of a motion."""
@@ -443,7 +432,7 @@ class Scales:
 @dataclass(frozen=True)
 class FactorTable:
     """Scale factors by names of motions and components, as in a CSV file. An empty component
-    represents all components.
+    represents all components. The factors are equal for all buildings.
 
     Attributes
     ----------
@@ -451,11 +440,14 @@ class FactorTable:
         Factors by record and component.
     scaled : mapping
         Settings that `tdint scale` wrote next to the file; empty if not available.
+    by_motion : mapping of int to tuple of float
+        Factors of the motions of a campaign by their numbers; empty before the motions are read.
     """
 
     source: str
     by_name: Mapping[tuple[str, str], tuple[float, ...]]
     scaled: Mapping[str, Any] = field(default_factory=dict)
+    by_motion: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def of(self, motion: SuiteMotion) -> tuple[float, ...]:
         """Return the scale factors of a motion in the table. The table may list the motion by its
@@ -514,24 +506,16 @@ class FactorTable:
             factors += values
         return factors
 
-
-@dataclass(frozen=True)
-class MotionFactors:
-    """Scale factors of each motion by its number, from a table of factors, which `tdint scale`
-    writes. The factors are equal for all buildings; attributes and methods as for `Scales`."""
-
-    by_motion: Mapping[int, tuple[float, ...]]
-    depends_on_period: bool = field(default=False, init=False)
-    ignores_motion_factor: bool = field(default=False, init=False)
-
     def count(self, motion: int) -> int:
+        """Return the number of factors of a motion."""
         return len(self.by_motion[motion])
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        """Return the factors of a motion for each building; they are equal for all buildings."""
+        """Return the factors of a motion for each building."""
         return [self.by_motion[motion]] * len(periods)
 
     def description(self) -> dict[str, object]:
+        """Return the factors of each motion, for the fingerprint of a campaign."""
         return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
 
 
@@ -554,15 +538,9 @@ class MeasureLevels:
     values: tuple[float, ...]
     pair: str
     motions: Sequence[SuiteMotion] = ()
-    ignores_motion_factor: bool = field(default=True, init=False)
 
     def count(self, motion: int) -> int:
         return len(self.values)
-
-    @property
-    def depends_on_period(self) -> bool:
-        """True if the factors depend on the first period of the building."""
-        return self.period is None
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building, one per level. Both components of a
@@ -600,6 +578,6 @@ class MeasureLevels:
         }
 
 
-Levels = Scales | MotionFactors | MeasureLevels
+Levels = Scales | FactorTable | MeasureLevels
 """Scale factors of motions: `count` returns the number of factors of a motion, `factors` its
 factors for each building, and `description` the settings."""

@@ -34,9 +34,9 @@ from tdint.response.time_steps import choose_steps
 from tdint.studies.campaign.assigned_motions import (
     Assignment,
     EveryMotion,
+    FactorTable,
     Levels,
     MeasureLevels,
-    MotionFactors,
     Scales,
 )
 from tdint.studies.campaign.buildings import (
@@ -86,8 +86,6 @@ class Plan:
         Errors of records and rows of an inventory that were skipped.
     warnings : tuple of str
         Unusual values of the buildings, as shown by `check`. They are shown before the notes.
-    factors : str
-        Path of the file of scale factors, if any.
     """
 
     name: str
@@ -103,10 +101,8 @@ class Plan:
     too_far_from_sites: tuple[ModelFault, ...] = ()
     outputs: tuple[str, ...] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
-    factors: str = ""
     style: str = ""
     pair_demand: str | None = None
-    scaled: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     # Maximum time step of each building by its number, which one thread computes for all threads.
     # `_choosing` protects this dictionary.
@@ -122,11 +118,11 @@ class Plan:
     def scaling(self) -> dict[str, Any]:
         """File of the scale factors with rule and target of `tdint scale`, which are missing if
         they are unknown; empty without a file of factors."""
-        if not self.factors:
+        if not isinstance(self.levels, FactorTable):
             return {}
-        settings = self.scaled.get("settings", {})
+        settings = self.levels.scaled.get("settings", {})
         names = ("rule", "target", "measure", "value", "unit")
-        return {"file": self.factors} | {
+        return {"file": self.levels.source} | {
             name: settings[name] for name in names if settings.get(name) not in (None, "")
         }
 
@@ -304,10 +300,9 @@ class Plan:
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
         # Levels of a measure at the first period require the building; other levels do not.
-        periods = [
-            source.subject().period if self.levels.depends_on_period else math.nan
-            for source in sources
-        ]
+        is_measure = isinstance(self.levels, MeasureLevels)
+        needs_period = isinstance(self.levels, MeasureLevels) and self.levels.period is None
+        periods = [source.subject().period if needs_period else math.nan for source in sources]
         motions = [[draw.motion for draw in building_draws] for building_draws in draws]
         factors = values_by_motion(motions, periods, self.levels.factors)
         result = []
@@ -317,11 +312,7 @@ class Plan:
                 # If the motions are scaled to levels of an intensity measure, the factor of the
                 # grid or field only determines the direction of the motion (its sign). It is not
                 # zero, because the readers of grids and fields refuse zero.
-                factor = (
-                    math.copysign(1.0, draw.factor)
-                    if self.levels.ignores_motion_factor
-                    else draw.factor
-                )
+                factor = math.copysign(1.0, draw.factor) if is_measure else draw.factor
                 runs += [
                     Run(draw.motion, factor * scale, draw.sample)
                     for scale in factors[index][draw.motion]
@@ -418,8 +409,6 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         notes=(*notes, *motions.notes),
         warnings=_plausibility_warnings(buildings),
         damage=damage,
-        factors=inputs.factors.source if inputs.factors else "",
-        scaled=inputs.factors.scaled if inputs.factors else {},
         inventory=campaign.buildings.files if isinstance(campaign.buildings, InventoryFile) else (),
     )
     plan.check_steps()
@@ -436,9 +425,10 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
         return campaign.intensity
     if isinstance(campaign.intensity, MeasureLevels):
         return replace(campaign.intensity, motions=motions)
-    assert inputs.factors is not None
-    return MotionFactors(
-        {number: inputs.factors.of(motion) for number, motion in enumerate(motions)}
+    table = inputs.factors
+    assert table is not None
+    return replace(
+        table, by_motion={number: table.of(motion) for number, motion in enumerate(motions)}
     )
 
 

@@ -36,7 +36,7 @@ from tdint.response.runs.batch import Subject
 from tdint.response.runs.load_case import LoadCase
 from tdint.response.spectra.target import read_target
 from tdint.studies.campaign import suite_figures
-from tdint.studies.campaign.assigned_motions import MotionFactors
+from tdint.studies.campaign.assigned_motions import FactorTable
 from tdint.studies.campaign.campaign_summary import campaign_summary
 from tdint.studies.campaign.campaign_tables import profile_error_table, profile_table
 from tdint.studies.campaign.chunks import Run
@@ -403,27 +403,27 @@ def _scaling(
     The data are from the JSON file that `tdint scale` writes next to the scale factors. The figure
     of the scaled spectra, for a target spectrum, marks the first periods of the buildings.
     """
-    if not plan.factors:
+    table = plan.levels
+    if not isinstance(table, FactorTable):
         return (), []
-    if not plan.scaled:
+    if not table.scaled:
         return (
-            f"Scale factors: {plan.factors}; the method of scaling is unknown, because there is no "
+            f"Scale factors: {table.source}; the method of scaling is unknown, because there is no "
             "JSON file of `tdint scale` next to the factors.",
         ), []
     # `settings` contains the target or intensity measure, the rule, the period range, the damping
     # ratio and the treatment of pairs.
-    settings = plan.scaled["settings"]
-    parts: list[Part] = [_scaling_text(plan.factors, settings)]
-    if settings["target"] and isinstance(plan.levels, MotionFactors):
-        scaling = _scaled_suite(plan, plan.levels, settings)
-        if scaling is not None:
-            parts.append(
-                Picture(
-                    partial(scaling_figures.suite_picture, scaling, units, periods),
-                    "Scaled ground motions and target spectrum",
-                )
+    settings = table.scaled["settings"]
+    parts: list[Part] = [_scaling_text(table.source, settings)]
+    scaling = _scaled_suite(plan, table, settings) if settings["target"] else None
+    if scaling is not None:
+        parts.append(
+            Picture(
+                partial(scaling_figures.suite_picture, scaling, units, periods),
+                "Scaled ground motions and target spectrum",
             )
-    return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
+        )
+    return tuple(parts), [f"{table.source}: {text}" for text in table.scaled.get("warnings", ())]
 
 
 def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
@@ -448,12 +448,12 @@ def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
     return f"{'; '.join(facts)}."
 
 
-def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]) -> Scaling | None:
+def _scaled_suite(plan: Plan, table: FactorTable, settings: Mapping[str, Any]) -> Scaling | None:
     """Return the scaled suite for its figure; None if a ground motion has several factors.
 
     Several factors define several suites, and the figure shows only one.
     """
-    motions = _scaled_motions(plan, levels, paired=bool(settings["pairs"]))
+    motions = _scaled_motions(plan, table, paired=bool(settings["pairs"]))
     if any(len(factors) > 1 for _, factors in motions):
         return None
     # For rules that check the average, the figure also shows the average and 90 % of the target.
@@ -474,7 +474,7 @@ def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]
 
 
 def _scaled_motions(
-    plan: Plan, levels: MotionFactors, *, paired: bool
+    plan: Plan, table: FactorTable, *, paired: bool
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
     """Return the ground motions of a scaled suite, single components or pairs, with their scale
     factors.
@@ -502,7 +502,7 @@ def _scaled_motions(
         if partners.get(index) in pairs:
             continue  # the second component of a joined pair
         motion = pairs.get(index, item.ground_motion)
-        motions[id(item.ground_motion)] = motion, tuple(levels.by_motion[index])
+        motions[id(item.ground_motion)] = motion, tuple(table.by_motion[index])
     return list(motions.values())
 
 
