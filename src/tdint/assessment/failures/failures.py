@@ -68,8 +68,8 @@ class HardProblem:
 
     Attributes
     ----------
-    name, about, source : str
-        Name on the command line, description in a sentence, and publication.
+    name, about : str
+        Name on the command line, and description in a sentence.
     steps : tuple of (float, int)
         Time steps (s), each with the number of steps.
     energy : callable
@@ -87,7 +87,6 @@ class HardProblem:
 
     name: str
     about: str
-    source: str
     model: Model
     steps: tuple[tuple[float, int], ...]
     energy: Callable[[History], Array]
@@ -133,7 +132,8 @@ def hardening_motion(time: Array) -> Array:
     """Return the exact displacement of the hardening oscillator, m, shape (k,).
 
     The oscillator has unit mass and the restoring force a u + b u^3 (Duffing's equation). Released
-    at u = U, its displacement is u = U cn(w t | m) with w^2 = a + b U^2 and m = b U^2 / (2 w^2).
+    at u = U, its displacement is u = U cn(w t | m) with w^2 = a + b U^2 and m = b U^2 / (2 w^2),
+    where cn is Jacobi's function (Abramowitz and Stegun 1964, ch. 16).
     """
     from scipy.special import ellipj
 
@@ -161,8 +161,6 @@ def _hardening() -> HardProblem:
         name="hardening",
         about="u'' + 100 u (1 + 10 u^2) = 0 from u = 1.5, 10 s: the tangent stiffness changes "
         "68-fold in each swing",
-        source="Duffing's oscillator; exact solution with Jacobi's function cn (Abramowitz and "
-        "Stegun 1964, ch. 16)",
         model=simple_model(
             "hardening oscillator",
             [simple_story(1.0, Law("polynomial", (_SPRING, 0.0, _CUBIC)))],
@@ -241,8 +239,6 @@ def _softening() -> HardProblem:
         name="softening",
         about="u'' + 100 tanh u = 0 from u = 4, 60 s: the tangent stiffness is almost zero "
         "twice in each cycle",
-        source="elastic, bounded force; the energy is known in closed form, the motion from "
-        "gauss4 with time steps 64 times smaller",
         model=_softening_model(),
         steps=((0.05, 1200), (0.1, 600)),
         energy=energy,
@@ -273,8 +269,9 @@ def soft_node_motion(time: Array) -> Array:
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
-    """Define the two problems of Bathe and Noh, where a stiff spring transmits a harmonic base
-    motion to a building of two floors.
+    """Define the two problems of Bathe and Noh (2012), where a stiff spring (k1 = 1e7) transmits a
+    harmonic base motion to a building of two floors. The reference is the exact motion for an
+    infinite stiffness of this spring.
 
     The first problem judges the acceleration of floor 1 (the stiff node), where a method without
     numerical damping oscillates. The second problem judges the displacement of floor 2 (the soft
@@ -312,8 +309,6 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     stiff = HardProblem(
         name="stiff-node",
         about=about.format("stiff"),
-        source="Bathe and Noh (2012), k1 = 1e7; the reference is the exact motion for k1 to "
-        "infinity",
         model=simple_model(
             "stiff and soft node",
             [simple_story(1.0, stiffness=_STIFF), simple_story(1.0, stiffness=1.0)],
@@ -346,7 +341,11 @@ _PENDULUM_STIFFNESS, _HALF_MASS, _JOINT_STIFFNESS = 9.81, 0.5, 2.5e7
 
 def _stiff_pair() -> HardProblem:
     """Define the problem of two masses connected by a stiff spring, where methods without
-    numerical damping may oscillate at the frequency of the spring."""
+    numerical damping may oscillate at the frequency of the spring.
+
+    It is modeled on the stiff pendulum of code_aster V5.02.100. The reference is the exact motion
+    for a rigid joint.
+    """
     # If both masses move together, the force in the joint is proportional to their displacement.
     joint_force = _HALF_MASS * _PENDULUM_STIFFNESS  # N, at a displacement of 1 m
 
@@ -369,8 +368,6 @@ def _stiff_pair() -> HardProblem:
         about="masses 0.5 and 0.5, springs 9.81 and 2.5e7, released from a static roof "
         "displacement u = 1, 10 s: frequencies 3.13 and 1e4 rad/s, as a pendulum of 1 kg and 1 "
         "m on a rod with EA = 1e8 N",
-        source="modeled on the stiff pendulum of code_aster V5.02.100; the reference is the "
-        "exact motion for a rigid joint",
         model=simple_model(
             "stiff pair",
             [
@@ -417,7 +414,7 @@ def _oscillator(start: tuple[float, float]) -> Model:
     return simple_model("oscillator", [story], displacement=start[:1], velocity=start[1:])
 
 
-def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem:
+def _limit(name: str, description: str, *dts: float) -> HardProblem:
     """Define a problem where a method fails if its amplitude grows during 200 time steps.
 
     `*dts` contains the time steps, s, usually on both sides of a stability limit.
@@ -434,7 +431,6 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
     return HardProblem(
         name=name,
         about=f"oscillator of 1 rad/s from u = 1, 200 steps, {description}",
-        source=source,
         model=_oscillator((1.0, 0.0)),
         steps=tuple((dt, 200) for dt in dts),
         energy=_oscillator_energy,
@@ -449,13 +445,13 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
 def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
     """Define a problem where a method fails if its first ten large time steps exceed the exact
     amplitude by more than 1 %, from an initial displacement (m) and velocity (m/s). `name` is the
-    quantity with the initial value 1, `displacement` or `velocity`.
+    quantity with the initial value 1, `displacement` or `velocity`. Source: Hilber and Hughes
+    (1978).
     """
     return HardProblem(
         name=f"overshoot-{name}",
         about="oscillator of 1 rad/s, the first ten steps with dt/T = 10, from an initial "
         f"{name} of 1",
-        source="Hilber and Hughes (1978)",
         model=_oscillator(start),
         steps=((20.0 * math.pi, 10),),
         energy=_oscillator_energy,
@@ -469,45 +465,38 @@ def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
 @cache
 def problems() -> Mapping[str, HardProblem]:
     """Return all problems by name, in the order of the output."""
-    hughes = "Hughes (1987), sect. 9.1"
     every = (
         _hardening(),
         _softening(),
         *_bathe_noh(),
         _stiff_pair(),
+        # Stability limits: Hughes (1987), sect. 9.1
         _limit(
             "limit-2",
             "around the stability limit of the central difference, omega dt = 2",
-            hughes,
             1.99,
             2.01,
         ),
         _limit(
             "limit-sqrt-6",
             "around the stability limit of Fox and Goodwin's method, omega dt = sqrt(6)",
-            hughes,
             2.44,
             2.46,
         ),
         _limit(
             "limit-sqrt-12",
             "around the stability limit of linear acceleration, omega dt = sqrt(12)",
-            hughes,
             3.45,
             3.48,
         ),
+        # The impulse-momentum method of 2022
         _limit(
             "sqrt-12",
             "omega dt = sqrt(12): eqs. 15 to 23 of the impulse method divide by zero",
-            "the impulse-momentum method of 2022",
             math.sqrt(12.0),
         ),
-        _limit(
-            "large-step",
-            "omega dt = 100: Wilson's theta below 1.366 is unstable",
-            "Bathe and Wilson (1973)",
-            100.0,
-        ),
+        # Bathe and Wilson (1973)
+        _limit("large-step", "omega dt = 100: Wilson's theta below 1.366 is unstable", 100.0),
         _overshoot("displacement", (1.0, 0.0)),
         _overshoot("velocity", (0.0, 1.0)),
     )
