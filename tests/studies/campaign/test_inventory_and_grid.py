@@ -13,7 +13,7 @@ import pytest
 import tdint
 from tdint.errors import ModelError, RecordError, TdintError
 from tdint.ground_motion.record import Record
-from tdint.studies.campaign.assigned_motions import GridFile, GridMotions, GridSamples
+from tdint.studies.campaign.assigned_motions import GridFile, GridMotions
 from tdint.studies.campaign.chunks import RunRow, run_chunk
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
@@ -134,12 +134,12 @@ def test_weights_are_inverse_squares_of_distances(tmp_path: Path) -> None:
         1.0 / np.radians(1.0) / 6371.0088
     )  # of latitude in a kilometer; mean radius of the earth, km (IUGG)
     points = ((10.0, 2.0 * degree), (10.0, 4.0 * degree), (10.0 - 1.0 * degree, 0.0), (20.0, 0.0))
-    grid = GridMotions(points, tuple((((i,), 1.0),) for i in range(4)))
+    settings = GridFile("grid.csv", "g", neighbors=3, samples=20_000, seed=1)
     (tmp_path / "b.csv").write_text(
         f"{','.join(NEEDED)},Latitude,Longitude\nx,2,1980,C1,100,0,10\n"
     )
     rows, _ = read_inventory(str(tmp_path / "b.csv"), 1.0)
-    draws = GridSamples(rows, grid, GridFile("grid.csv", "g", neighbors=3, samples=20_000, seed=1))
+    draws = GridMotions(settings, points, tuple((((i,), 1.0),) for i in range(4)), rows)
     near, weights = draws.weights(0)
     found = dict(zip(near.tolist(), weights.tolist(), strict=True))
     squares = {0: 1.0 / 4.0, 1: 1.0 / 16.0, 2: 1.0}

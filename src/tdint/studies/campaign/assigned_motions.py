@@ -54,7 +54,9 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class FieldMotions:
-    """Ground motions of events at sites. The rows are sorted by site; there may be millions.
+    """Ground motions of events at sites, and their assignment to buildings: each building has all
+    events of its site. There is no sampling, so the spatial correlation of the fields is preserved.
+    The rows are sorted by site; there may be millions.
 
     Attributes
     ----------
@@ -71,6 +73,8 @@ class FieldMotions:
         divisor that converts a value to a factor.
     locations : sequence of tuples of two floats
         Longitude and latitude of the sites, degrees; empty if the inventory names the sites.
+    site_of : ndarray of int, shape (buildings,)
+        Site of each building; empty before the buildings are read.
     """
 
     events: tuple[str, ...]
@@ -81,6 +85,7 @@ class FieldMotions:
     value: Array = field(repr=False)
     motions: tuple[tuple[tuple[int, float], ...], ...] = field(repr=False)
     locations: Sequence[tuple[float, float]] = field(default=(), repr=False)
+    site_of: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
 
     @classmethod
     def from_rows(
@@ -106,9 +111,10 @@ class FieldMotions:
         in_order = event[order], record[order], value[order]
         return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), locations)
 
-    def draws(self, site: int) -> list[Draw]:
-        """Return the motions at the site with this index, sorted by their numbers. The sample
-        number of a motion is the number of its event."""
+    def draws(self, building: int) -> Sequence[Draw]:
+        """Return the motions of a building, all events at its site, sorted by their numbers. The
+        sample number of a motion is the number of its event."""
+        site = self.site_of[building]
         site_rows = slice(int(self.start[site]), int(self.start[site + 1]))
         rows = zip(
             self.event[site_rows].tolist(),
@@ -123,85 +129,29 @@ class FieldMotions:
                 draws.append(Draw(motion, event, value / divisor))
         return sorted(draws)
 
-
-@dataclass(frozen=True)
-class SiteEvents:
-    """Assignment of motions to buildings: each building has all events of its site. There is no
-    sampling, so the spatial correlation of the fields is preserved.
-
-    Attributes
-    ----------
-    site_of : ndarray of int, shape (buildings,)
-        Site of each building.
-    """
-
-    field: FieldMotions
-    site_of: NDArray[np.int64]
-
-    def draws(self, building: int) -> Sequence[Draw]:
-        """Return the motions of a building: all events at its site."""
-        return self.field.draws(int(self.site_of[building]))
-
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         """Return the number of runs of each building; `runs` returns the number of runs of a
         motion."""
-        field = self.field
         # The rows are sorted by site. The number of runs at a site is therefore the difference of
         # the cumulative number of runs between its first row and the first row of the next site.
         runs_of_record = np.array(
-            [sum(runs(motion) for motion, _ in motions) for motions in field.motions],
+            [sum(runs(motion) for motion, _ in motions) for motions in self.motions],
             dtype=np.int64,
         )
-        cumulative = np.concatenate([[0], np.cumsum(runs_of_record[field.record])])
-        return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
+        cumulative = np.concatenate([[0], np.cumsum(runs_of_record[self.record])])
+        return np.asarray(np.diff(cumulative[self.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
         """Return names of the events and SHA-256 of the fields, for the fingerprint of a
         campaign."""
-        field = self.field
-        digest = hashlib.sha256(repr((field.sites, field.motions)).encode())
-        for array in (field.start, field.event, field.record, field.value, self.site_of):
+        digest = hashlib.sha256(repr((self.sites, self.motions)).encode())
+        for array in (self.start, self.event, self.record, self.value, self.site_of):
             digest.update(array.tobytes())
-        return {"events": field.events, "field_sha256": digest.hexdigest()}
+        return {"events": self.events, "field_sha256": digest.hexdigest()}
 
 
 PointMotion = tuple[tuple[int, ...], float]
 """Ground motion at a point of a grid: numbers of its components, and its factor at the point."""
-
-
-@dataclass(frozen=True)
-class GridMotions:
-    """Ground motions at the points of a grid.
-
-    Attributes
-    ----------
-    locations : sequence of tuples of two floats
-        Longitude and latitude of the points that have motions, degrees.
-    """
-
-    locations: Sequence[tuple[float, float]] = field(repr=False)
-    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
-
-
-@dataclass(frozen=True)
-class CampaignMotions:
-    """Ground motions of a campaign.
-
-    Attributes
-    ----------
-    motions : tuple of SuiteMotion
-        The motions; their index is their number.
-    site_motions : GridMotions or FieldMotions, optional
-        Motions by their location; None if all buildings have all motions.
-    rates : mapping of str to float
-        Annual rate of each event, 1/year; empty if not specified.
-    """
-
-    motions: tuple[SuiteMotion, ...] = ()
-    failures: tuple[TdintError, ...] = ()
-    notes: tuple[str, ...] = ()
-    site_motions: GridMotions | FieldMotions | None = None
-    rates: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -215,7 +165,7 @@ class EveryMotion:
         return [Draw(motion, 0) for motion in range(self.count)]
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building (`SiteEvents.counts`)."""
+        """Return the number of runs of each building (`FieldMotions.counts`)."""
         return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
 
     def description(self) -> dict[str, object]:
@@ -259,14 +209,22 @@ class GridFile:
 
 
 @dataclass(frozen=True)
-class GridSamples:
-    """Assignment of motions to buildings: each building has random samples of the motions at its
-    nearest points of a grid.
+class GridMotions:
+    """Ground motions at the points of a grid, and their assignment to buildings: each building has
+    random samples of the motions at its nearest points.
+
+    Attributes
+    ----------
+    locations : sequence of tuples of two floats
+        Longitude and latitude of the points that have motions, degrees.
+    rows : InventoryRows | None
+        The buildings; None before they are read.
     """
 
-    rows: InventoryRows = field(repr=False)
-    grid: GridMotions
     settings: GridFile
+    locations: Sequence[tuple[float, float]] = field(repr=False)
+    motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
+    rows: InventoryRows | None = field(default=None, repr=False)
 
     def draws(self, building: int) -> Sequence[Draw]:
         """Return the sampled motions of a building, sorted by motion number, then by sample number.
@@ -277,23 +235,24 @@ class GridSamples:
         """
         # The seed includes the identifier of the building, so that the samples of a building do not
         # depend on the other buildings of the campaign.
+        assert self.rows is not None
         random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
         near_points, weights = self.weights(building)
         points = random.choice(near_points, size=self.settings.samples, p=weights)
         draws = []
         for sample, point in enumerate(points.tolist(), start=1):
-            point_motions = self.grid.motions[point]
+            point_motions = self.motions[point]
             components, factor = point_motions[int(random.integers(len(point_motions)))]
             draws += [Draw(motion, sample, factor) for motion in components]
         return sorted(draws)
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building (`SiteEvents.counts`)."""
+        """Return the number of runs of each building (`FieldMotions.counts`)."""
         # Usually all motions have the same number of runs. Then the number of runs of a building
         # does not depend on the sampled motions, and the sampling, which needs time, is omitted.
         run_counts = {
             sum(map(runs, components))
-            for point_motions in self.grid.motions
+            for point_motions in self.motions
             for components, _ in point_motions
         }
         if len(run_counts) == 1:
@@ -331,7 +290,7 @@ class GridSamples:
         """Return the settings of the sampling and SHA-256 of the grid, for the fingerprint of a
         campaign."""
         settings = self.settings
-        grid_text = repr((self._tree.data.tolist(), self.grid.motions))
+        grid_text = repr((self._tree.data.tolist(), self.motions))
         return {
             "neighbors": settings.neighbors,
             "samples": settings.samples,
@@ -343,15 +302,37 @@ class GridSamples:
     @cached_property
     def _building_points(self) -> Array:
         """Coordinates of the buildings in the space of the selected distance."""
+        assert self.rows is not None
         return coordinates(self.rows.locations, self.settings.distance)
 
     @cached_property
     def _tree(self) -> Any:
         """Search tree of the points of the grid, for nearest neighbors."""
-        return cKDTree(coordinates(self.grid.locations, self.settings.distance))
+        return cKDTree(coordinates(self.locations, self.settings.distance))
 
 
-Assignment = EveryMotion | SiteEvents | GridSamples
+@dataclass(frozen=True)
+class CampaignMotions:
+    """Ground motions of a campaign.
+
+    Attributes
+    ----------
+    motions : tuple of SuiteMotion
+        The motions; their index is their number.
+    site_motions : GridMotions or FieldMotions, optional
+        Motions by their location; None if all buildings have all motions.
+    rates : mapping of str to float
+        Annual rate of each event, 1/year; empty if not specified.
+    """
+
+    motions: tuple[SuiteMotion, ...] = ()
+    failures: tuple[TdintError, ...] = ()
+    notes: tuple[str, ...] = ()
+    site_motions: GridMotions | FieldMotions | None = None
+    rates: Mapping[str, float] = field(default_factory=dict)
+
+
+Assignment = EveryMotion | FieldMotions | GridMotions
 """Assignment of motions to buildings: `draws` returns the motions of a building, `counts` the
 number of runs of each building, and `description` the settings."""
 

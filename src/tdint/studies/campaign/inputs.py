@@ -40,8 +40,6 @@ from tdint.studies.campaign.assigned_motions import (
     FieldMotions,
     GridFile,
     GridMotions,
-    GridSamples,
-    SiteEvents,
     meters,
     nearest,
 )
@@ -341,16 +339,16 @@ def _assignment(
     if motions is None or not isinstance(records, GridFile | FieldFile):
         return None
     if isinstance(motions, GridMotions):
-        assert isinstance(records, GridFile) and rows is not None
-        return GridSamples(rows, motions, records)
+        return replace(motions, rows=rows)
     # A file without a column of sites has one site with an empty name.
     if motions.sites == ("",):
-        return SiteEvents(motions, np.zeros(len(rows) if rows else model_count, dtype=np.int64))
+        count = len(rows) if rows else model_count
+        return replace(motions, site_of=np.zeros(count, dtype=np.int64))
     # `near` has the names of the sites, the index of the nearest site of each building, and its
     # distance. Each building is repeated for all its variations.
     if rows and rows.near is not None:
         _, nearest_sites, _ = rows.near
-        return SiteEvents(motions, np.repeat(nearest_sites, len(rows.changes)))
+        return replace(motions, site_of=np.repeat(nearest_sites, len(rows.changes)))
     if not rows or not rows.table.table.has("site"):
         raise UsageError(
             f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
@@ -367,9 +365,8 @@ def _assignment(
     )
     if faults:
         raise ModelError(faults)
-    return SiteEvents(
-        motions, np.repeat([site_numbers[site] for site in rows.texts("site")], len(rows.changes))
-    )
+    site_of = np.repeat([site_numbers[site] for site in rows.texts("site")], len(rows.changes))
+    return replace(motions, site_of=site_of)
 
 
 def read_motions(records: RecordFiles) -> CampaignMotions:

@@ -138,7 +138,7 @@ def read_grid(grid: GridFile) -> CampaignMotions:
         if readable:
             locations.append(location)
             readable_motions.append(readable)
-    grid_motions = GridMotions(locations, tuple(readable_motions))
+    grid_motions = GridMotions(grid, locations, tuple(readable_motions))
     return CampaignMotions(tuple(motions), tuple(failures), site_motions=grid_motions)
 
 
