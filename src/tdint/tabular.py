@@ -268,7 +268,7 @@ def map_over_first(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function so that its first argument may also be a list or a tuple.
 
     For a list or a tuple, the wrapper calls the function with each member and returns a
-    `ResultList` of the results. Overloads at the function state both results for type checkers.
+    `ResultList` of the results. Overloads state both results for type checkers.
     """
     first_name = next(iter(inspect.signature(function).parameters))
 

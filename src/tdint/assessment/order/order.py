@@ -7,12 +7,11 @@ import math
 import sys
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypedDict, Unpack, overload
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.assessment.stability.stability import critical_step, false_limit, stability
+from tdint.assessment.stability.stability import critical_step, false_limit, for_methods, stability
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
@@ -41,7 +40,7 @@ from tdint.response.runs.compiled_steps import VALIDATED_STEPS, find_instability
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.static.cyclic import cyclic_test
 from tdint.response.time_steps import Steps
-from tdint.tabular import ResultList, Tabular, map_over_first
+from tdint.tabular import Tabular
 
 LOADS = ("free", "harmonic", "record")
 
@@ -163,27 +162,7 @@ class OrderProblem:
         return self.prepared.building
 
 
-class _OrderOptions(TypedDict, total=False):
-    """Arguments of `order` that all its overloads have."""
-
-    load: str
-    law: str
-    frequency_ratio: float
-    stride: int
-
-
-@overload
-def order(method: Integrator | str, **options: Unpack[_OrderOptions]) -> ObservedOrder: ...
-
-
-@overload
-def order(
-    method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
-    **options: Unpack[_OrderOptions],
-) -> ResultList[ObservedOrder]: ...
-
-
-@map_over_first
+@for_methods
 def order(
     method: Integrator | str,
     *,

@@ -5,11 +5,11 @@ compiled step.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import overload
+from typing import Concatenate, ParamSpec, Protocol, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,33 @@ LARGEST = 1e4
 
 _AGREEMENT = 1e-3  # relative tolerance between a declared and a measured limit
 _ROUNDING = 1e-15  # excess of a spectral radius above 1 by rounding, divided by (omega dt)^2
+
+
+_Methods = list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator]
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
+
+
+class ForMethods(Protocol[_Arguments, _Result]):
+    """Function whose first argument is a method, with one result, or several methods, with a list
+    of results."""
+
+    @overload
+    def __call__(
+        self, method: Integrator | str, *args: _Arguments.args, **kwargs: _Arguments.kwargs
+    ) -> _Result: ...
+
+    @overload
+    def __call__(
+        self, method: _Methods, *args: _Arguments.args, **kwargs: _Arguments.kwargs
+    ) -> ResultList[_Result]: ...
+
+
+def for_methods(
+    function: Callable[Concatenate[Integrator | str, _Arguments], _Result],
+) -> ForMethods[_Arguments, _Result]:
+    """Wrap a function of a method so that its first argument may also be several methods."""
+    return map_over_first(function)
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,21 +117,7 @@ class StabilityCurve(Tabular):
         )
 
 
-@overload
-def stability(
-    method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
-) -> StabilityCurve: ...
-
-
-@overload
-def stability(
-    method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
-    dt_over_t: Numbers,
-    damping: float = 0.0,
-) -> ResultList[StabilityCurve]: ...
-
-
-@map_over_first
+@for_methods
 def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0) -> StabilityCurve:
     """Measure the accuracy of a method for a freely vibrating oscillator from its amplification
     matrix.
@@ -396,29 +409,7 @@ class Overshoot(Tabular):
         }
 
 
-@overload
-def overshoot(
-    method: Integrator | str,
-    start: str = "displacement",
-    dt_over_t: float = 10.0,
-    steps: int = 10,
-    damping: float = 0.0,
-    law: str = "linear",
-) -> Overshoot: ...  # One method: one result. The implementation describes the arguments.
-
-
-@overload
-def overshoot(
-    method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
-    start: str = "displacement",
-    dt_over_t: float = 10.0,
-    steps: int = 10,
-    damping: float = 0.0,
-    law: str = "linear",
-) -> ResultList[Overshoot]: ...  # Several methods: a list of results.
-
-
-@map_over_first
+@for_methods
 def overshoot(
     method: Integrator | str,
     start: str = "displacement",
