@@ -68,9 +68,8 @@ class Product:
 _MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
 _EXPORT = options.output.option(
     "--export",
-    type=FileName(written=True),
+    type=FileName(written=True, check=options.output.refuse_empty),
     metavar="FILE|DIR",
-    callback=options.output.refuse_empty,
     help="Also write the processed ground motions to this file: acceleration, velocity and "
     "displacement. A .mseed file (MiniSEED, SI units) contains all components, a .csv file one "
     "component; a directory (an existing one, or a name with a / at the end) contains a .mseed "

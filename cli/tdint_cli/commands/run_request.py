@@ -97,9 +97,8 @@ class Request(BuildingRequest, SuiteRequest):
     history: str | None = options.output.option(
         is_flag=False,
         flag_value=BESIDE,
-        type=FileName(written=True),
+        type=FileName(written=True, check=options.output.refuse_empty),
         metavar="[FILE]",
-        callback=options.output.refuse_empty,
         help="Also write response histories of floors, stories and energies to this file (.csv, "
         f".csv.gz), or without a file to {HISTORY} in the directory of -o.",
     )

@@ -356,22 +356,32 @@ class FileName(ValueType):
         True for the name of a directory; false by default.
     written : bool
         True for an output. By default the file is an input, which the command never replaces.
+    check : callable, optional
+        (name, parameter) -> value of the option. Raises UsageError for a name that the option does
+        not accept.
     """
 
     name = "file"
 
-    def __init__(self, *, folder: bool = False, written: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        folder: bool = False,
+        written: bool = False,
+        check: Callable[[str, Any], str | None] | None = None,
+    ) -> None:
         self.path_type = "dir" if folder else "file"
         self.written = written
+        self.check = check
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the path of the file.
+        """Return the path of the file, or the value that `check` returns.
 
         An input file is protected, so that no output of the command replaces it.
         """
         if not self.written:
             protect_input(value)
-        return value
+        return self.check(value, param) if self.check else value
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str

@@ -49,16 +49,12 @@ def output(metavar: str = "FILE", text: str = TABLE) -> grammar.Declaration:
         FILE if the command writes a file, DIR if it writes a directory, FILE|DIR if it writes a
         file or a directory.
     """
-    file_type = FileName(folder=metavar == "DIR", written=True)
-    return option(
-        "-o", "--output", type=file_type, metavar=metavar, callback=_check_output, help=text
-    )
+    file_type = FileName(folder=metavar == "DIR", written=True, check=_check_output)
+    return option("-o", "--output", type=file_type, metavar=metavar, help=text)
 
 
-def _check_output(
-    context: click.Context, parameter: click.Parameter, value: str | None
-) -> str | None:
-    """Check the value of -o and return it; None for standard output (-, or without -o).
+def _check_output(value: str, parameter: click.Parameter) -> str | None:
+    """Check the value of -o and return it; None for standard output (-).
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
     commands that write several files. UsageError is raised if the value is empty, a directory on
@@ -75,25 +71,20 @@ def _check_output(
         )
     if value == STDIN:
         return None
-    value = refuse_empty(context, parameter, value)
+    refuse_empty(value, parameter)
     # The name of a directory may have any suffix; the suffix of a file states its format.
-    is_directory = "DIR" in alternatives and value is not None and is_folder_name(value)
-    if value and alternatives != ["FILE"] and is_parquet(value) and not is_directory:
+    is_directory = "DIR" in alternatives and is_folder_name(value)
+    if alternatives != ["FILE"] and is_parquet(value) and not is_directory:
         raise UsageError(
             f"-o {value}: this command writes only CSV; Parquet is supported by commands with a "
             "single table"
         )
-    if (
-        value
-        and "FILE" in alternatives
-        and Path(value).suffix.lower() in _NO_TABLES
-        and not is_directory
-    ):
+    if "FILE" in alternatives and Path(value).suffix.lower() in _NO_TABLES and not is_directory:
         warn(
             f"-o {value}: the table is written as CSV; use the suffix .csv, and --plot=FILE for a "
             "figure"
         )
-    if value and "FILE" in alternatives and not (Path(value).suffix or is_directory):
+    if "FILE" in alternatives and not (Path(value).suffix or is_directory):
         folder = f", or {value}/ for a directory" if "DIR" in alternatives else ""
         raise UsageError(
             f"-o {value}: the file of a table must have a suffix; use {value}.csv or "
@@ -112,7 +103,7 @@ def is_folder_name(value: str) -> bool:
     return value.endswith(("/", os.sep)) or is_folder(value)
 
 
-def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+def refuse_empty(value: str, parameter: click.Parameter) -> str:
     """Return the name of a file or directory; raise UsageError if it is empty.
 
     An empty name is usually an unset shell variable. It does not mean the working directory.
@@ -122,28 +113,21 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
     return value
 
 
-def _check_report(
-    context: click.Context, parameter: click.Parameter, value: str | None
-) -> str | None:
-    """Return the file name of --report; raise UsageError if it is empty or not an HTML file.
-
-    `value` is the value of the option; None if it is not specified.
-    """
-    value = refuse_empty(context, parameter, value)
-    if value and not value.lower().endswith((".html", ".htm")):
+def _check_report(value: str, parameter: click.Parameter) -> str:
+    """Return the file name of --report; raise UsageError if it is empty or not an HTML file."""
+    refuse_empty(value, parameter)
+    if not value.lower().endswith((".html", ".htm")):
         raise UsageError(f"--report {value}: the report is HTML; use the suffix .html")
     return value
 
 
-def _check_plot(
-    context: click.Context, parameter: click.Parameter, value: str | None
-) -> str | None:
+def _check_plot(value: str, parameter: click.Parameter) -> str:
     """Check the value of --plot, and return it.
 
     UsageError is raised for an empty name, or if the suffix of the name is no format of figures.
     """
-    value = refuse_empty(context, parameter, value)
-    if value and value != BESIDE:
+    refuse_empty(value, parameter)
+    if value != BESIDE:
         from tdint.output.figures.style import picture_format
 
         try:
@@ -160,9 +144,8 @@ def plot(text: str) -> grammar.Declaration:
         "--plot",
         is_flag=False,
         flag_value=BESIDE,
-        type=FileName(written=True),
+        type=FileName(written=True, check=_check_plot),
         metavar="[FILE]",
-        callback=_check_plot,
         help=text,
         behind=[style_of("--plot")],
     )
@@ -209,9 +192,8 @@ units = option(
 )
 report = option(
     "--report",
-    type=FileName(written=True),
+    type=FileName(written=True, check=_check_report),
     metavar="FILE.html",
-    callback=_check_report,
     help="Also write an HTML report: results, building, ground motions, figures, assumptions, "
     "warnings, checksums; a single file without external resources, for printing on A4.",
 )
