@@ -51,7 +51,7 @@ def problem_of(motion, periods):
     samples = np.array([record.acceleration for record in components(motion)])
     wanted = _spectra(motion, periods, [0.05])[0]
     damping = np.full(periods.size, 0.05)
-    return MatchingProblem.prepare(samples, 0.01, periods, wanted=wanted, damping=damping), samples
+    return MatchingProblem(samples, 0.01, periods, wanted=wanted, damping=damping), samples
 
 
 @pytest.mark.parametrize("case", ["motion", "pair"])
@@ -246,7 +246,7 @@ def test_memory_of_free_vibrations_does_not_grow_with_record(motion):
     sizes = []
     for times in (4, 40):
         samples = np.tile(motion.acceleration, times)[None, :]
-        problem = MatchingProblem.prepare(
+        problem = MatchingProblem(
             samples, 0.01, periods, wanted=np.ones(20), damping=np.full(20, 0.05)
         )
         sizes.append(sum(line.nbytes for line in problem.free_vibrations))

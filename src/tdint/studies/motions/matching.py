@@ -539,7 +539,7 @@ def _solve_stages(
     best_samples, best_score = scaled_seed, np.inf
     for stage in range(_STAGES + 1):
         report_stage(stage)
-        problem = MatchingProblem.prepare(
+        problem = MatchingProblem(
             scaled_seed,
             components(seed)[0].dt,
             np.concatenate(periods_of_ratios),

@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.kernels.building.compilable import EVERYTHING
@@ -259,7 +259,6 @@ class _QuadraticProgram:
         return (self.scales * scaled).astype(np.float32)
 
 
-@dataclass
 class MatchingProblem:
     """Components of a motion, oscillators to be matched, and filters of a change.
 
@@ -292,71 +291,78 @@ class MatchingProblem:
         Number of samples to either side over which this impulse response extends.
     """
 
-    scaled_seed: Array
-    dt: float
-    wanted: Array
-    omega: Array
-    damping: Array
-    substeps: Array
-    table: Array
-    envelope: Array
-    band: Array
-    size: int
-    end_derivatives: Array
-    free_vibrations: list[NDArray[np.float32]]
-    impulse_response: NDArray[np.float32]
-    filter_reach: int
-
-    @classmethod
-    def prepare(
-        cls, scaled_seed: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
-    ) -> MatchingProblem:
+    def __init__(
+        self, scaled_seed: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
+    ) -> None:
         """Prepare the recursion, the filters and the free vibrations of a matching problem."""
         from scipy.fft import irfft, next_fast_len
 
+        self.scaled_seed, self.dt, self.wanted, self.damping = scaled_seed, dt, wanted, damping
         sample_count = scaled_seed.shape[1]
         # The extremes of a single component require omega h <= 0.5, at least 4 pi substeps in a
         # period; the extremes of two components require half this substep.
-        omega = 2.0 * np.pi / periods
-        substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
-        table = recursion_table(omega, dt / substeps, damping, 2)
-        table[BY_DISPLACEMENT] = omega**2
-        table[BY_VELOCITY] = 2.0 * damping * omega
+        self.omega: Array = 2.0 * np.pi / periods
+        self.substeps: Array = len(scaled_seed) * 2.0 ** np.ceil(
+            np.log2(np.maximum(1.0, self.omega * dt / 0.5))
+        )
+        self.table = recursion_table(self.omega, dt / self.substeps, damping, 2)
+        self.table[BY_DISPLACEMENT] = self.omega**2
+        self.table[BY_VELOCITY] = 2.0 * damping * self.omega
+        self.envelope = _envelope(scaled_seed, dt)
         low_frequency, high_frequency = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
-        filter_reach = int(3.0 / low_frequency / dt)
-        size = next_fast_len(sample_count + 2 * filter_reach, real=True)
-        f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)  # avoids a division by 0
-        band = np.minimum(f / _CORNER_FREQUENCY, 1.0) / np.sqrt(
+        self.filter_reach = int(3.0 / low_frequency / dt)
+        self.size: int = next_fast_len(sample_count + 2 * self.filter_reach, real=True)
+        f = np.maximum(np.fft.rfftfreq(self.size, dt), 1e-12)  # avoids a division by 0
+        self.band: Array = np.minimum(f / _CORNER_FREQUENCY, 1.0) / np.sqrt(
             (1.0 + (low_frequency / f) ** _ORDER) * (1.0 + (f / high_frequency) ** _ORDER)
         )
-        band[0] = 0.0
+        self.band[0] = 0.0
         # A sample a changes the final velocity by a dt, and the final displacement by a dt times
         # the remaining time.
         remaining = np.arange(sample_count - 1, -1, -1.0)
-        end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
+        self.end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
         # The filter also affects the samples before the start.
-        band32 = band.astype(np.float32)
+        band32 = self.band.astype(np.float32)
         sample_order = np.concatenate(
-            [np.arange(sample_count - 1, -1, -1), -np.arange(1, filter_reach + 1)]
+            [np.arange(sample_count - 1, -1, -1), -np.arange(1, self.filter_reach + 1)]
         )
-        return cls(
-            scaled_seed=scaled_seed,
-            dt=dt,
-            wanted=wanted,
-            omega=omega,
-            damping=damping,
-            substeps=substeps,
-            table=table,
-            envelope=_envelope(scaled_seed, dt),
-            band=band,
-            size=size,
-            end_derivatives=end_derivatives,
-            free_vibrations=_free_vibrations(
-                omega, damping, dt, band=band32, size=size, sample_order=sample_order
-            ),
-            impulse_response=irfft(band32, size)[sample_order],
-            filter_reach=filter_reach,
-        )
+        self.free_vibrations = self._free_vibrations(band32, sample_order)
+        self.impulse_response: NDArray[np.float32] = irfft(band32, self.size)[sample_order]
+
+    def _free_vibrations(
+        self, band: NDArray[np.float32], sample_order: NDArray[np.int64]
+    ) -> list[NDArray[np.float32]]:
+        """Return the free vibrations of all oscillators after the band-pass filter, cosine and sine
+        in reversed order of time.
+
+        The free vibration of an oscillator is exp(exponent t); its real part is called cosine, its
+        imaginary part sine. Only the part that has not decayed is stored, and few oscillators are
+        computed at a time: 60 000 samples of all oscillators would need a gigabyte. `sample_order`
+        contains the samples from the latest back to the first, then those before the start that the
+        filter reaches, as negative numbers.
+        """
+        from scipy.fft import irfft, rfft
+
+        sample_count, damping = self.envelope.size, self.damping
+        exponent = self.omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+        stored_samples = np.minimum(
+            np.log(1.0 / _DECAYED) / (damping * self.omega * self.dt), sample_count - 1
+        ).astype(int)
+        free_vibrations: list[NDArray[np.float32]] = []
+        for first_oscillator in range(0, self.omega.size, _OSCILLATORS_AT_A_TIME):
+            chunk = slice(first_oscillator, first_oscillator + _OSCILLATORS_AT_A_TIME)
+            vibrations = np.exp(exponent[chunk, None] * self.dt * np.arange(sample_count))
+            # A row of derivatives treats the two samples next to the extreme separately (`_row`).
+            vibrations[:, 0] = 0.0
+            parts = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
+            filtered = irfft(rfft(parts, self.size) * band, self.size)[..., sample_order]
+            # The filter widens the stored part to either side.
+            first_samples = sample_count - 1 - self.filter_reach - stored_samples[chunk]
+            free_vibrations += [
+                filtered_pair[:, max(first_sample, 0) :].copy()
+                for filtered_pair, first_sample in zip(filtered, first_samples, strict=True)
+            ]
+        return free_vibrations
 
     def filtered(self, rows: Array) -> Array:
         """Apply the band-pass filter to the samples along the last axis."""
@@ -623,12 +629,6 @@ class MatchingProblem:
         merit, misfit = self.merits(maxima, is_stepwise)
         return _MotionState(samples, row_sum, found_extremes, maxima, merit, misfit)
 
-    @cached_property
-    def _component_end_derivatives(self) -> Array:
-        """Derivatives of the final velocity (s) and displacement (s^2) of each component with
-        respect to the samples of all components, shape (2 components, components * n)."""
-        return np.asarray(np.kron(np.eye(len(self.scaled_seed)), self.end_derivatives))
-
     def _quadratic_program(self, state: _MotionState) -> _QuadraticProgram:
         """Return the quadratic program of the next change of a motion.
 
@@ -641,7 +641,9 @@ class MatchingProblem:
         # The last rows belong to the final velocity and displacement; their required changes cancel
         # the changes of the previous rounds.
         rows = self.rows(oscillator, when, directions)
-        end_derivatives = self._component_end_derivatives
+        # Derivatives of the final velocity (s) and displacement (s^2) of each component with
+        # respect to the samples of all components, shape (2 components, components * n)
+        end_derivatives = np.kron(np.eye(len(self.scaled_seed)), self.end_derivatives)
         change = (state.samples - self.scaled_seed).ravel()
         shortfall = np.concatenate([shortfall, -end_derivatives @ change])
         is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
@@ -675,48 +677,6 @@ def _envelope(scaled_seed: Array, dt: float) -> Array:
     envelope = np.sqrt(np.maximum(mean_square, 0.0))[: scaled_seed.shape[1]]
     envelope /= envelope.max()
     return np.asarray(envelope)
-
-
-def _free_vibrations(
-    omega: Array,
-    damping: Array,
-    dt: float,
-    *,
-    band: NDArray[np.float32],
-    size: int,
-    sample_order: NDArray[np.int64],
-) -> list[NDArray[np.float32]]:
-    """Return the free vibrations of all oscillators after the band-pass filter, cosine and sine in
-    reversed order of time.
-
-    The free vibration of an oscillator is exp(exponent t); its real part is called cosine, its
-    imaginary part sine. Only the part that has not decayed is stored, and few oscillators are
-    computed at a time: 60 000 samples of all oscillators would need a gigabyte. `sample_order`
-    contains the samples from the latest back to the first, then those before the start that the
-    filter reaches, as negative numbers.
-    """
-    from scipy.fft import irfft, rfft
-
-    sample_count = int(sample_order[0]) + 1
-    exponent = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
-    stored_samples = np.minimum(
-        np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
-    ).astype(int)
-    # The filter widens the stored part to either side.
-    filter_reach = sample_order.size - sample_count
-    free_vibrations: list[NDArray[np.float32]] = []
-    for first_oscillator in range(0, omega.size, _OSCILLATORS_AT_A_TIME):
-        chunk = slice(first_oscillator, first_oscillator + _OSCILLATORS_AT_A_TIME)
-        vibrations = np.exp(exponent[chunk, None] * dt * np.arange(sample_count))
-        # A row of derivatives treats the two samples next to the extreme separately (`_row`).
-        vibrations[:, 0] = 0.0
-        cosine_and_sine = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
-        filtered = irfft(rfft(cosine_and_sine, size) * band, size)[..., sample_order]
-        free_vibrations += [
-            filtered_pair[:, max(sample_count - 1 - filter_reach - stored_count, 0) :].copy()
-            for filtered_pair, stored_count in zip(filtered, stored_samples[chunk], strict=True)
-        ]
-    return free_vibrations
 
 
 def solve_program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
