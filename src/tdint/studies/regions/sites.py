@@ -7,7 +7,7 @@ import json
 import math
 import re
 from array import array
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, compress, islice
 from pathlib import Path
@@ -328,20 +328,21 @@ class _FieldRows:
         lines, cells = zip(*block, strict=True)
         # The column at the index `width` is empty, and represents the columns that do not exist.
         columns = [*self.table.columns_of(cells), ("",) * len(cells)]
-        event, record, site, component, second_file, value = (columns[index] for index in indices)
+        event, record, site, component, second_file, texts = (
+            list(map(str.strip, columns[index])) for index in indices
+        )
         # Without a value, the factor is 1. A value that is not a number is NaN, for which the
         # comparison is False.
-        texts = list(map(str.strip, value))
         values = numbers_in(texts)
         if not self.measure and "" in texts:
             values[[not text for text in texts]] = 1.0
         are_allowed = (values > 0.0 if self.measure else np.abs(values) > 0.0).all()
         # Replace names by numbers in the order of their first use. If a row is invalid, its names
         # also get numbers; this has no effect, because the table is refused.
-        keys = zip(record, component, second_file, strict=True)
-        events = _numbers_of(event, self.events, str.strip, first=1)
-        records = _numbers_of(keys, self.records, _strip_each)
-        sites = _numbers_of(site, self.sites, str.strip, may_add=not self.settings.sites)
+        keys = list(zip(record, component, second_file, strict=True))
+        events = _numbers_of(event, self.events, first=1)
+        records = _numbers_of(keys, self.records)
+        sites = _numbers_of(site, self.sites, may_add=not self.settings.sites)
         # A name is missing, or a site has no number (-1) because it is not in the table of sites.
         is_unnamed = (
             "" in self.events
@@ -374,14 +375,13 @@ class _FieldRows:
         `value_text` is not a number; without an intensity measure, it is 1 if the text is empty.
         """
         event_column, _, site_column, _, _, value_column = self.columns
-        width, site = len(self.table.header), site.strip()
         if error := self.table.surplus(cells):
             return error
-        if not event.strip():
+        if not event:
             return f"{event_column} is missing"
-        if not record.strip():
+        if not record:
             return "record is missing"
-        if self.indices[2] < width and not site:
+        if self.indices[2] < len(self.table.header) and not site:
             return f"{site_column} is missing"
         if self.settings.sites and site not in self.sites:
             return f"site {site!r} not found in {self.settings.sites}; add it there"
@@ -437,34 +437,15 @@ class _FieldRows:
 
 
 def _numbers_of(
-    names: Iterable[Value],
-    numbers: dict[Value, int],
-    strip: Callable[[Value], Value],
-    *,
-    first: int = 0,
-    may_add: bool = True,
+    names: Sequence[Value], numbers: dict[Value, int], *, first: int = 0, may_add: bool = True
 ) -> list[int]:
     """Return the number of each name; -1 if the name has no number and must not be added.
 
-    `numbers` contains the numbers by name without surrounding spaces, from `first`. New names are
-    added in place, if allowed.
+    `numbers` contains the numbers by name, from `first`. New names are added in place, if allowed.
     """
-    # Usually all names are known and have no surrounding spaces. The spaces are removed, and new
-    # names are added, only if a name without this change has no number.
-    names = list(names)
-    result = [numbers.get(name, -1) for name in names]
-    if -1 in result:
-        names = list(map(strip, names))
-        for name in dict.fromkeys(names) if may_add else ():
-            numbers.setdefault(name, len(numbers) + first)
-        result = [numbers.get(name, -1) for name in names]
-    return result
-
-
-def _strip_each(texts: tuple[str, str, str]) -> tuple[str, str, str]:
-    """Return three texts without surrounding spaces."""
-    first, second, third = texts
-    return first.strip(), second.strip(), third.strip()
+    for name in dict.fromkeys(names) if may_add else ():
+        numbers.setdefault(name, len(numbers) + first)
+    return [numbers.get(name, -1) for name in names]
 
 
 def _field_rows(field: FieldFile, sites: dict[str, int]) -> _FieldRows:
