@@ -316,25 +316,16 @@ class _Table:
                     [not text for text in self.columns[self.column_indices[name]]]
                 )
             valid &= is_allowed
-        # The remaining columns contain few distinct texts. A text is valid if the first row with
-        # this text is read without an error.
-        is_row_valid: dict[int, bool] = {}
-        for column in (
-            self.columns[column_index]
-            for name, column_index in self.column_indices.items()
-            if name not in ("id", *_NUMBERS)
-        ):
-            first_rows: dict[str, int] = {}
-            for row, text in enumerate(column):
-                first_rows.setdefault(text, row)
-            for row in first_rows.values():
-                if row not in is_row_valid:
-                    is_row_valid[row] = (
-                        bool(valid[row]) and _Row(self, row, []).building() is not None
-                    )
-            valid_texts = {text for text, row in first_rows.items() if is_row_valid[row]}
-            if len(valid_texts) < len(first_rows):
-                valid &= np.array([text in valid_texts for text in column], dtype=bool)
+        # The remaining columns contain few distinct texts. Rows with the same texts in these columns
+        # are valid if the first of them is read without an error.
+        names = [name for name in self.column_indices if name not in ("id", *_NUMBERS)]
+        columns = [self.columns[self.column_indices[name]] for name in names]
+        readable: dict[tuple[str, ...], bool] = {}
+        for row, texts in enumerate(zip(*columns, strict=True)):
+            if texts not in readable and valid[row]:
+                readable[texts] = _Row(self, row, []).building() is not None
+            if not readable.get(texts):
+                valid[row] = False
         return valid
 
 
