@@ -49,7 +49,6 @@ from tdint.studies.fragility.measures import (
     rows_of_motions,
     with_measures,
 )
-from tdint.studies.motions.pairs import PairRule
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
 
@@ -440,7 +439,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     ModelError
         The table contains several buildings, or no run has a result.
     """
-    runs = _runs_of(table, request)
+    runs = _Runs(table, request)
     # Each stripe is a mask of the runs with a result at a level.
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     has_stripes = all(np.sum(stripe) >= MIN_RUNS_PER_LEVEL for stripe in stripes)
@@ -483,84 +482,76 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     )
 
 
-@dataclass(frozen=True)
 class _Runs:
-    """Runs of a study; all arrays have the shape (n,).
+    """Runs of a table of runs of one building, with the components of pairs combined; all arrays
+    have the shape (n,).
+
+    ModelError is raised if the table contains several buildings, or no run has a result;
+    UsageError, if it does not contain the intensity measure.
 
     Attributes
     ----------
     im, level : ndarray
         Intensity, and index of its intensity level, from 0.
+    drift, motion : ndarray
+        Maximum drift ratio, and index of the ground motion.
     collapsed, result : ndarray of bool
         True if the building collapsed; True if the run has a result.
     names : tuple of str
         Name and unit of the intensity measure.
+    pairs : PairRule
+        Rule for the components of pairs.
     """
 
-    im: Array
-    level: NDArray[np.intp]
-    drift: Array
-    collapsed: NDArray[np.bool_]
-    result: NDArray[np.bool_]
-    motion: NDArray[np.intp]
-    names: tuple[str, str]
-    pairs: PairRule
+    def __init__(self, table: CsvTable, request: FragilityRequest) -> None:
+        """Read the runs and combine the components of pairs."""
+        try:
+            table.only("building")
+        except ModelError as error:
+            raise ModelError(
+                f"{error}, or fit functions of each building of a campaign's directory with "
+                "--by building"
+            ) from None
+        status = np.array(table.texts("status"))
+        drift = np.array(table.numbers("peak_drift_ratio", empty=True))
 
+        column, name, unit = _intensity_column(table, request)
+        im = np.array(table.numbers(column, empty=True))
+        motion, collapsed = motions_of(table), np.isin(status, FALLEN)
+        is_known = collapsed | (status == DONE)
 
-def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
-    """Return the runs of a table of runs of one building, with the components of pairs combined.
-    ModelError is raised if the table contains several buildings, or no run has a result;
-    UsageError, if it does not contain the intensity measure.
-    """
-    try:
-        table.only("building")
-    except ModelError as error:
-        raise ModelError(
-            f"{error}, or fit functions of each building of a campaign's directory with "
-            "--by building"
-        ) from None
-    status = np.array(table.texts("status"))
-    drift = np.array(table.numbers("peak_drift_ratio", empty=True))
+        # Combine the runs under both components of a pair at a level into one run: the intensity is
+        # the geometric mean, the rule for pairs combines the drifts, and either component can cause
+        # collapse.
+        rule, rows_of_run = rows_of_motions(table, request.pair_demand)
+        if len(rows_of_run) < len(table.rows):
+            im = np.array([float(np.prod(im[rows])) ** (1.0 / len(rows)) for rows in rows_of_run])
+            drift = np.array([rule.combine(drift[rows]) for rows in rows_of_run])
+            is_known = np.array([np.all(is_known[rows]) for rows in rows_of_run])
+            collapsed = np.array([np.any(collapsed[rows]) for rows in rows_of_run])
+            motion = motion[[rows[0] for rows in rows_of_run]]
+        elif column != "im":
+            # Components that count separately still have a common intensity, the geometric mean.
+            # The column `im` contains this mean already.
+            im = combine_pair_intensities(table, im)
 
-    column, name, unit = _intensity_column(table, request)
-    im = np.array(table.numbers(column, empty=True))
-    motion, collapsed = motions_of(table), np.isin(status, FALLEN)
-    is_known = collapsed | (status == DONE)
-
-    # Combine the runs under both components of a pair at a level into one run: the intensity is the
-    # geometric mean, the rule for pairs combines the drifts, and either component can cause
-    # collapse.
-    rule, rows_of_run = rows_of_motions(table, request.pair_demand)
-    if len(rows_of_run) < len(table.rows):
-        im = np.array([float(np.prod(im[rows])) ** (1.0 / len(rows)) for rows in rows_of_run])
-        drift = np.array([rule.combine(drift[rows]) for rows in rows_of_run])
-        is_known = np.array([np.all(is_known[rows]) for rows in rows_of_run])
-        collapsed = np.array([np.any(collapsed[rows]) for rows in rows_of_run])
-        motion = motion[[rows[0] for rows in rows_of_run]]
-    elif column != "im":
-        # Components that count separately still have a common intensity, the geometric mean. The
-        # column `im` contains this mean already.
-        im = combine_pair_intensities(table, im)
-
-    # Omit runs without an intensity. Runs without a drift ratio have no result.
-    has_intensity = im > 0.0
-    has_result = is_known & (drift > 0.0) & has_intensity
-    if not has_result.any():
-        raise ModelError(
-            f"{table.source}: no run has both an intensity and a result; at least one completed "
-            "run is required, and load cases (key `forces` of a campaign) have no intensity"
-        )
-    im = im[has_intensity]
-    return _Runs(
-        im=im,
-        level=levels_of(im),
-        drift=drift[has_intensity],
-        collapsed=collapsed[has_intensity],
-        result=has_result[has_intensity],
-        motion=motion[has_intensity],
-        names=(name, unit),
-        pairs=rule,
-    )
+        # Omit runs without an intensity. Runs without a drift ratio have no result.
+        has_intensity = im > 0.0
+        has_result = is_known & (drift > 0.0) & has_intensity
+        if not has_result.any():
+            raise ModelError(
+                f"{table.source}: no run has both an intensity and a result; at least one "
+                "completed run is required, and load cases (key `forces` of a campaign) have no "
+                "intensity"
+            )
+        self.im = im[has_intensity]
+        self.level = levels_of(self.im)
+        self.drift = drift[has_intensity]
+        self.collapsed = collapsed[has_intensity]
+        self.result = has_result[has_intensity]
+        self.motion = motion[has_intensity]
+        self.names = (name, unit)
+        self.pairs = rule
 
 
 def _intensity_column(table: CsvTable, request: FragilityRequest) -> tuple[str, str, str]:

@@ -326,8 +326,7 @@ def ida(
         for case in zip(records, intensities, damage_before_records, strict=True)
     ]
     work_items = [
-        _WorkItem.create(number, subject, measure, settings, *case)
-        for number, case in enumerate(cases)
+        _WorkItem(number, subject, measure, settings, *case) for number, case in enumerate(cases)
     ]
     pair_intensity = pair if len(records) > len(suite) else None
     # The input of the runs is stored with the runs, so that another study in the directory is
@@ -439,7 +438,6 @@ def _open_locked(
             yield store, remarks
 
 
-@dataclass(frozen=True)
 class _WorkItem:
     """All runs of a building, in a state of damage, under a record.
 
@@ -458,13 +456,59 @@ class _WorkItem:
         State of the building before the record; None: undamaged.
     """
 
-    number: int
-    batch: Batch
-    measure: IntensityMeasure
-    intensity: float
-    levels: LevelSearch
-    unscaled: Record
-    damaged_state: DamagedState | None
+    def __init__(
+        self,
+        number: int,
+        subject: Subject,
+        measure: IntensityMeasure,
+        settings: IdaSettings,
+        record: Record,
+        intensity: float,
+        damaged_state: DamagedState | None,
+    ) -> None:
+        self.number = number
+        self.measure = measure
+        self.intensity = intensity
+        self.unscaled = record
+        self.damaged_state = damaged_state
+        # Thresholds below the residual drift of the mainshock are exceeded before the record
+        # starts, so they are not searched.
+        residual_drift = damaged_state.residual_drift_ratio if damaged_state else 0.0
+        searched_thresholds = [
+            drift
+            for drift in settings.thresholds or ()
+            if drift > _MIN_RESIDUAL_MULTIPLE * residual_drift
+        ]
+        # The first level is below yield in the first mode, so that the curve starts elastic.
+        elastic_scale = _elastic_scale(
+            subject.prepared.building, record, subject.model.collapse_drift
+        )
+        self.levels = LevelSearch(
+            start=intensity * elastic_scale**measure.scale_exponent,
+            precision=settings.precision,
+            lowest_drift=min(searched_thresholds, default=math.inf),
+            max_level=settings.max_im,
+        )
+        # The scale factor of the mainshock is constant (`fixed`: one event that is not scaled); the
+        # factor of the record increases.
+        run_record = record
+        if damaged_state:
+            mainshock = damaged_state.record
+            run_record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
+        # The levels are values of `measure`, so that Sa(T1) of the record is not needed (None).
+        self.batch = Batch(
+            0,
+            subject,
+            {number: run_record},
+            {number: None},
+            # The peaks of attachments and links are stored with those of stories. After a mainshock
+            # they would include it.
+            settings_from(
+                settings,
+                CampaignSettings,
+                profiles=damaged_state is None and bool(device_limits(subject.model)),
+            ),
+        )
 
     @property
     def record(self) -> Record:
@@ -479,61 +523,6 @@ class _WorkItem:
         state = self.damaged_state
         damage, residual = (state.drift, state.residual_drift_ratio) if state else (0.0, 0.0)
         return IdaCurve(self.unscaled, runs, collapse_drift, damage, residual)
-
-    @classmethod
-    def create(
-        cls,
-        number: int,
-        subject: Subject,
-        measure: IntensityMeasure,
-        settings: IdaSettings,
-        record: Record,
-        intensity: float,
-        damaged_state: DamagedState | None,
-    ) -> _WorkItem:
-        """Create the work item of a record.
-
-        `damaged_state` is the state of the building before the record; by default undamaged.
-        """
-        # Thresholds below the residual drift of the mainshock are exceeded before the record
-        # starts, so they are not searched.
-        residual_drift = damaged_state.residual_drift_ratio if damaged_state else 0.0
-        searched_thresholds = [
-            drift
-            for drift in settings.thresholds or ()
-            if drift > _MIN_RESIDUAL_MULTIPLE * residual_drift
-        ]
-        # The first level is below yield in the first mode, so that the curve starts elastic.
-        elastic_scale = _elastic_scale(
-            subject.prepared.building, record, subject.model.collapse_drift
-        )
-        levels = LevelSearch(
-            start=intensity * elastic_scale**measure.scale_exponent,
-            precision=settings.precision,
-            lowest_drift=min(searched_thresholds, default=math.inf),
-            max_level=settings.max_im,
-        )
-        # The scale factor of the mainshock is constant (`fixed`: one event that is not scaled); the
-        # factor of the record increases.
-        run_record = record
-        if damaged_state:
-            mainshock = damaged_state.record
-            run_record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
-        # The levels are values of `measure`, so that Sa(T1) of the record is not needed (None).
-        batch = Batch(
-            0,
-            subject,
-            {number: run_record},
-            {number: None},
-            # The peaks of attachments and links are stored with those of stories. After a mainshock
-            # they would include it.
-            settings_from(
-                settings,
-                CampaignSettings,
-                profiles=damaged_state is None and bool(device_limits(subject.model)),
-            ),
-        )
-        return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
     def integrate(self) -> tuple[ChunkResult, RecordRuns]:
         """Integrate the building under the record at increasing levels until the search for its

@@ -297,7 +297,10 @@ class MatchingProblem:
         """Prepare the recursion, the filters and the free vibrations of a matching problem."""
         from scipy.fft import irfft, next_fast_len
 
-        self.scaled_seed, self.dt, self.wanted, self.damping = scaled_seed, dt, wanted, damping
+        self.scaled_seed = scaled_seed
+        self.dt = dt
+        self.wanted = wanted
+        self.damping = damping
         sample_count = scaled_seed.shape[1]
         # The extremes of a single component require omega h <= 0.5, at least 4 pi substeps in a
         # period; the extremes of two components require half this substep.
