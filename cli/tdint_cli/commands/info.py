@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import chain, cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from tdint_cli.terminal import Failures, note, warn
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.output.tables.spectra import RecordInfo
-    from tdint.output.tables.table import Table
+    from tdint.output.tables.table import Cell, Table
 
 
 @options.request
@@ -36,33 +36,6 @@ class Request(RecordsRequest):
     def settings(self) -> dict[str, Any]:
         """Options that determine how the records are read, for the JSON file."""
         return {name: value for name, value in self.record_settings.items() if name != "described"}
-
-
-@dataclass(frozen=True)
-class Product:
-    """Results of one record.
-
-    Attributes
-    ----------
-    source : str
-        File of the record.
-    records : tuple of dict
-        Description of each component, for the JSON file.
-    infos : tuple of RecordInfo
-        Values of the rows; empty if no figure is requested.
-    changes : tuple of str
-        Processing steps that were applied to the record on request.
-    exported : tuple of Record
-        Components of the record; empty if no export is requested.
-    """
-
-    source: str
-    table: Table
-    records: tuple[dict[str, Any], ...]
-    infos: tuple[RecordInfo, ...]
-    changes: tuple[str, ...]
-    warnings: tuple[str, ...]
-    exported: tuple[Record, ...] = ()
 
 
 _MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
@@ -106,62 +79,69 @@ def command(request: Request) -> None:
     are still processed.
     """
     from tdint.ground_motion.reading.suites import records_of
-    from tdint.output.summary import table_summary
+    from tdint.output.summary import record_summary, table_summary
 
     sources = records_of(request.records, request.choice)
     outputs = request.outputs
-    exported_files = _exported_files(request, sources.files)
-    check_outputs(
-        [*outputs.files, *(file for files in exported_files for file in files)],
-        overwrite=outputs.overwrite,
-    )
+    exports = _exports(request, sources.files)
+    check_outputs([*outputs.files, *chain(*exports)], overwrite=outputs.overwrite)
     notes = dict.fromkeys(sources.notes)  # An ordered set: the keys keep the order of insertion.
     warnings: dict[str, None] = {}
     failures: list[TdintError] = list(sources.failures)
-    products: list[Product] = []
+    rows: list[tuple[Cell, ...]] = []
+    summaries: list[dict[str, Any]] = []
+    infos: list[RecordInfo] = []
+    motions: dict[tuple[Path, ...], list[Record]] = {}
+    used = 0
     tasks = [Task(file) for file in sources.files]
     work = partial(_work, request)
     with outcomes(
         work, tasks, jobs=1, label="records", to_terminal=outputs.table is None
     ) as results:
-        for outcome in results:
+        # Files for all records are repeated.
+        for outcome, files in zip(results, cycle(exports)):
             if isinstance(outcome, TdintError):
                 failures.append(outcome)
-            else:
-                products.append(outcome)
-                notes |= dict.fromkeys(outcome.changes)
-                warnings |= dict.fromkeys(outcome.warnings)
-    # The figure shows only the first components, because its size is limited.
-    infos = [info for product in products for info in product.infos]
-    if products:
-        notes |= dict.fromkeys(_export(request, products, sources.files, exported_files))
-        records = [record for product in products for record in product.records]
-        table = products[0].table._replace(
-            rows=[row for product in products for row in product.table.rows]
-        )
+                continue
+            used += 1
+            infos_of_file, table = outcome
+            records = [info.record for info in infos_of_file]
+            notes |= dict.fromkeys(notes_of_components(records, lambda record: record.processing))
+            warnings |= dict.fromkeys(notes_of_components(records, lambda record: record.warnings))
+            rows += table.rows
+            summaries += map(record_summary, records)
+            # The samples are kept only for the figure and the export.
+            if outputs.picture:
+                infos += infos_of_file
+            if files:
+                motions.setdefault(files, []).extend(records)
+    if used:
+        notes |= dict.fromkeys(_export(request, motions))
+        table = tables.spectra.info_table([])._replace(rows=rows)
         outputs.deliver(
             table,
             lambda: figures.static_curves.info_picture(infos, outputs.shown_units),
-            lambda: table_summary("info", request.settings, records, table.meanings),
+            lambda: table_summary("info", request.settings, summaries, table.meanings),
         )
     warn(*warnings)
+    # The figure shows only the first components, because its size is limited.
     if outputs.picture and (left_out := len(infos) - figures.static_curves.MOST_RECORDS) > 0:
         note(
             f"the figure shows only the first {figures.static_curves.MOST_RECORDS} components; "
             f"{left_out} are omitted"
         )
-    note(*notes, *sources.count_notes(len(products)))
+    note(*notes, *sources.count_notes(used))
     if failures:
         raise Failures(failures)
 
 
-def _exported_files(request: Request, records: Sequence[str]) -> list[tuple[Path, ...]]:
-    """Return the paths of each file of --export and of its JSON file; in a directory, there is a
-    file for each of the `records`. UsageError is raised if the file name has none of the three
-    suffixes.
+def _exports(request: Request, records: Sequence[str]) -> list[tuple[Path, ...]]:
+    """Return the file of --export for all `records` and its JSON file, which a description does not
+    have; in a directory, the two files for each record; without --export, no file. UsageError is
+    raised if the file name has none of the three suffixes.
     """
     if request.export is None:
-        return []
+        return [()]
     file = Path(request.export)
     if request.export.endswith("/") or is_folder(file):
         from tdint_cli.commands.spectrum import tables_of
@@ -179,26 +159,24 @@ def _exported_files(request: Request, records: Sequence[str]) -> list[tuple[Path
 
 
 def _export(
-    request: Request,
-    products: Sequence[Product],
-    sources: Sequence[str],
-    files: Sequence[tuple[Path, ...]],
+    request: Request, motions: Mapping[tuple[Path, ...], Sequence[Record]]
 ) -> tuple[str, ...]:
     """Write the processed ground motions, or the description of the records, to the files of
-    --export, and return notes.
+    --export, and return notes. `motions` are the records by their files.
 
     UsageError is raised if several components are requested for a CSV file, or records with
     different sampling intervals for a MiniSEED file.
     """
-    if request.export is None:
-        return ()
     contents: dict[Path, bytes] = {}
     notes: list[str] = []
-    is_per_record = Path(request.export) not in {file for file, *_ in files}
-    if not is_per_record and len(files[0]) == 1:
+    for (file, *json_file), records in motions.items():
+        if json_file:
+            added, more_notes = _exported(request, records, file, *json_file)
+            contents |= added
+            notes += more_notes
+            continue
         from tdint.model.config.record_files import description_text
 
-        ((file,),) = files
         choices = {id(choice): choice for choice in map(request.choice.of, request.records)}
         if len(choices) > 1:
             raise UsageError(
@@ -206,33 +184,23 @@ def _export(
                 "description for each of them"
             )
         (choice,) = choices.values()
-        text = description_text(request.records, choice, file.parent)
-        contents[file] = text.encode()
-    else:
-        # In a directory, each record has a file; records that failed have no file.
-        groups = [[product] for product in products] if is_per_record else [products]
-        for group in groups:
-            pair = files[sources.index(group[0].source)] if is_per_record else files[0]
-            added, more_notes = _exported(request, group, *pair)
-            contents |= added
-            notes += more_notes
+        contents[file] = description_text(request.records, choice, file.parent).encode()
     write_files(contents, overwrite=request.outputs.overwrite)
     return tuple(notes)
 
 
 def _exported(
-    request: Request, products: Sequence[Product], file: Path, json_file: Path
+    request: Request, motions: Sequence[Record], file: Path, json_file: Path
 ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
     """Return the contents of a file with the processed ground motions of some records and of its
     JSON file, and notes about it."""
     from tdint.ground_motion.measures import channels_of
     from tdint.ground_motion.origin import WRITTEN, written_motion
     from tdint.ground_motion.record import to_mseed
-    from tdint.output.summary import in_units, json_bytes, table_summary
+    from tdint.output.summary import in_units, json_bytes, record_summary, table_summary
 
     # A MiniSEED file contains all components, each as acceleration, velocity and displacement.
-    motions = [record for product in products for record in product.exported]
-    summaries = [dict(summary) for product in products for summary in product.records]
+    summaries = list(map(record_summary, motions))
     units, notes, ids = SI, tuple[str, ...](), list[str]()
     table = tables.spectra.ground_table(motions[0])
     if file.suffix.lower() == _MSEED:
@@ -269,18 +237,7 @@ def _exported(
     return {file: content, json_file: json_bytes(summary)}, notes
 
 
-def _work(request: Request, task: Task) -> Product:
-    """Read a record and return the results of its components; may run in a worker process."""
-    from tdint.output.summary import record_summary
-
-    records = request.read(task.source)
-    infos = list(map(tables.spectra.record_info, records))
-    return Product(
-        source=task.source,
-        table=tables.spectra.info_table(infos),
-        records=tuple(map(record_summary, records)),
-        infos=tuple(infos) if request.outputs.picture else (),
-        exported=tuple(records) if request.export else (),
-        changes=notes_of_components(records, lambda record: record.processing),
-        warnings=notes_of_components(records, lambda record: record.warnings),
-    )
+def _work(request: Request, task: Task) -> tuple[list[RecordInfo], Table]:
+    """Read a record; return the properties of its components, and their table."""
+    infos = list(map(tables.spectra.record_info, request.read(task.source)))
+    return infos, tables.spectra.info_table(infos)
