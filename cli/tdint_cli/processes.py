@@ -127,7 +127,7 @@ class Task:
     Attributes
     ----------
     table : Path | None
-        Output table of the record. None if several records share a table.
+        Output table of the record; None for standard output.
     others : tuple of str
         Further files that belong to the same record.
     """

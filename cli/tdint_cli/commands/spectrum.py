@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -83,28 +84,22 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
     # All outputs are checked before the computation, so that no result is lost.
     files_of_records = table_type.gather(request, sources.files)
     output = Path(request.output) if request.output else None
-    # In a directory each record has a table. Otherwise `table_of_record` contains None, and all
-    # records share the table `output` (None for standard output).
+    # In a directory each record has a table. Otherwise all records share the table `output` (None
+    # for standard output).
+    tables: list[Path | None] = [output]
     if output and request.is_folder:
-        table_of_record: list[Path | None] = [
-            *tables_of([files[0] for files in files_of_records], output)
-        ]
-        tables = table_of_record
-    else:
-        table_of_record, tables = [None] * len(files_of_records), [output]
+        tables = [*tables_of([files[0] for files in files_of_records], output)]
     output_files = [file for table in tables for file in _outputs(request, table).files]
     check_outputs(output_files, overwrite=request.overwrite)
     tasks = [
-        Task(files[0], table, files[1:])
-        for files, table in zip(files_of_records, table_of_record, strict=True)
+        Task(files[0], table, files[1:]) for files, table in zip(files_of_records, cycle(tables))
     ]
     # Dictionaries without values are used as sets that keep the order of insertion.
     notes, warnings = dict.fromkeys(sources.notes), dict[str, None]()
     failures, longest_interval, used = list[TdintError](sources.failures), 0.0, 0
-    outcomes_of_common_table: list[RecordTable] = []
+    products: list[RecordTable] = []
     to_terminal = request.output is None
     width = reading_width() if to_terminal else None
-    write_header = True
     work = partial(_work, request, table_type, width)
     with outcomes(
         work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal
@@ -117,21 +112,16 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
             notes |= dict.fromkeys(outcome.notes)
             warnings |= dict.fromkeys(outcome.warnings)
             longest_interval = max(longest_interval, outcome.interval)
-            if task.table:
+            if request.is_folder:
                 _write(request, table_type, task.table, [outcome])
                 continue
-            if request.output or request.plot:
-                # A table on standard output is written below, record by record. In this case only
-                # the results for the figure are kept, without the text.
-                outcomes_of_common_table.append(
-                    outcome if request.output else replace(outcome, text=b"")
-                )
             if to_terminal:
                 # Text for a terminal has a header for each record, CSV a single header.
-                emit(outcome.text if write_header or width else _without_header(outcome.text))
-                write_header = False
-    if outcomes_of_common_table:
-        _write(request, table_type, output, outcomes_of_common_table)
+                emit(_without_header(outcome.text) if products and not width else outcome.text)
+                outcome = replace(outcome, text=b"")
+            products.append(outcome)
+    if products:
+        _write(request, table_type, output, products)
     last_note = table_type.remark(request, longest_interval)
     warn(*warnings)
     note(*filter(None, (*notes, last_note)), *sources.count_notes(used))
@@ -142,13 +132,8 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
-    """Return the paths of a table, its figure and its JSON file.
-
-    `table`: file of the table; None without -o, and with -o DIR if no table is written to a file.
-    """
-    # With -o DIR, a figure is a file next to the table of its record. Without a table there is no
-    # figure.
-    picture = picture_file(request.plot, table) if table or not request.is_folder else None
+    """Return the paths of a table, its figure and its JSON file. `table` is None without -o."""
+    picture = picture_file(request.plot, table)
     return Outputs(table, picture, beside(table, ".json") if table else None, request.overwrite)
 
 
@@ -174,9 +159,9 @@ def _work(
         notes=(*notes_of_components(results.records, lambda record: record.notes), *results.notes),
         interval=max(record.dt for record in results.records),
         warnings=notes_of_components(results.records, lambda record: record.warnings),
-        results=() if task.table or not request.plot else lines,
+        results=() if request.is_folder or not request.plot else lines,
         picture=_picture(request, table_type, lines, SUFFIX)
-        if task.table and request.plot
+        if request.is_folder and request.plot
         else None,
     )
 
