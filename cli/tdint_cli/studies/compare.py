@@ -165,7 +165,7 @@ def command(request: Request) -> None:
     units = outputs.shown_units
     model = replace(model, output_units=units)
     recordings = [load_recording(file, len(model.stories)) for file in files]
-    events = [Event.of(recording) for recording in recordings]
+    events = [Event(recording) for recording in recordings]
     # The fit uses only the first event (--recorded). It selects its own method and time
     # step, so that the discretization error does not affect the fitted values; --method and --dt
     # apply to the comparison.

@@ -94,7 +94,7 @@ def recorded_model(tmp_path):
 
     def event(text=FLOORS):
         (tmp_path / "recorded.yaml").write_text(text)
-        return Event.of(load_recording(tmp_path / "recorded.yaml", 3))
+        return Event(load_recording(tmp_path / "recorded.yaml", 3))
 
     def usual(**changed):
         columns = {"base_m_s2": base} | {f"{name}_m_s2": values for name, values in motions.items()}
@@ -554,18 +554,19 @@ def test_window_is_exact_to_sample():
             if random.random() < 0.3
             else tuple(np.sort(np.round(random.uniform(-0.1, 1.1, 2), 2)))
         )
-        event = Event(SimpleNamespace(window=window), base, (), (), (), ())
+        recording = SimpleNamespace(window=window)
+        event = SimpleNamespace(recording=recording, base=base, count=100)
         start, end = window or (0.0, 0.99)
         expected = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
         if len(expected) < 10:
             refused += 1
             with pytest.raises(RecordError, match="fewer than 10 samples"):
-                event.window(recorded, "floor 1")
+                Event.window(event, recorded, "floor 1")
         else:
-            assert [*range(100)[event.window(recorded, "floor 1")]] == expected
+            assert [*range(100)[Event.window(event, recorded, "floor 1")]] == expected
     assert 30 < refused < 270
     with pytest.raises(RecordError, match="has fewer than 10 samples"):
-        event.window(np.full(100, np.nan), "floor 1")
+        Event.window(event, np.full(100, np.nan), "floor 1")
 
 
 @pytest.mark.parametrize("shortest", [10, 9])

@@ -16,7 +16,7 @@ from tdint.errors import AnalysisError, RecordError, UsageError, did_you_mean
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
-from tdint.ground_motion.record import Input, Record
+from tdint.ground_motion.record import Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
 from tdint.model.definition import Model
 from tdint.model.story_laws import LINEAR
@@ -73,7 +73,6 @@ class RecordedFloor:
         return at_times(self.signal.samples, self.signal.dt, self.first + shift, interval, count)
 
 
-@dataclass(frozen=True)
 class Event:
     """Recorded event.
 
@@ -90,15 +89,7 @@ class Event:
         Files of the recordings with their checksums, without repetition.
     """
 
-    recording: Recording
-    base: Record
-    floors: tuple[RecordedFloor, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
-    inputs: tuple[Input, ...]
-
-    @classmethod
-    def of(cls, recording: Recording) -> Event:
+    def __init__(self, recording: Recording) -> None:
         """Read the files of a recording.
 
         Raises
@@ -111,14 +102,15 @@ class Event:
         floor_signals = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
         # The keys are the notes: a dictionary keeps their order and omits repetitions.
         notes: dict[str, None] = {}
-        base, base_start = _base_motion(base_signals, recording.source, notes)
+        self.recording = recording
+        self.base, base_start = _base_motion(base_signals, recording.source, notes)
         floors = []
         for (number, _), signals in zip(recording.floors, floor_signals, strict=True):
             floor_signal = _floor_signal(signals, f"floor {number}", notes)
             # Times are relative to the first sample of the mean motion of the base.
             first = _start_offset(floor_signal, base_signals[0], notes) - base_start
             last = first + (floor_signal.samples.size - 1) * floor_signal.dt
-            if first >= base.duration or last <= 0.0:
+            if first >= self.base.duration or last <= 0.0:
                 raise RecordError(
                     f"{floor_signal.label}: does not overlap in time with {base_signals[0].label}; "
                     "check their start times"
@@ -135,14 +127,10 @@ class Event:
         all_signals = [*base_signals, *(signal for signals in floor_signals for signal in signals)]
         reader_notes = [f"{item.label}: {text}" for item in all_signals for text in item.notes]
         warnings = [f"{item.label}: {text}" for item in all_signals for text in item.warnings]
-        return cls(
-            recording,
-            base,
-            tuple(floors),
-            notes=tuple(dict.fromkeys([*reader_notes, *notes])),
-            warnings=tuple(dict.fromkeys(warnings)),
-            inputs=tuple(dict.fromkeys(signal.input for signal in all_signals)),
-        )
+        self.floors = tuple(floors)
+        self.notes = tuple(dict.fromkeys([*reader_notes, *notes]))
+        self.warnings = tuple(dict.fromkeys(warnings))
+        self.inputs = tuple(dict.fromkeys(signal.input for signal in all_signals))
 
     @property
     def count(self) -> int:
@@ -537,7 +525,7 @@ def compare(
     """
     model = model_of(model)
     if not isinstance(event, Event):
-        event = Event.of(load_recording(str(event), len(model.stories)))
+        event = Event(load_recording(str(event), len(model.stories)))
     response = respond(case_under(model, event, method), dt, event.recording.band)
     computed = computed_floors(response, event)
     if shift is None:
