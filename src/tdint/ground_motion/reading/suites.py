@@ -299,24 +299,15 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
             failures.append(error)
             continue
         # A vertical component is omitted unless the user selects it.
-        omitted = [
-            component
-            for component in components
-            if choice.of(file).component is None and is_vertical(component.component)
-        ]
-        if len(omitted) == len(components):
+        if choice.of(file).component is not None:
+            records += components
+            continue
+        vertical = [record.component for record in components if is_vertical(record.component)]
+        if len(vertical) == len(components):
             vertical_files.append(file)
-        elif omitted:
-            notes.append(
-                f"{file}: vertical component omitted: "
-                f"{', '.join(component.component for component in omitted)}"
-            )
-        # Records are compared by identity, because the comparison of their arrays is no boolean.
-        records += [
-            component
-            for component in components
-            if not any(component is other for other in omitted)
-        ]
+        elif vertical:
+            notes.append(f"{file}: vertical component omitted: {', '.join(vertical)}")
+        records += [record for record in components if record.component not in vertical]
     # A file of a vertical component usually accompanies the files of the horizontal components.
     if records:
         notes += [f"{file}: not used: vertical component" for file in vertical_files]
