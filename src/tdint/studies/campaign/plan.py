@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Any
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import cached_property
+from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
@@ -70,13 +69,13 @@ _SECONDS_PER_STEP = 0.15e-6
 _SECONDS_PER_BUILDING = 2e-4  # s; approximate time to create a building
 _MIN_CHUNKS = 64  # number of chunks of a small campaign, enough for all processors
 _MOST_NAMES = 10  # names listed in a note
-_MAX_STORED_STEPS = 1000  # maximum number of buildings with a time step in memory
+_LOCKS = 64  # number of locks; buildings with different locks do not wait for each other
 _MIN_CHUNK_TIME, _MAX_CHUNK_TIME = 0.002, 2.0
 """Minimum and maximum time of a chunk, s. A small campaign is divided into `_MIN_CHUNKS` chunks, so
 that all processors are used."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
     """Campaign with all input in memory.
 
@@ -104,15 +103,10 @@ class Plan:
     style: str = ""
     pair_demand: str | None = None
     warnings: tuple[str, ...] = ()
-    # Maximum time step of each building by its number, which one thread computes for all threads.
-    # `_choosing` protects this dictionary.
-    _chosen: dict[int, Future[float | None]] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
     # Rows of an earlier store (`tdint.studies.campaign.reuse`) by the number of the chunk;
     # `chunk` omits their runs.
-    kept: dict[int, Rows] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
+    kept: dict[int, Rows] = field(default_factory=dict, init=False)
+    _locks: list[Lock] = field(default_factory=lambda: [Lock() for _ in range(_LOCKS)], init=False)
 
     @property
     def scaling(self) -> dict[str, Any]:
@@ -333,25 +327,18 @@ class Plan:
             return math.inf
         # Several threads may have runs of the same building: the first thread computes the time
         # step, the other threads wait.
-        with self._choosing:
-            is_first = number not in self._chosen
-            if is_first:
-                # Limit the memory: remove the time steps of the buildings that were added first.
-                while len(self._chosen) >= _MAX_STORED_STEPS:
-                    self._chosen.pop(next(iter(self._chosen)))
-                self._chosen[number] = Future()
-            future_step = self._chosen[number]
-        if is_first:
-            try:
+        max_steps = self._max_steps
+        with self._locks[number % _LOCKS]:
+            if math.isnan(max_steps[number]):
                 records = {run.motion: self.motions[run.motion].record for run in runs}
-                future_step.set_result(
-                    building_step(source.subject(), records, runs, self.settings, tolerance)
-                )
-            # Waiting threads must not wait forever, so they receive any exception, even an
-            # interrupt. `result` raises it in all threads.
-            except BaseException as error:
-                future_step.set_exception(error)
-        return future_step.result()
+                step = building_step(source.subject(), records, runs, self.settings, tolerance)
+                max_steps[number] = step or 0.0
+        return float(max_steps[number]) or None
+
+    @cached_property
+    def _max_steps(self) -> Array:
+        """Maximum time step of each building, s: NaN before it is computed, 0 if there is none."""
+        return np.full(len(self.buildings), math.nan)
 
 
 def _samples(record: Record) -> int:

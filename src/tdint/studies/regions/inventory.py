@@ -316,8 +316,8 @@ class _Table:
                     [not text for text in self.columns[self.column_indices[name]]]
                 )
             valid &= is_allowed
-        # The remaining columns contain few distinct texts. Rows with the same texts in these columns
-        # are valid if the first of them is read without an error.
+        # The remaining columns contain few distinct texts. A row is valid if the first row with the
+        # same texts in these columns is read without an error.
         names = [name for name in self.column_indices if name not in ("id", *_NUMBERS)]
         columns = [self.columns[self.column_indices[name]] for name in names]
         readable: dict[tuple[str, ...], bool] = {}
