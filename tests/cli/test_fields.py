@@ -386,7 +386,7 @@ def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(working_directory: P
     assert isinstance(found.site_motions, FieldMotions) and peak < 100 * count + 1_000_000
     draws = replace(found.site_motions, site_of=np.arange(15)).draws(7)
     assert [draw.sample for draw in draws] == list(range(1, 401))
-    assert [draw.factor for draw in draws] == pytest.approx(
+    assert [draw.scale for draw in draws] == pytest.approx(
         [1.0 + 1e-3 * (2800 + index) for index in range(400)]
     )
 

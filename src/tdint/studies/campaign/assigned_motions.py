@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
 from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.studies.campaign.chunks import Run
 from tdint.studies.motions.intensity import IntensityMeasure, factor_to
 from tdint.studies.regions.inventory import InventoryRows
 
@@ -32,24 +33,6 @@ _EARTH_RADIUS = 6371e3  # m, mean radius of the earth
 
 Locations = Sequence[tuple[float, float]] | Array
 """Longitudes and latitudes, degrees."""
-
-
-class Draw(NamedTuple):
-    """Ground motion assigned to a building.
-
-    Attributes
-    ----------
-    sample : int
-        Number of the sample, from 1; 0 without sampling. In ground motion fields, it is the number
-        of the event.
-    factor : float
-        Factor on the motion that the grid or the field specifies; 1 if all motions are assigned to
-        all buildings.
-    """
-
-    motion: int
-    sample: int
-    factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -111,9 +94,9 @@ class FieldMotions:
         in_order = event[order], record[order], value[order]
         return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), locations)
 
-    def draws(self, building: int) -> Sequence[Draw]:
-        """Return the motions of a building, all events at its site, sorted by their numbers. The
-        sample number of a motion is the number of its event."""
+    def draws(self, building: int) -> Sequence[Run]:
+        """Return the motions of a building, all events at its site, sorted by their numbers, each
+        with its factor in the field. The sample number of a motion is the number of its event."""
         site = self.site_of[building]
         site_rows = slice(int(self.start[site]), int(self.start[site + 1]))
         rows = zip(
@@ -126,8 +109,8 @@ class FieldMotions:
         for event, record, value in rows:
             # A record has one motion for each of its components.
             for motion, divisor in self.motions[record]:
-                draws.append(Draw(motion, event, value / divisor))
-        return sorted(draws)
+                draws.append(Run(motion, value / divisor, event))
+        return sorted(draws, key=lambda run: (run.motion, run.sample))
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         """Return the number of runs of each building; `runs` returns the number of runs of a
@@ -160,9 +143,9 @@ class EveryMotion:
 
     count: int
 
-    def draws(self, building: int) -> Sequence[Draw]:
-        """Return the motions of a building."""
-        return [Draw(motion, 0) for motion in range(self.count)]
+    def draws(self, building: int) -> Sequence[Run]:
+        """Return the motions of a building, without a factor or a sample."""
+        return [Run(motion, 1.0) for motion in range(self.count)]
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         """Return the number of runs of each building (`FieldMotions.counts`)."""
@@ -226,7 +209,7 @@ class GridMotions:
     motions: tuple[tuple[PointMotion, ...], ...] = field(repr=False)
     rows: InventoryRows | None = field(default=None, repr=False)
 
-    def draws(self, building: int) -> Sequence[Draw]:
+    def draws(self, building: int) -> Sequence[Run]:
         """Return the sampled motions of a building, sorted by motion number, then by sample number.
 
         Points are sampled by weight with replacement; then one of the motions of each sampled point
@@ -243,8 +226,8 @@ class GridMotions:
         for sample, point in enumerate(points.tolist(), start=1):
             point_motions = self.motions[point]
             components, factor = point_motions[int(random.integers(len(point_motions)))]
-            draws += [Draw(motion, sample, factor) for motion in components]
-        return sorted(draws)
+            draws += [Run(motion, factor, sample) for motion in components]
+        return sorted(draws, key=lambda run: (run.motion, run.sample))
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         """Return the number of runs of each building (`FieldMotions.counts`)."""

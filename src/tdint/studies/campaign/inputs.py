@@ -34,7 +34,6 @@ from tdint.model.definition import Model
 from tdint.model.keys.fields import resolve
 from tdint.number_parsing import abbreviate
 from tdint.studies.campaign.assigned_motions import (
-    Assignment,
     CampaignMotions,
     FactorTable,
     FieldMotions,
@@ -70,8 +69,6 @@ class Inputs:
 
     Attributes
     ----------
-    assignment : Assignment | None
-        Ground motions of each building; None: all motions for all buildings.
     factors : FactorTable | None
         Scale factors of the motions, if specified by a file.
     damage : ClassDamage
@@ -85,7 +82,6 @@ class Inputs:
     models: tuple[Model, ...] = ()
     rows: InventoryRows | None = None
     motions: CampaignMotions = field(default_factory=CampaignMotions)
-    assignment: Assignment | None = None
     factors: FactorTable | None = None
     damage: ClassDamage = field(default_factory=ClassDamage)
     faults: tuple[ModelError, ...] = ()
@@ -149,9 +145,11 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         _check_costs(rows)
     with sweep.reported_at_key():
         rows = sweep.vary_inventory(rows) if rows and campaign.sweep else rows
-    assignment = _assignment(campaign, motions.site_motions, rows, len(models))
+    motions = replace(
+        motions, site_motions=_assigned(campaign, motions.site_motions, rows, len(models))
+    )
     damage = read_class_damage(campaign.damage)
-    return Inputs(models, rows, motions, assignment, factors, damage, faults, too_far)
+    return Inputs(models, rows, motions, factors, damage, faults, too_far)
 
 
 def check_load_cases(campaign: CampaignFile) -> None:
@@ -316,13 +314,13 @@ def _select_located(
     return selected, unlocated, tuple(too_far)
 
 
-def _assignment(
+def _assigned(
     campaign: CampaignFile,
     motions: GridMotions | FieldMotions | None,
     rows: InventoryRows | None,
     model_count: int,
-) -> Assignment | None:
-    """Return the assignment of motions to buildings; None if all buildings use all motions.
+) -> GridMotions | FieldMotions | None:
+    """Return motions at sites, assigned to the buildings; None if all buildings use all motions.
 
     A building has samples of the motions of its nearest grid points, or all events of its site. The
     site is the nearest one, or the site that the inventory names. If the fields have no sites, a

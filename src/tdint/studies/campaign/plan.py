@@ -167,18 +167,14 @@ class Plan:
         # and its last run plus 1; `_cuts` contains the first run of each chunk, and the end.
         #
         # Number of the first building of each chunk: the first building with `_ends` above the
-        # first run of the chunk. The first chunk starts with building 0, even without runs.
-        first_buildings = np.searchsorted(self._ends, self._cuts[:-1], side="right")
+        # first run of the chunk. The first chunk starts with building 0, even without runs. A
+        # building that starts before the next chunk is also part of this chunk.
+        first_buildings = np.searchsorted(self._ends, self._cuts, side="right")
         first_buildings[0] = 0
-        # Number of the last building of each chunk, plus 1: the first building of the next chunk.
-        # If that building is divided (its first run is before the next chunk), it
-        # is part of both chunks, and 1 is added.
-        next_firsts = first_buildings[1:]
-        is_divided = self._starts[next_firsts] < self._cuts[1:-1]
-        end_buildings = np.append(next_firsts + is_divided, len(self.buildings))
+        end_buildings = np.maximum(first_buildings, np.searchsorted(self._starts, self._cuts))
         selected = set[int]()
         for chunk in chunks:
-            selected.update(range(first_buildings[chunk], end_buildings[chunk]))
+            selected.update(range(first_buildings[chunk], end_buildings[chunk + 1]))
         return sorted(selected)
 
     def chunk(self, number: int) -> Chunk:
@@ -289,8 +285,7 @@ class Plan:
         """Return buildings (by number) with a slice of their runs and with the maximum time step
         that meets the tolerance.
         """
-        # `draws` contains the motions of each building; each item has the number of the motion, its
-        # factor, and the number of the sample.
+        # `draws` contains the motions of each building with the factors of the grid or the field.
         sources = [self.buildings[number] for number, _ in slices]
         draws = [self.assignment.draws(number) for number, _ in slices]
         # Levels of a measure at the first period require the building; other levels do not.
@@ -306,11 +301,9 @@ class Plan:
                 # If the motions are scaled to levels of an intensity measure, the factor of the
                 # grid or field only determines the direction of the motion (its sign). It is not
                 # zero, because the readers of grids and fields refuse zero.
-                factor = math.copysign(1.0, draw.factor) if is_measure else draw.factor
-                runs += [
-                    Run(draw.motion, factor * scale, draw.sample)
-                    for scale in factors[index][draw.motion]
-                ]
+                factor = math.copysign(1.0, draw.scale) if is_measure else draw.scale
+                scales = factors[index][draw.motion]
+                runs += [draw._replace(scale=factor * scale) for scale in scales]
             # The time step is chosen from all runs of the building, so that it does not depend on
             # the division into chunks.
             max_step = self._max_step(number, sources[index], runs)
@@ -384,7 +377,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         name=campaign.name,
         buildings=buildings,
         motions=motions.motions,
-        assignment=inputs.assignment or EveryMotion(len(motions.motions)),
+        assignment=motions.site_motions or EveryMotion(len(motions.motions)),
         levels=levels,
         settings=campaign.settings,
         failures=(*motions.failures, *inputs.faults),
