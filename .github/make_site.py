@@ -33,8 +33,9 @@ from python_reference import FOLDER as REFERENCE
 from python_reference import GROUPS, PLUGIN_PAGE, link_mentions, reference_pages
 
 import tdint
-from tdint.methods.catalogue import catalogue, parse, references_of
+from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
+from tdint.methods.publications import references_of
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.grammar import GENERAL, ORDER, Command
 

@@ -42,7 +42,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import Initial, simple_model
 from tdint.model.story import simple_story
 from tdint.model.story_laws import Law
-from tdint.response.runs.compiled_steps import amplification
+from tdint.response.runs.measured_stability import amplification
 
 ROUNDING = 1e-12  # differences below this are rounding
 DAMPINGS = (0.0, 0.05, 0.2, 0.9, 1.0, 3.0)  # damping ratios xi

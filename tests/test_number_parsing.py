@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from tdint.errors import UsageError
-from tdint.number_parsing import (
-    MAX_GRID_POINTS,
-    Grid,
-    number_text,
-    parse_grid,
-    parse_ratio,
-    table_number,
-)
+from tdint.grids import MAX_GRID_POINTS, Grid, parse_grid
+from tdint.number_parsing import number_text, parse_ratio, table_number
 from tdint.units import parse_output_units
 
 

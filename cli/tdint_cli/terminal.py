@@ -335,10 +335,10 @@ shells: `AFTER_SIGNAL` plus the signal number."""
 AFTER_SIGNAL = 128  # POSIX shells report 128 plus the signal number.
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
 
-_NO_MEMORY = re.compile(r"failed to map segment|annot allocate memory|out of memory")
+_NO_MEMORY = r"failed to map segment|annot allocate memory|out of memory"
 """Messages of loaders and SQLite for insufficient memory (no MemoryError is raised)."""
 
-_NO_THREAD = re.compile("can't start new thread")
+_NO_THREAD = "can't start new thread"
 """Message of Python if the limit of threads and processes is reached."""
 
 
@@ -486,10 +486,10 @@ def _missing_resource(error: BaseException | None, options: Collection[str]) -> 
     while error is not None:
         number = getattr(error, "errno", None)
         text = str(error) if isinstance(error, ImportError | OSError | RuntimeError) else ""
-        if isinstance(error, MemoryError) or number == errno.ENOMEM or _NO_MEMORY.search(text):
+        if isinstance(error, MemoryError) or number == errno.ENOMEM or re.search(_NO_MEMORY, text):
             return _no_memory(options)
         # The system refuses to start a process with EAGAIN.
-        if number == errno.EAGAIN or _NO_THREAD.search(text):
+        if number == errno.EAGAIN or re.search(_NO_THREAD, text):
             fewer = "use a smaller --jobs, or " if "--jobs" in options else ""
             return (
                 f"no process or thread can be started; {fewer}raise the limit on processes (ulimit "

@@ -198,12 +198,12 @@ def is_there(name: str | Path) -> bool:
     return os.path.exists(name)  # noqa: PTH110  Path.exists raises an error for names too long
 
 
-_WILDCARDS = re.compile(r"[*?[]")
+_WILDCARDS = r"[*?[]"
 
 
 def is_set(argument: str) -> bool:
     """Return True if an argument may be several files: a directory or a pattern."""
-    return is_folder(argument) or bool(_WILDCARDS.search(argument) and not is_there(argument))
+    return is_folder(argument) or bool(re.search(_WILDCARDS, argument) and not is_there(argument))
 
 
 def is_file(name: str | Path) -> bool:
@@ -235,9 +235,7 @@ _COMPRESSION_LEVEL = 4
 9, and is written in a third of the time."""
 
 _TEMPORARY = ".tdint-{}.tmp"
-_TEMPORARY_PATTERN = re.compile(
-    r"\.tdint-(?P<host>.+)-(?P<process>\d+)-(?P<start>\d+)-[0-9a-f]{16}\.tmp"
-)
+_TEMPORARY_PATTERN = r"\.tdint-(?P<host>.+)-(?P<process>\d+)-(?P<start>\d+)-[0-9a-f]{16}\.tmp"
 """Name of a temporary file with host, process and start time of the writer."""
 
 # Temporary files of all threads, which are removed if another thread ends the process
@@ -427,7 +425,7 @@ def remove_abandoned(folder: Path) -> None:
     """
     for temporary in folder.glob(_TEMPORARY.format("*")):
         with suppress(OSError):
-            writer = _TEMPORARY_PATTERN.fullmatch(temporary.name)
+            writer = re.fullmatch(_TEMPORARY_PATTERN, temporary.name)
             if (
                 writer
                 and writer["host"] == this_host()

@@ -387,7 +387,7 @@ sizes."""
 
 _WORDS = ((FORCE, _FORCE_WORDS), (MASS, _MASS_WORDS))
 
-_MASS_PRODUCT = re.compile(r"(\w+?)[-*. ]*s(?:\^2|2)/(\w+)", re.IGNORECASE)
+_MASS_PRODUCT = r"(?i)(\w+?)[-*. ]*s(?:\^2|2)/(\w+)"
 """Mass as a product of force, squared second and length, such as `lb-s2/in`."""
 
 
@@ -423,7 +423,7 @@ def unit_advice(text: str, factors: Mapping[str, float]) -> str:
     """
     plain = text[:100].replace("²", "^2").replace("**", "^").replace("·", "*").replace("sec", "s")
     size = _size(plain, factors)
-    if factors is MASS and (product := _MASS_PRODUCT.fullmatch(plain.strip())):
+    if factors is MASS and (product := re.fullmatch(_MASS_PRODUCT, plain.strip())):
         size = _size(product[1], FORCE) / _size(product[2], LENGTH)
     equal = [unit for unit, factor in factors.items() if isclose(size, factor, rel_tol=1e-9)]
     return f"; did you mean {equal[0]!r}?" if equal else f"; known: {', '.join(factors)}"

@@ -13,7 +13,7 @@ from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.workspace import workspace
 from tdint.model.building import oscillators
-from tdint.response.runs.compiled_steps import amplification
+from tdint.response.runs.measured_stability import amplification
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.time_steps import Steps
 

@@ -11,7 +11,7 @@ from functools import partial
 from common import ROOT, minimum_times
 
 from tdint import read_record
-from tdint.number_parsing import parse_grid
+from tdint.grids import parse_grid
 from tdint.response.spectra.drift import drift_spectrum
 
 REPEATS = 5

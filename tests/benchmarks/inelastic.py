@@ -19,7 +19,7 @@ from common import ROOT, minimum_times
 
 from references import finer
 from tdint import read_record
-from tdint.number_parsing import parse_grid
+from tdint.grids import parse_grid
 from tdint.response.spectra.inelastic import constant_ductility
 
 REPEATS = 3

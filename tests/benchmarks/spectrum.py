@@ -21,8 +21,8 @@ from common import ROOT, minimum_times
 
 from references import OscillatorResponse
 from tdint import read_record, spectrum
+from tdint.grids import parse_grid
 from tdint.ground_motion.horizontals import find_horizontals
-from tdint.number_parsing import parse_grid
 from tdint.response.defaults import PERIODS
 from tdint.response.spectra.rotated import rotated_spectrum
 

@@ -17,7 +17,8 @@ from click.testing import CliRunner
 import readmes
 import tdint
 from selection import every
-from tdint.methods.catalogue import catalogue, references
+from tdint.methods.catalogue import catalogue
+from tdint.methods.publications import references
 from tdint_cli.main import COMMANDS, cli
 
 EXTERNAL_LINKS = {"https://zensical.org/"}

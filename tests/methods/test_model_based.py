@@ -9,7 +9,7 @@ import pytest
 from building_cases import Law, model, noise, story
 from step_checks import RAYLEIGH, building, load, matrices, restoring_of
 from tdint.methods.catalogue import parse
-from tdint.response.runs.compiled_steps import amplification
+from tdint.response.runs.measured_stability import amplification
 from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.run import run
 

@@ -36,7 +36,7 @@ from tdint.methods import moment4
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble, force_table
 from tdint.model.story import PowerDashpot
-from tdint.response.runs.compiled_steps import amplification, spectral_radius
+from tdint.response.runs.measured_stability import amplification, spectral_radius
 
 RHO = (1.0, 0.8, 0.5, 0.2, 0.0)
 OFFICE = load_model(Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml")

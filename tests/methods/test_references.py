@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from tdint.methods.catalogue import catalogue, references, references_of
+from tdint.methods.catalogue import catalogue
+from tdint.methods.publications import references, references_of
 
 
 @pytest.mark.parametrize("name", catalogue())

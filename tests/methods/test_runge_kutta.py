@@ -16,7 +16,7 @@ from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restori
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.runge_kutta import DORMAND_PRINCE
-from tdint.response.runs.compiled_steps import amplification
+from tdint.response.runs.measured_stability import amplification
 from tdint.response.runs.run import run
 
 METHODS = ("rk5", "gauss4")

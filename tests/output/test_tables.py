@@ -19,8 +19,8 @@ from tdint.model.config.model_file import load_model
 from tdint.output import tables
 from tdint.output.tables import buildings, histories, methods, responses, spectra
 from tdint.output.tables.table import TEXT, Column, Table, cell_text
-from tdint.response.runs.energy import ENERGY_TERMS, EnergyHistory
-from tdint.response.runs.history import History
+from tdint.response.runs.energy import ENERGY_TERMS
+from tdint.response.runs.history import EnergyHistory, History
 from tdint.response.runs.outcome import StoryPeaks
 from tdint.response.spectra.elastic import Spectrum
 from tdint.units import parse_output_units, suffix

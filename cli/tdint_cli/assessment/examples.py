@@ -11,7 +11,7 @@ import click
 
 from tdint import assessment
 from tdint.files import check_outputs, is_there, write_files
-from tdint.number_parsing import Grid
+from tdint.grids import Grid
 from tdint.output import figures
 from tdint.response.defaults import BETAS
 from tdint.units import SI

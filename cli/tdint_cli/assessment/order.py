@@ -9,7 +9,7 @@ import click
 
 from tdint import assessment
 from tdint.errors import AnalysisError, TdintError
-from tdint.number_parsing import Grid
+from tdint.grids import Grid
 from tdint.output import tables
 from tdint_cli import options
 from tdint_cli.assessment import method_options

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint import assessment
-from tdint.number_parsing import Grid
+from tdint.grids import Grid
 from tdint.output import tables
 from tdint.response.defaults import BETAS
 from tdint_cli import options

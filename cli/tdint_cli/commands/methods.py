@@ -42,7 +42,7 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     listed = chosen(names or None)
     methods = list(dict.fromkeys(integrator.method for integrator in listed))
     if bibtex:
-        from tdint.methods.catalogue import references_of
+        from tdint.methods.publications import references_of
 
         publications = dict.fromkeys(
             reference for method in methods for reference in references_of(method)

@@ -12,7 +12,8 @@ import click
 
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
-from tdint.number_parsing import Grid, parse_positive
+from tdint.grids import Grid
+from tdint.number_parsing import parse_positive
 from tdint.output import figures, tables
 from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options

@@ -32,10 +32,8 @@ ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
 """The headings in the order of the help; `OWN` is for options specific to one command."""
 
 _NAMED_FILES = {
-    "--plot": re.compile(
-        r".*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)", re.IGNORECASE | re.DOTALL
-    ),
-    "--history": re.compile(r".*\.csv(\.gz)?", re.IGNORECASE | re.DOTALL),
+    "--plot": r"(?is).*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)",
+    "--history": r"(?is).*\.csv(\.gz)?",
 }
 """Patterns of the file names that may follow these options. Figure formats that are not supported
 are included, because a later check refuses them with a message."""
@@ -245,7 +243,7 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
     return decorate
 
 
-_FILE = re.compile(r"-|.*[/\\].*|.*\.[a-z]\w*", re.IGNORECASE | re.DOTALL)
+_FILE = r"(?is)-|.*[/\\].*|.*\.[a-z]\w*"
 """Pattern of words that are files rather than values of options: `-`, `frame.yaml`."""
 
 
@@ -268,10 +266,14 @@ def with_values(arguments: Sequence[str], defaults: Mapping[str, str]) -> list[s
         pattern = _NAMED_FILES.get(word)
         if word not in defaults:
             result.append(word)
-        elif following is not None and pattern and (not following or pattern.fullmatch(following)):
+        elif (
+            following is not None
+            and pattern
+            and (not following or re.fullmatch(pattern, following))
+        ):
             next(remaining)
             result.append(f"{word}={following}")
-        elif pattern or (following is not None and _FILE.fullmatch(following)):
+        elif pattern or (following is not None and re.fullmatch(_FILE, following)):
             result.append(f"{word}={defaults[word]}")
         else:
             result.append(word)
@@ -382,7 +384,9 @@ class Command(HelpAsData):
         self.format_usage(ctx, formatter)
         with formatter.indentation():
             formatter.write_paragraph()
-            formatter.write_text(" ".join(_SENTENCE.split(" ".join((self.help or "").split()))[:2]))
+            formatter.write_text(
+                " ".join(re.split(_SENTENCE, " ".join((self.help or "").split()))[:2])
+            )
         with formatter.section("Examples"):
             formatter.write("".join(f"  {example}\n" for example in self.examples))
         with formatter.section("Options"):
@@ -404,7 +408,7 @@ class Command(HelpAsData):
         for option in common:
             names_and_help = option.get_help_record(ctx)
             assert names_and_help is not None and isinstance(option, click.Option)
-            text, *more_clauses = _CLAUSE.split(option.help or "")
+            text, *more_clauses = re.split(_CLAUSE, option.help or "")
             for clause in more_clauses:
                 if len(text) + len(clause) > _MAX_SHORT_HELP:
                     break
@@ -600,8 +604,8 @@ message."""
 
 # The short help contains the first sentences of a docstring and the first clauses of the help of an
 # option. A clause ends with a semicolon or a period outside of parentheses.
-_SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
-_CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
+_SENTENCE = r"(?<=[.])\s+(?=[A-Z`-])"
+_CLAUSE = r"(?<=[;.])\s+(?![^(]*\))"
 _MAX_SHORT_HELP = 90
 """Maximum length, in characters, of the help of an option in --help: two lines next to its name."""
 

@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
 from tdint.files import protect_input
-from tdint.number_parsing import LARGEST, SMALLEST, Grid, number_or_nan, parse_grid, parse_ratio
+from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, parse_ratio
 from tdint.units import (
     ACCELERATION,
     FORCE,
@@ -28,6 +28,7 @@ from tdint.units import (
 )
 
 if TYPE_CHECKING:
+    from tdint.grids import Grid
     from tdint.ground_motion.horizontals import PairNames
 
     ValueType = click.ParamType[Any]
@@ -215,6 +216,8 @@ def grid(low: float = 0.0, high: float = math.inf) -> Written:
 
     def read(text: str) -> Grid:
         """Return the grid that a text represents; raise BadParameter for values out of range."""
+        from tdint.grids import parse_grid
+
         try:
             values = parse_grid(text)
         except UsageError as error:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tdint.files import Content
+    from tdint.grids import Grid
     from tdint.model.definition import Model
-    from tdint.number_parsing import Grid
     from tdint.response.runs.outcome import Response
     from tdint.response.spectra.floor_motions import FloorSpectrum
     from tdint.units import OutputUnits
@@ -122,7 +122,7 @@ def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> ND
     """
     import numpy as np
 
-    from tdint.number_parsing import parse_grid
+    from tdint.grids import parse_grid
 
     items = requested or [parse_grid(default)]
     return np.hstack([item if isinstance(item, float) else item.values() for item in items])

@@ -23,8 +23,8 @@ from tdint_cli.terminal import note, say, warn
 if TYPE_CHECKING:
     from tdint.arrays import Array
     from tdint.files import Content
+    from tdint.grids import Grid
     from tdint.model.definition import Model
-    from tdint.number_parsing import Grid
     from tdint.output.figures.style import Figure
     from tdint.studies.recordings.compare import Comparison
     from tdint.studies.recordings.fit import Fit

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tdint.arrays import Array
-    from tdint.number_parsing import Grid
+    from tdint.grids import Grid
     from tdint.response.spectra.target import TargetSpectrum
     from tdint.studies.motions.scaling import Scaling
     from tdint.units import OutputUnits
@@ -354,7 +354,7 @@ def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
     The range is, in this order of priority: --range; 0.2 to 2 times the period of --at; 0.2 times
     the shortest to 2 times the longest first period of the buildings; all periods of the target.
     """
-    from tdint.number_parsing import Grid
+    from tdint.grids import Grid
 
     if request.range is not None:
         return request.range

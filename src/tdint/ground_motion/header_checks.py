@@ -114,8 +114,8 @@ _FIELDS = {
 """Positions of the number of samples and of the data type in the header line, and the name of the
 compressed data type."""
 
-_CM6 = re.compile(rb"[-+0-9A-Za-z]*")
-_CM6_LAST = re.compile(rb"[-+0-9A-T]")
+_CM6 = rb"[-+0-9A-Za-z]*"
+_CM6_LAST = rb"[-+0-9A-T]"
 """Pattern of the last character of a sample; the preceding characters have the continuation bit."""
 
 
@@ -190,10 +190,10 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
     if any(len(line) > _LINE for line in lines[: ends[0]]):
         raise Damaged(f"a line of data is longer than {_LINE} characters")
     samples = b"".join(line.strip() for line in lines[begins[0] + 1 : ends[0]])
-    if not _CM6.fullmatch(samples):
+    if not re.fullmatch(_CM6, samples):
         raise Damaged("the compressed data contain an invalid character")
     # A sample consists of several characters. Only its last character has no continuation bit.
-    sample_count = len(_CM6_LAST.findall(samples))
+    sample_count = len(re.findall(_CM6_LAST, samples))
     if sample_count != count:
         raise Damaged(
             f"the header of a section states {pluralize(count, 'sample')}, but the section has "
@@ -203,10 +203,10 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
 
 # Text formats: SLIST and TSPAIR (web services), SH_ASC (Seismic Handler) and K-NET.
 
-_TIMESERIES = re.compile(rb"^TIMESERIES[^,\n]*,\s*(\d+) samples", re.MULTILINE)
+_TIMESERIES = rb"(?m)^TIMESERIES[^,\n]*,\s*(\d+) samples"
 
-_SH_CHANNEL = re.compile(rb"^DELTA\s*:", re.MULTILINE)
-_SH_COUNT = re.compile(rb"^LENGTH\s*:\s*(\d+)", re.MULTILINE)
+_SH_CHANNEL = rb"(?m)^DELTA\s*:"
+_SH_COUNT = rb"(?m)^LENGTH\s*:\s*(\d+)"
 """Patterns of the lines that a channel of a SH_ASC file states once."""
 
 _GAL = 0.01
@@ -220,7 +220,7 @@ _OFFSET = 1e-3
 def _timeseries_counts(data: bytes) -> list[int]:
     """Return the number of samples that each section header (TIMESERIES) of a SLIST or TSPAIR file
     states; `data` is the content of the file."""
-    return [int(count) for count in _TIMESERIES.findall(data)]
+    return [int(count) for count in re.findall(_TIMESERIES, data)]
 
 
 def _sh_counts(data: bytes) -> list[int]:
@@ -228,8 +228,8 @@ def _sh_counts(data: bytes) -> list[int]:
     compare the number with the samples, and omits the last channel if no blank line follows.
     Damaged is raised if a channel states no number.
     """
-    counts = [int(count) for count in _SH_COUNT.findall(data)]
-    if len(counts) != len(_SH_CHANNEL.findall(data)):
+    counts = [int(count) for count in re.findall(_SH_COUNT, data)]
+    if len(counts) != len(re.findall(_SH_CHANNEL, data)):
         raise Damaged("each channel must state DELTA and LENGTH")
     return counts
 

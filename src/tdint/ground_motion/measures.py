@@ -47,7 +47,7 @@ _BLOCK = 2**16
 """Number of sampling intervals that are evaluated together, which limits the memory for a long
 record. Most records have fewer."""
 
-_CODES = re.compile(r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]")
+_CODES = r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]"
 """Pattern of the id of an accelerometer channel that MiniSEED can store (SEED manual 2.4)."""
 
 _MAX_BISECTIONS = 60
@@ -280,7 +280,7 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
         contains m/s^2, m/s and m, respectively.
     """
     codes = [record.id.split(".") for record in records]
-    are_accelerometers = all(_CODES.fullmatch(record.id) for record in records)
+    are_accelerometers = all(re.fullmatch(_CODES, record.id) for record in records)
     # The ids are distinct without their locations, because the locations are replaced.
     are_distinct = are_accelerometers and len(
         {(network, station, channel) for network, station, _, channel in codes}

@@ -1,4 +1,4 @@
-"""Catalogue of the time-integration methods and their publications (`publications.bib`).
+"""Catalogue of the time-integration methods.
 
 A new family requires one file, one line in this module and its entries in `publications.bib`.
 """
@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import copyreg
 import os
-import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -65,11 +63,6 @@ def method_of(model: Model, requested: str | None = None) -> str:
     """Return the method of a model: the requested method, that of its file, or the default."""
     default = DEFAULT_METHOD if model.matrices is None else EXACT
     return requested or model.analysis.method or default
-
-
-# Field of a BibTeX entry (name and value), and the line with its keywords
-_FIELD = re.compile(r"  (\w+) = \{+(.*?)\}+,\n")
-_KEYWORDS = re.compile(r"  keywords = .*\n")
 
 
 def _methods_of(family: str) -> tuple[Method, ...]:
@@ -378,11 +371,11 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
 
 
 def _parse_again(text: str, file: str, digest: str) -> Integrator:
-    """Create an integrator with a plug-in method again, from the data that `_reduce` has pickled.
+    """Create an integrator with a plug-in method again, from its pickled data.
 
     The integrator may be from another process. If this process has a method with the same name, it
     must be defined by the same version of the plug-in; otherwise the plug-in is loaded, provided
-    that its file is unchanged. If this fails, the result contains an `_Unknown` method, which
+    that its file is unchanged. If this fails, the result contains an `UnavailableMethod`, which
     raises the error when it is used.
     """
     method = catalogue().get(text.partition(":")[0])
@@ -392,42 +385,10 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
         else:
             require_version(method, "METHODS", file, digest)
     except UsageError as error:
-        return Integrator(cast("Method", _Unknown(text, file, digest, str(error))))
+        from tdint.methods.unavailable import UnavailableMethod  # seldom needed
+
+        return Integrator(cast("Method", UnavailableMethod(text, file, digest, str(error))))
     return parse(text)
-
-
-@dataclass(frozen=True)
-class _Unknown:
-    """Method whose plug-in is not available: each access to an attribute raises UsageError.
-
-    An error during unpickling would make a process pool wait forever. The error is therefore
-    raised later, when the method is used.
-
-    Attributes
-    ----------
-    text : str
-        Specification of the method.
-    file, digest : str
-        File of the plug-in and its hash.
-    message : str
-        Reason why the plug-in could not be loaded, or why its version in this process differs.
-    """
-
-    text: str
-    file: str
-    digest: str
-    message: str
-
-    def __getattr__(self, name: str) -> Any:
-        """Raise the stored error for an attribute that this object does not have.
-
-        Attributes with names such as `__len__` are missing, as for any object.
-        """
-        # `pickle` and `copy` use only such names before they restore the fields. `message` is
-        # therefore always set below.
-        if name.startswith("__"):
-            raise AttributeError(name)
-        raise UsageError(self.message)
 
 
 copyreg.pickle(Integrator, _reduce)
@@ -466,59 +427,3 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> ResultLis
         An unknown method or parameter, or a value out of range.
     """
     return ResultList(chosen(specifications))
-
-
-class Publication(NamedTuple):
-    """Bibliographic data of a publication.
-
-    Attributes
-    ----------
-    author : str
-        Authors in BibTeX format, separated by `and`; empty if unknown.
-    howpublished : str
-        Journal with volume, number and pages, or report.
-    doi : str
-        Digital object identifier; empty if it is not confirmed.
-    """
-
-    bibtex: str
-    year: str
-    title: str
-    howpublished: str
-    author: str = ""
-    doi: str = ""
-
-    @property
-    def text(self) -> str:
-        """Citation in one line."""
-        authors = self.author.replace(" and ", "; ")
-        head = f"{self.title} ({self.year})"
-        if authors:
-            head = f"{authors} ({self.year}). {self.title}"
-        return f"{head}. {self.howpublished}." + (f" doi:{self.doi}" if self.doi else "")
-
-
-@cache
-def references() -> dict[str, tuple[Publication, ...]]:
-    """Return the publications of each built-in method, read from `publications.bib`.
-
-    The field `keywords` of an entry lists the names of the methods that it describes. The result,
-    by the name of the method, is cached.
-    """
-    from importlib.resources import files  # imported here because the import is slow
-
-    publications: dict[str, tuple[Publication, ...]] = {}
-    text = (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8")
-    _, *entries = text.split("\n\n")  # the first paragraph is a comment
-    for entry in entries:
-        fields = dict(_FIELD.findall(entry))
-        methods = fields.pop("keywords").split(", ")
-        publication = Publication(_KEYWORDS.sub("", entry).rstrip() + "\n", **fields)
-        for method in methods:
-            publications[method] = (*publications.get(method, ()), publication)
-    return publications
-
-
-def references_of(method: Method) -> tuple[Publication, ...]:
-    """Return the publications of a method; empty for a plug-in, which has only its `source`."""
-    return references().get(method.name, ())

@@ -27,15 +27,15 @@ from tdint.number_parsing import pluralize
 
 _FACTOR_NAMES = ("mass_factor", "stiffness_factor", "strength_factor")
 
-_STORY_PARAMETER = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
+_STORY_PARAMETER = r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)"
 """Pattern of a parameter of stories. Its groups are the number of the story in `stories[3].mass`,
 the number in `story 3.mass` (both None for all stories), and the key of the parameter."""
 
-_ELEMENT_PARAMETER = re.compile(r"elements\[[^\]]+\]\.\w")
+_ELEMENT_PARAMETER = r"elements\[[^\]]+\]\.\w"
 """Pattern of the start of the key of a parameter of an element, such as
 `elements[bearings].yield_force`."""
 
-_ELEMENT_NUMBER = re.compile(r"elements\[\d+\]")
+_ELEMENT_NUMBER = r"elements\[\d+\]"
 """Pattern of the start of the key of a parameter of an element that is given by its number."""
 
 
@@ -196,7 +196,7 @@ def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Chang
         return []
     # `stories[3]`, as in model files, and `story 3`, as in messages, are equivalent. Without a
     # number, the parameter applies to all stories.
-    story_match = _STORY_PARAMETER.fullmatch(name)
+    story_match = re.fullmatch(_STORY_PARAMETER, name)
     number, key = None, name
     if story_match:
         number, key = story_match[1] or story_match[2], story_match[3]
@@ -224,7 +224,7 @@ def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Chang
             parameter for parameter, numbers in story_changes.items() if numbers
         )
     # An element is listed by its name only.
-    names = [parameter for parameter in available if not _ELEMENT_NUMBER.match(parameter)]
+    names = [parameter for parameter in available if not re.match(_ELEMENT_NUMBER, parameter)]
     story_has_no = (
         f"story {number} of {building} has no" if number else f"no story of {building} has a"
     )
@@ -248,7 +248,7 @@ PARAMETERS = {
 
 def parameter_meaning(name: str) -> str:
     """Return the description of a parameter of the building or of its stories."""
-    story_match = _STORY_PARAMETER.fullmatch(name)
+    story_match = re.fullmatch(_STORY_PARAMETER, name)
     key = story_match[3] if story_match else name
     return PARAMETERS.get(key, f"{key} of the model file, in SI units")
 
@@ -258,11 +258,11 @@ def check_parameter(name: str) -> None:
 
     The names of the parameters of a law are not checked.
     """
-    story_match = _STORY_PARAMETER.fullmatch(name)
+    story_match = re.fullmatch(_STORY_PARAMETER, name)
     key = story_match[3] if story_match else ""
     if name in PARAMETERS or key in STORY_KEYS or key in _FACTOR_NAMES:
         return
-    if key.startswith("law.") or _ELEMENT_PARAMETER.match(key):
+    if key.startswith("law.") or re.match(_ELEMENT_PARAMETER, key):
         return
     similar_key = nearest(key, (*STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
     # The hint is the name with its key, which is at the end of the name, replaced.

@@ -25,7 +25,7 @@ from tdint.tabular import declared_homes
 
 LOG = logging.getLogger("tdint")
 
-NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
+NAME = r"[a-z][a-z0-9]*([-_][a-z0-9]+)*"
 """Allowed names of methods and laws. They are used in specifications, labels and file names."""
 
 _PREFIX = "tdint_plugin_"
@@ -430,7 +430,7 @@ def check_name(name: str, names: Any, noun: str, where: str) -> None:
     UsageError
         The name is invalid or in use.
     """
-    if not isinstance(name, str) or not NAME.fullmatch(name):
+    if not isinstance(name, str) or not re.fullmatch(NAME, name):
         raise UsageError(f"{where}: invalid name of a {noun}: {name!r}; use a-z, 0-9 and hyphens")
     if name in names:
         raise UsageError(f"{where}: a {noun} {name!r} already exists; choose another name")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from csv_rows import rows
 from tdint.assessment.examples.paper_examples import DT, ExampleMotion, ExampleRun
-from tdint.number_parsing import parse_grid
+from tdint.grids import parse_grid
 from tdint_cli.assessment import examples as commands
 
 FILES = {

@@ -11,7 +11,7 @@ from tdint import run
 from tdint.kernels import layout as rows
 from tdint.response.runs import prepared
 from tdint.response.runs.case import _runaway_story
-from tdint.response.runs.compiled_steps import largest_stable
+from tdint.response.runs.measured_stability import largest_stable
 from tdint.response.runs.outcome import FailedRun
 from tdint.units import STANDARD_GRAVITY
 

@@ -12,7 +12,7 @@ from tdint import prepare, run, run_case
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.methods.catalogue import parse
 from tdint.model import modes
-from tdint.response.runs import compiled_steps, prepared
+from tdint.response.runs import measured_stability, prepared
 from tdint.response.runs.outcome import FailedRun
 from tdint.response.time_steps import Steps
 
@@ -128,7 +128,7 @@ def test_cached_instability_agrees_with_modes_of_building():
     found = building.instability(parse("central-difference"), 0.05)
     vibration = building.building.modes()
     ratios = vibration.damping_ratios(building.building.damping_matrix())
-    assert found == compiled_steps.find_instability(
+    assert found == measured_stability.find_instability(
         parse("central-difference"), vibration.omega, ratios, 0.05
     )
     assert building.instability(parse("newmark-average"), 0.05) is None

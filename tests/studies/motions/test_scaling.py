@@ -8,13 +8,13 @@ import pytest
 
 from facts import each_states
 from tdint.errors import ModelError, RecordError, UsageError
+from tdint.grids import Grid
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.suites import read_components, read_suite
 from tdint.ground_motion.record import Record
-from tdint.number_parsing import Grid
 from tdint.response.spectra.elastic import spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 from tdint.response.spectra.target import TargetSpectrum, read_target

@@ -36,7 +36,8 @@ from tdint.model.law_checks import path_faults
 from tdint.model.story import simple_story
 from tdint.model.story_laws import LAWS, Law
 from tdint.response.arguments import between
-from tdint.response.runs.compiled_steps import VALIDATED_STEPS, find_instability
+from tdint.response.runs.compiled_steps import VALIDATED_STEPS
+from tdint.response.runs.measured_stability import find_instability
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.static.cyclic import cyclic_test
 from tdint.response.time_steps import Steps

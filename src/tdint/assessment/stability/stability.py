@@ -21,7 +21,7 @@ from tdint.methods.method import Integrator
 from tdint.model.building import assemble, oscillators
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import between, numbers_of
-from tdint.response.runs.compiled_steps import STABLE, amplification, spectral_radius
+from tdint.response.runs.measured_stability import STABLE, amplification, spectral_radius
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.response.time_steps import Steps
 from tdint.tabular import ResultList, Tabular, map_over_first

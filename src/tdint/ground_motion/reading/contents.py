@@ -80,7 +80,7 @@ _SPREADSHEET_MEMBERS = ("xl/workbook.xml", "xl/workbook.bin", "META-INF/manifest
 
 _OLE_SIGNATURE = b"\xd0\xcf\x11\xe0"  # first bytes of a spreadsheet in the form .xls
 
-_END_OF_TEXT = re.compile(rb"\x1a[\x1a\s]*\Z")
+_END_OF_TEXT = rb"\x1a[\x1a\s]*\Z"
 """Pattern of the mark ^Z with which DOS programs end a text file."""
 
 _HEADER_BYTES = 4096  # bytes at the start of a file that are searched for the name of its content
@@ -318,12 +318,12 @@ def _other_content(data: bytes, source: str, layout: TextLayout) -> str:
         return "" if has_data_suffix(source) else error.content
     except RecordError:
         content = other_type(source, data)
-        if not (content or is_table or has_data_suffix(source) or _JSON_NUMBERS.search(data)):
+        if not (content or is_table or has_data_suffix(source) or re.search(_JSON_NUMBERS, data)):
             return "no numbers"
     return content
 
 
-_JSON_NUMBERS = re.compile(rb"\[\s*(?:-?\d[-+.\deE]*\s*,\s*){20}")
+_JSON_NUMBERS = rb"\[\s*(?:-?\d[-+.\deE]*\s*,\s*){20}"
 """Pattern of a list of numbers in JSON, which may be the samples of a ground motion."""
 
 
@@ -489,15 +489,15 @@ def _without_end_mark(data: bytes) -> bytes:
     bytes and are returned unchanged."""
     if b"\x1a" not in data[-_HEADER_BYTES:] or b"\0" in data:
         return data
-    return _END_OF_TEXT.sub(b"", data)
+    return re.sub(_END_OF_TEXT, b"", data)
 
 
-_COMMA_NUMBER = re.compile(rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?")
-_DECIMAL_COMMA = re.compile(rb"-0,|,0\d")
+_COMMA_NUMBER = rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?"
+_DECIMAL_COMMA = rb"-0,|,0\d"
 """Pattern of a comma that separates no integers: the number before it is -0, or the number after it
 starts with a zero."""
 
-_NUMBER_ROW = re.compile(rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*")
+_NUMBER_ROW = rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*"
 _MIN_COMMA_ROWS = 5  # rows of numbers; fewer are no evidence
 
 
@@ -511,13 +511,13 @@ def _with_decimal_points(data: bytes) -> bytes:
     if b"," not in data or b"\0" in data:
         return data
     lines = data[:_HEADER_BYTES].splitlines()[:-1] or data.splitlines()
-    rows = [line for line in lines if _NUMBER_ROW.fullmatch(line)]
+    rows = [line for line in lines if re.fullmatch(_NUMBER_ROW, line)]
     words = [word for row in rows for word in re.split(rb"[;\s]+", row.strip())]
-    evident = sum(bool(_DECIMAL_COMMA.search(row)) for row in rows)
+    evident = sum(bool(re.search(_DECIMAL_COMMA, row)) for row in rows)
     if (
         len(rows) < _MIN_COMMA_ROWS
         or 2 * evident < len(rows)
-        or not all(map(_COMMA_NUMBER.fullmatch, words))
+        or not all(re.fullmatch(_COMMA_NUMBER, word) for word in words)
     ):
         return data
     return re.sub(rb"(?<=\d),(?=\d)", b".", data)

@@ -211,7 +211,7 @@ def declared_units(
     if (
         format_name == "MSEED"
         and stats.location in UNITS_BY_LOCATION
-        and not _OTHER_INSTRUMENT.fullmatch(stats.channel)
+        and not re.fullmatch(_OTHER_INSTRUMENT, stats.channel)
     ):
         return Declared(parse_units(UNITS_BY_LOCATION[stats.location]))
     if format_name in _FORMATS_WITH_CALIBRATION:
@@ -330,7 +330,7 @@ def _ascii_unit(trace: Any) -> str:
 
 
 _ACCELEROMETER = "N"  # second letter of the SEED channel code of an accelerometer
-_OTHER_INSTRUMENT = re.compile(r"[A-Z][HLGMPD][A-Z0-9]")
+_OTHER_INSTRUMENT = r"[A-Z][HLGMPD][A-Z0-9]"
 """Pattern of channel codes of instruments other than accelerometers. Ground motions written by
 tdint may also have the direction as channel code (067, EW)."""
 

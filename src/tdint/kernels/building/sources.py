@@ -40,7 +40,7 @@ _PUBLIC = "tdint.plugin"
 """Module from which plug-ins import names that are defined in other modules."""
 
 _LAWS = "tdint.kernels.laws"
-_IMPORT = re.compile(rb"\n[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)")
+_IMPORT = re.compile(rb"from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)")
 _NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
 _COMMENT = re.compile(rb"#[^\n]*")
 _QUOTES = b'"' * 3  # starts and ends a docstring
@@ -206,7 +206,9 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     and are hashed completely. A name in the result can also be a function or constant of a module,
     because the text of an import does not distinguish them.
     """
-    text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout on Windows can contain CR LF
+    text = file.read_bytes()
+    if b"\r" in text:  # a checkout on Windows can contain CR LF
+        text = text.replace(b"\r\n", b"\n")
     names: list[str] = []
     for package, imported_names in _IMPORT.findall(text):
         base = package.decode()

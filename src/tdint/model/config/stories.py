@@ -655,7 +655,7 @@ def read_spring(
     return stiffness, law, elements
 
 
-_FORBIDDEN_IN_NAMES = re.compile(r"[\[\],=\"']")
+_FORBIDDEN_IN_NAMES = r"[\[\],=\"']"
 """Characters with a meaning in the names of parameters and in lists of options."""
 
 
@@ -707,7 +707,7 @@ def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Eleme
         return unknown
     name_entry = section.get("name")
     name = (name_entry.text() or "") if name_entry else ""
-    if name_entry and (_FORBIDDEN_IN_NAMES.search(name) or not re.search(r"[^\W\d]", name)):
+    if name_entry and (re.search(_FORBIDDEN_IN_NAMES, name) or not re.search(r"[^\W\d]", name)):
         name_entry.fault(
             f"must contain a letter and none of [ ] , = and quotation marks, got {name!r}"
         )

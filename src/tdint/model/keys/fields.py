@@ -308,11 +308,11 @@ Parsed = TypeVar("Parsed")
 _NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WHOLE_NUMBER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _NUMBER_HINTS = (
-    (re.compile(r"[+-]?0[0-9][0-9.eE+-]*"), "; drop the leading zeros"),
-    (re.compile(r"[0-9.eE+-]*[0-9]_[0-9_.eE+-]*"), "; drop the underscores"),
-    (re.compile(r"[+-]?[0-9]+,[0-9]+"), "; write a decimal point"),
-    (re.compile(r"[+-]?\.?(?:nan|inf|infinity)", re.IGNORECASE), "; it must be finite"),
-    (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number without a unit"),
+    (r"[+-]?0[0-9][0-9.eE+-]*", "; drop the leading zeros"),
+    (r"[0-9.eE+-]*[0-9]_[0-9_.eE+-]*", "; drop the underscores"),
+    (r"[+-]?[0-9]+,[0-9]+", "; write a decimal point"),
+    (r"(?i)[+-]?\.?(?:nan|inf|infinity)", "; it must be finite"),
+    (r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*", "; write the number without a unit"),
 )
 _NULL_TEXTS = ("", "~", "null")
 """Texts of a null value in YAML, without quotation marks."""
@@ -743,7 +743,7 @@ class Value(NamedTuple):
         if re.fullmatch(pattern, self.node.text):
             return text if self.node.plain else f"{text} in quotes; remove the quotes"
         for number_form, hint in _NUMBER_HINTS:
-            if number_form.fullmatch(self.node.text):
+            if re.fullmatch(number_form, self.node.text):
                 return text + hint
         return text
 

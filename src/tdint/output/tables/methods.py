@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from tdint.methods.catalogue import references_of
+from tdint.methods.publications import references_of
 from tdint.output.tables.table import TEXT, Cell, Column, Table, cell_text
 
 if TYPE_CHECKING:

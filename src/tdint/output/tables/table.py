@@ -32,10 +32,10 @@ Cell = bool | int | float | str | None
 TEXT = "text"
 """Unit of a column of text."""
 
-_WORD = re.compile(r"\w+")
+_WORD = r"\w+"
 _FORMULA = frozenset("=+-@\t\r")  # first characters of a formula in a spreadsheet
-_FORMULA_AFTER_SEMICOLON = re.compile(r";\s*['\"]?[=+@-]")
-_NUMBER_OR_SIGN = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]")
+_FORMULA_AFTER_SEMICOLON = r";\s*['\"]?[=+@-]"
+_NUMBER_OR_SIGN = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]"
 """Plain numbers, and a single sign, because - is the name of standard input."""
 
 
@@ -145,8 +145,8 @@ def described_in(
     result = {}
     for name, description in meanings.items():
         changed = dict(description)
-        changed["meaning"] = _WORD.sub(
-            lambda word: new_names.get(word[0], word[0]), description["meaning"]
+        changed["meaning"] = re.sub(
+            _WORD, lambda word: new_names.get(word[0], word[0]), description["meaning"]
         )
         if "unit" in description:
             changed["unit"] = units.unit(description["unit"])[0]
@@ -396,7 +396,7 @@ def harmless(text: str) -> str:
     printable = write_out_controls(text)
     # Bytes of a file name that Python could not decode in this locale are stored as surrogates.
     printable = printable.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-    is_formula = text[:1] in _FORMULA and not _NUMBER_OR_SIGN.fullmatch(printable)
+    is_formula = text[:1] in _FORMULA and not re.fullmatch(_NUMBER_OR_SIGN, printable)
     return f"'{printable}" if is_formula else printable
 
 
@@ -413,7 +413,7 @@ def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerows(
         [
-            f"{cell}\r" if ";" in cell and _FORMULA_AFTER_SEMICOLON.search(cell) else cell
+            f"{cell}\r" if ";" in cell and re.search(_FORMULA_AFTER_SEMICOLON, cell) else cell
             for cell in row
         ]
         for row in rows

@@ -5,8 +5,6 @@ from functools import reduce
 from operator import add
 from typing import Annotated, Generic, TypeVar
 
-from tdint.arrays import Array
-
 Amount = TypeVar("Amount")
 
 
@@ -72,13 +70,3 @@ class Energy(EnergyTerms[float]):
             if self.reference > 0.0
             else 0.0
         )
-
-
-@dataclass(frozen=True, eq=False)
-class EnergyHistory(EnergyTerms[Array]):
-    """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
-
-    The arrays have the shape (steps + 1,).
-    """
-
-    error: Array

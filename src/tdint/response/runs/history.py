@@ -15,7 +15,7 @@ from tdint.model.building import Building
 from tdint.model.force_arrays import add_force_history
 from tdint.model.story import column_name
 from tdint.number_parsing import pluralize
-from tdint.response.runs.energy import ENERGY_TERMS, EnergyHistory
+from tdint.response.runs.energy import ENERGY_TERMS, EnergyTerms
 from tdint.tabular import Tabular
 from tdint.units import Quantity
 
@@ -63,6 +63,16 @@ class DeviceHistory:
     drift: Array
     shear: Array
     damper_force: Array
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyHistory(EnergyTerms[Array]):
+    """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
+
+    The arrays have the shape (steps + 1,).
+    """
+
+    error: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -40,12 +40,13 @@ from tdint.model.force_arrays import load_arrays
 from tdint.model.topology import extended
 from tdint.response.runs.compiled_steps import (
     LOOP_KERNELS,
-    Instability,
-    find_instability,
     kernels,
     unsupported_reason,
 )
 from tdint.response.time_steps import Steps
+
+if TYPE_CHECKING:
+    from tdint.response.runs.measured_stability import Instability
 
 # Dimensionless. Upper bound of omega dt of the highest mode: up to this bound, the time step is
 # considered to resolve all modes.
@@ -418,6 +419,9 @@ class PreparedBuilding:
             damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (
                 2.0 * modes.omega
             )
+            # Imported here, because most methods have no stability limit.
+            from tdint.response.runs.measured_stability import find_instability
+
             self._instability[key] = find_instability(integrator, modes.omega, damping, h)
         return self._instability[key]
 

@@ -581,7 +581,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     # Imported here, because the import loads all methods, which most spectra do not need.
     from tdint.kernels import layout as rows
     from tdint.model.building import oscillators
-    from tdint.response.runs.compiled_steps import find_instability
+    from tdint.response.runs.measured_stability import find_instability
     from tdint.response.runs.prepared import PreparedBuilding
     from tdint.response.time_steps import Steps
 

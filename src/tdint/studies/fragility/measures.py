@@ -25,10 +25,11 @@ from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.files import is_file
+from tdint.grids import Grid, parse_grid
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
-from tdint.number_parsing import Grid, parse_grid, parse_ratio
+from tdint.number_parsing import parse_ratio
 from tdint.output.tables.table import Cell
 from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.spectra.inelastic import constant_strength

@@ -17,10 +17,10 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError, did_you_mean
+from tdint.grids import Grid
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
-from tdint.number_parsing import Grid
 from tdint.response.spectra.elastic import SA_DAMPING, spectrum
 from tdint.response.spectra.rotated import rotated_spectrum
 
