@@ -203,18 +203,12 @@ def _origins(request: MatchRequest, matches: Sequence[Match]) -> list[MotionOrig
     """
     origins = []
     for matched in matches:
-        warnings = [
-            text
-            for spectrum in matched.by_damping
-            for text in _misfit_warning(spectrum, request.max_misfit)
-        ]
-        warnings += _change_warnings(matched)
-        texts = [text.partition(": ")[2] for text in warnings]
+        texts = [text.partition(": ")[2] for text in _warnings(matched, request.max_misfit)]
+        # The change and the misfits of a pair are values of both components together.
+        origin = matched.origin(texts)
         for part in matched.parts:
-            # The change and the misfits of a pair are values of both components together.
-            origin = part.origin()
-            pair = matched.origin(texts)
-            origins.append(pair._replace(seed=origin.seed, seed_component=origin.seed_component))
+            seed = part.seed
+            origins.append(origin._replace(seed=seed.source, seed_component=seed.component))
     return origins
 
 
@@ -255,9 +249,7 @@ def _report(
     for matched in matches:
         # The representation of a match is a sentence in angle brackets.
         say(repr(matched)[1:-1] + ".")
-        for spectrum in matched.by_damping:
-            warn(*_misfit_warning(spectrum, request.max_misfit))
-        warn(*_change_warnings(matched))
+        warn(*_warnings(matched, request.max_misfit))
     note(
         "a good fit is not sufficient for design: building codes also specify the number of "
         "ground motions, their sources, and near-fault pulses"
@@ -322,27 +314,19 @@ def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
     )
 
 
-def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
-    """Return a warning if the largest misfit of a matched motion at a damping ratio is larger than
-    `max_misfit` (fraction of the target).
-    """
-    if matched.largest_misfit <= max_misfit:
-        return []
-    subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
-    return [
-        f"{subject}: the largest misfit after matching is {100.0 * matched.largest_misfit:.2g} % "
-        f"({100.0 * matched.damping:g} % damping), more than --max-misfit "
-        f"{100.0 * max_misfit:g} %; use another record, or a narrower --range"
-    ]
-
-
-def _change_warnings(matched: Match) -> list[str]:
-    """Return the warnings about a large change, a large ground displacement or a doubtful baseline
-    of a match."""
+def _warnings(matched: Match, max_misfit: float) -> list[str]:
+    """Return the warnings about a misfit of a match above `max_misfit` (fraction of the target), a
+    large change, a large ground displacement or a doubtful baseline."""
     from tdint.ground_motion.measures import baseline_notes
 
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
-    warnings = []
+    warnings = [
+        f"{subject}: the largest misfit after matching is {100.0 * spectrum.largest_misfit:.2g} % "
+        f"({100.0 * spectrum.damping:g} % damping), more than --max-misfit "
+        f"{100.0 * max_misfit:g} %; use another record, or a narrower --range"
+        for spectrum in matched.by_damping
+        if spectrum.largest_misfit > max_misfit
+    ]
     if matched.change > _MAX_CHANGE:
         warnings.append(
             f"{subject}: the added wavelets are {matched.change:.3g} times as large as the "
