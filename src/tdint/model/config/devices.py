@@ -142,15 +142,15 @@ def _read_attachment(
         )
     elif value:
         floor = value.floor(count) or 1
-    if inertance := section.get("inertance"):
-        inertance.fault(_NO_INERTANCE)
-    stiffness, law, _ = read_spring(section, unit)
-    spring = _spring(section, unit, stiffness, law)
+    spring = _read_device(section, unit, has_spring=True)
     return Attachment(name, floor, replace(spring, mass=read_mass(section, unit)))
 
 
-def _spring(section: Section, unit: ModelUnits, stiffness: float, law: Law) -> Story:
+def _read_device(section: Section, unit: ModelUnits, *, has_spring: bool) -> Story:
     """Return the spring and the dashpot of a device without its mass."""
+    if inertance := section.get("inertance"):
+        inertance.fault(_NO_INERTANCE)
+    stiffness, law = read_spring(section, unit) if has_spring else (0.0, LINEAR)
     dashpot, power_dashpot, factor = read_dashpot(section.get("dashpot"), unit)
     return Story(
         mass=0.0,
@@ -170,21 +170,17 @@ def _read_link(
 ) -> Link | None:
     """Return a link; None after an error in its ends."""
     ends = [_read_end(section, key, count, attachments) for key in ("from", "to")]
-    if inertance := section.get("inertance"):
-        inertance.fault(_NO_INERTANCE)
-    stiffness, law = 0.0, LINEAR
-    if section.mentions("stiffness", "law"):
-        stiffness, law, _ = read_spring(section, unit)
-    elif not section.mentions("dashpot", "inertance"):
+    has_spring = section.mentions("stiffness", "law")
+    if not (has_spring or section.mentions("dashpot", "inertance")):
         section.value.fault("give at least one of `stiffness`, `law` and `dashpot`")
-    spring = _spring(section, unit, stiffness, law)
+    spring = _read_device(section, unit, has_spring=has_spring)
     start, end = ends
     if start is None or end is None:
         return None
     if start == end:
         section.value.fault("`from` and `to` must be different")
         return None
-    if start > end and not _is_symmetric(section, law):
+    if start > end and not _is_symmetric(section, spring.law):
         section.value.fault(
             "`from` must be below `to` for a law that differs in both directions; exchange both "
             "ends and both directions"

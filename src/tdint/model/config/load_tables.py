@@ -334,10 +334,8 @@ def _read_numbers(
     parts: list[np.ndarray] = []
     while block := tuple(islice(rows, BLOCK)):  # type: ignore[call-overload]
         lines += [line for line, _ in block]
-        texts = [
-            [cells[index].strip() if index < len(cells) else "" for _, cells in block]
-            for index in indices
-        ]
+        columns = table.columns_of([cells for _, cells in block])
+        texts = [[cell.strip() for cell in columns[index]] for index in indices]
         part = np.column_stack([numbers_in(column) for column in texts])
         if np.isnan(part).any() or any(table.surplus(cells) for _, cells in block):
             # `numbers` reports the first invalid row.

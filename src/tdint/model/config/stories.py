@@ -543,9 +543,15 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     height = height_entry.number(scale=unit.length) if height_entry else None
     dashpot, power_dashpot, damper_factor = read_dashpot(section.get("dashpot"), unit)
     mass = read_mass(section, unit)
-    stiffness, law, elements = read_spring(
-        section, unit, section.get("elements"), mass=mass, height=height_entry
-    )
+    elements: tuple[Element, ...] = ()
+    if elements_entry := section.get("elements"):
+        elements = _read_elements(section, elements_entry, unit, height_entry)
+        stiffness = sum(element.stiffness for element in elements) if elements else math.nan
+        law = SUM_OF_ELEMENTS
+        if len(elements) == 1:  # a story with a single element is a story with a law
+            law, elements = elements[0].law, ()
+    else:
+        stiffness, law = read_spring(section, unit, mass=mass, height=height_entry)
     # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
     # does not apply to an isolator unless the value is `rayleigh`.
     isolator_entry = section.get("isolator")
@@ -620,47 +626,41 @@ def _read_entry_without_spring(
 
 
 def read_spring(
-    section: Section,
-    unit: ModelUnits,
-    elements_entry: Value | None = None,
-    *,
-    mass: float = math.nan,
-    height: Value | None = None,
-) -> tuple[float, Law, tuple[Element, ...]]:
-    """Return initial stiffness (N/m), law and elements of a spring; nan after an error."""
-    law_entry = section.get("law")
-    elements: tuple[Element, ...] = ()
-    if elements_entry:
-        for name in ("law", "stiffness", "period"):
-            if section.has(name):
-                section.value.fault(
-                    f"give either `{name}` or `elements`, not both; move the {name} into an element"
-                )
-        elements = _read_elements(elements_entry, unit, height)
-        law_entry, law = None, SUM_OF_ELEMENTS
-        stiffness = sum(element.stiffness for element in elements) if elements else math.nan
-        if len(elements) == 1:  # a story with a single element is a story with a law
-            law, elements = elements[0].law, ()
-    else:
-        law, stiffness_of_law = read_law(law_entry, unit)
-        stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
+    section: Section, unit: ModelUnits, *, mass: float = math.nan, height: Value | None = None
+) -> tuple[float, Law]:
+    """Return the initial stiffness (N/m; nan after an error) and the law of a spring."""
+    entry = section.get("law")
+    law, stiffness_of_law = read_law(entry, unit)
+    stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit, mass)
+    return stiffness, _checked_law(entry, law, stiffness, unit, height) if entry else law
 
-    # Parameters and stiffness can be valid separately, but their combination invalid.
-    is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
-    if law_entry and is_known:
-        if fault := LAWS[law.name].fault(stiffness, law.parameters):
-            law_entry.fault(fault)
-        elif law_entry.is_mapping:
-            law = read_fracture(law_entry, law, stiffness, unit, height)
-    return stiffness, law, elements
+
+def _checked_law(
+    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: Value | None
+) -> Law:
+    """Return a law with its fracture. Parameters and stiffness can be valid separately, but their
+    combination invalid, which is reported."""
+    if any(map(math.isnan, (stiffness, *law.parameters))):
+        return law
+    if fault := LAWS[law.name].fault(stiffness, law.parameters):
+        entry.fault(fault)
+        return law
+    return read_fracture(entry, law, stiffness, unit, height)
 
 
 _FORBIDDEN_IN_NAMES = r"[\[\],=\"']"
 """Characters with a meaning in the names of parameters and in lists of options."""
 
 
-def _read_elements(value: Value, unit: ModelUnits, height: Value | None) -> tuple[Element, ...]:
+def _read_elements(
+    section: Section, value: Value, unit: ModelUnits, height: Value | None
+) -> tuple[Element, ...]:
     """Return the elements of a story; errors are added to the errors of the file."""
+    for name in ("law", "stiffness", "period"):
+        if section.has(name):
+            section.value.fault(
+                f"give either `{name}` or `elements`, not both; move the {name} into an element"
+            )
     entries = value.items("a list of elements", "must contain at least one element")
     elements = [_read_element(entry, unit, height) for entry in entries or ()]
     # An element without a name has the name of its law, and its number if the name is not unique.
@@ -729,15 +729,8 @@ def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Eleme
         stiffness = stiffness_of_law  # the law checks its own parameter
     else:
         stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
-    if has_unknown:
-        return Element(name, math.nan, Law(law.name, parameters))
-    result = Law(law.name, parameters)
-    if not math.isnan(stiffness):
-        if fault := law.fault(stiffness, parameters):
-            entry.fault(fault)
-        else:
-            result = read_fracture(entry, result, stiffness, unit, height)
-    return Element(name, stiffness, result, cosine)
+    result = _checked_law(entry, Law(law.name, parameters), stiffness, unit, height)
+    return Element(name, math.nan if has_unknown else stiffness, result, cosine)
 
 
 def _read_stiffness(
