@@ -9,7 +9,6 @@ import click
 
 from tdint.errors import UsageError
 from tdint.grids import Grid
-from tdint.output import figures
 from tdint.response.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint_cli import options
 from tdint_cli.commands.spectrum import make_tables
@@ -18,8 +17,6 @@ from tdint_cli.options.option_types import Number
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
-    from tdint.output.figures.style import Figure
-    from tdint.response.spectra.drift import DriftSpectrum
 
 _HEIGHT_PERIOD = ",".join(f"{number:g}" for number in HEIGHT_PERIOD)
 
@@ -125,6 +122,3 @@ class _DriftSpectra(TableType):
             for damping in request.damping
         ]
         return Results(results, records)
-
-    def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
-        return figures.spectrum_curves.drift_spectrum_picture(results, request.shown_units)

@@ -15,6 +15,7 @@ from tdint.files import STDIN
 from tdint.grids import Grid
 from tdint.number_parsing import parse_positive
 from tdint.output import figures, tables
+from tdint.output.presentations import PRESENTATIONS
 from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options
 from tdint_cli.options import grammar
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from tdint.output.figures.style import Figure
     from tdint.output.tables.table import Table
     from tdint.response.spectra.elastic import Spectrum, SpectrumSettings
-    from tdint.response.spectra.fourier import FourierSpectrum
     from tdint.response.spectra.inelastic import InelasticSpectrum
     from tdint.response.spectra.rotated import RotatedSpectrum
     from tdint.response.spectra.target import PublishedSpectrum, SpectrumDifference, TargetSpectrum
@@ -109,8 +109,10 @@ class TableType(Protocol):
         return tables.spectra.result_table(lines)
 
     def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
-        """Return the figure of results."""
-        raise AssertionError("the class of a table without a figure must not declare --plot")
+        """Return the figure of results; by default the figure of their class."""
+        draw = PRESENTATIONS[type(lines[0]).__name__].picture
+        assert draw, "the class of a table without a figure must not declare --plot"
+        return draw(lines, request.shown_units)
 
     def remark(self, request: Any, interval: float) -> str:
         """Return the note that is printed at the end; empty for no note.
@@ -502,10 +504,6 @@ class Inelastic(_OscillatorSpectra):
                 lines += spectra(record, periods, values, damping, hardening=hardening)
         return Results(lines, records)
 
-    def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
-        """Return a figure with a line for each spectrum."""
-        return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
-
 
 class Fourier(TableType):
     """Fourier amplitude spectra of single components."""
@@ -517,10 +515,6 @@ class Fourier(TableType):
         from tdint.response.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
-
-    def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
-        """Return a figure with a line for each component."""
-        return figures.static_curves.fourier_picture(lines, request.shown_units)
 
 
 class Histories(TableType):
