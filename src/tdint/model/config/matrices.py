@@ -10,7 +10,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.csv_table import read_rows
@@ -33,6 +32,10 @@ entries, up to which a matrix is symmetric: the rounding of printed numbers. The
 _MIN_PIVOT = 1e-12
 """Dimensionless. Smallest pivot of a positive definite matrix, divided by its diagonal entry."""
 
+_NO_STIFFNESS = (
+    "has no stiffness left with the rows before it free: the model is not supported or unstable"
+)
+_NO_MASS = "has no mass left beside the rows before it; a row without mass has zeros only"
 _LIST_OF_ROWS = "a list of rows of numbers, or a CSV file of numbers without a header"
 
 
@@ -55,7 +58,7 @@ def read_linear_stories(
         if any(flexural):
             value.fault("cannot be used with `flexural` stories; give one of the two")
         stiffness = _read_matrix(value, unit.factor(force=1, length=-1), len(stories))
-        _require_positive(value, stiffness, _numbers(len(stories)))
+        _require_definite(value, stiffness, _numbers(len(stories)), _NO_STIFFNESS)
         return Matrices(stiffness=_rows_of(stiffness))
     if not all(flexural):
         section.value.fault(
@@ -96,8 +99,8 @@ def read_matrices(
     if unit.mass_is_open:
         mass_value.fault("the unit of mass is required: add mass to `units`")
     mass = _read_matrix(mass_value, unit.mass, count, diagonal=True)
-    _require_positive(stiffness_value, stiffness, names)
-    _require_mass(mass_value, mass, names)
+    _require_definite(stiffness_value, stiffness, names, _NO_STIFFNESS)
+    _require_definite(mass_value, mass, names, _NO_MASS, zeros_allowed=True)
     damping_value = inner.get("damping")
     damping = (
         _read_matrix(damping_value, unit.factor(force=1, length=-1), count, diagonal=True)
@@ -221,8 +224,36 @@ def _cells_of_file(value: Value) -> list[list[float]] | None:
     return rows
 
 
-def _first_pivot(matrix: Array) -> tuple[int, float] | None:
-    """Return the index and the pivot of the first row that is not positive definite."""
+def _require_definite(
+    value: Value,
+    matrix: Array,
+    names: Sequence[str],
+    reason: str,
+    *,
+    zeros_allowed: bool = False,
+) -> None:
+    """Report the first row in which a matrix is not positive definite, with a reason. With
+    `zeros_allowed`, rows of zeros are allowed, but not in all rows."""
+    diagonal = np.diagonal(matrix)
+    wrong = np.flatnonzero(diagonal < 0.0 if zeros_allowed else diagonal <= 0.0)
+    kept = np.flatnonzero(matrix.any(axis=1))
+    if wrong.size:
+        row, reason = int(wrong[0]), f"is {diagonal[wrong[0]]:.6g} in SI units"
+    elif not kept.size:
+        value.fault("at least one row needs a mass")
+        return
+    else:
+        pivot = _first_pivot(matrix[np.ix_(kept, kept)])
+        if pivot is None:
+            return
+        row = int(kept[pivot])
+    value.fault(
+        f"must be positive definite; row {row + 1}, column {row + 1} ({names[row]}) {reason}"
+    )
+
+
+def _first_pivot(matrix: Array) -> int | None:
+    """Return the index of the first row that is not positive definite."""
     from scipy.linalg.lapack import dpotrf
 
     factor, failed = dpotrf(matrix, lower=1)
@@ -230,50 +261,5 @@ def _first_pivot(matrix: Array) -> tuple[int, float] | None:
     count = failed - 1 if failed > 0 else len(matrix)
     small = np.flatnonzero(pivots[:count] <= _MIN_PIVOT * np.diagonal(matrix)[:count])
     if small.size:
-        return int(small[0]), float(pivots[small[0]])
-    # The factorization leaves the pivot that is not positive in its place.
-    return (failed - 1, float(factor[failed - 1, failed - 1])) if failed > 0 else None
-
-
-def _require_positive(value: Value, matrix: Array, names: Sequence[str]) -> None:
-    """Report a stiffness that is not positive definite."""
-    if _negative_diagonal(value, matrix, names, np.diagonal(matrix) <= 0.0) or len(matrix) == 0:
-        return
-    if pivot := _first_pivot(matrix):
-        row = names[pivot[0]]
-        value.fault(
-            f"must be positive definite; row {pivot[0] + 1}, column {pivot[0] + 1} ({row}) has no "
-            "stiffness left with the rows before it free: the model is not supported or unstable"
-        )
-
-
-def _require_mass(value: Value, matrix: Array, names: Sequence[str]) -> None:
-    """Report a mass that is not positive; rows of zeros are allowed."""
-    if _negative_diagonal(value, matrix, names, np.diagonal(matrix) < 0.0):
-        return
-    massless = ~matrix.any(axis=1)
-    if massless.all():
-        value.fault("at least one row needs a mass")
-        return
-    kept = np.flatnonzero(~massless)
-    if pivot := _first_pivot(matrix[np.ix_(kept, kept)]):
-        row = int(kept[pivot[0]])
-        value.fault(
-            f"must be positive definite; row {row + 1}, column {row + 1} ({names[row]}) has no "
-            "mass left beside the rows before it; a row without mass has zeros only"
-        )
-
-
-def _negative_diagonal(
-    value: Value, matrix: Array, names: Sequence[str], is_wrong: NDArray[np.bool_]
-) -> bool:
-    """Return True after reporting the first diagonal entry with the wrong sign."""
-    wrong = np.flatnonzero(is_wrong)
-    if not wrong.size:
-        return False
-    i = int(wrong[0])
-    value.fault(
-        f"must be positive definite; row {i + 1}, column {i + 1} ({names[i]}) is "
-        f"{matrix[i, i]:.6g} in SI units"
-    )
-    return True
+        return int(small[0])
+    return failed - 1 if failed > 0 else None
