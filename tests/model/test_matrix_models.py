@@ -40,6 +40,7 @@ def rows(mass=(1.0, 1.0), stiffness=GOOD, **more):
         ),
         (rows(mass=(1.0, -2.0)), r"matrices.mass: .*row 2, column 2 \(row_2\) is -2"),
         (rows(mass=(0.0, 0.0)), r"at least one row needs a mass"),
+        (rows(stiffness=[]), r"matrices.stiffness: must contain at least one row$"),
         (rows(names=["u"]), r"must have 2 names"),
         (rows(names=["u", "u"]), r"must be different names"),
         (rows(influence=[1]), r"influence must have 2 numbers"),
@@ -68,6 +69,10 @@ def test_matrix_in_a_file(tmp_path):
     assert tdint.load_model(model).matrices.stiffness == ((3.0, -1.0), (-1.0, 1.0))
     (tmp_path / "K.csv").write_text("3,-1\n-1,x\n")
     with pytest.raises(ModelError, match=r"K.csv:2: must contain numbers only, got 'x'"):
+        tdint.load_model(model)
+    (tmp_path / "K.csv").write_text("")
+    model.write_text("matrices: {mass: [1], stiffness: K.csv}")
+    with pytest.raises(ModelError, match=r"matrices.stiffness: must contain at least one row"):
         tdint.load_model(model)
 
 

@@ -167,6 +167,10 @@ def _read_matrix(
     failed = np.eye(count or 0)
     if rows is None:
         return failed
+    if not rows and not count:
+        if not value.is_list:  # an empty list has been reported
+            value.fault("must contain at least one row")
+        return failed
     count = count or len(rows)
     short = next((i for i, row in enumerate(rows) if len(row) != count), None)
     if len(rows) != count or short is not None:
