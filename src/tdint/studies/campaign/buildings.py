@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -73,14 +73,10 @@ class ModelBuilding:
     ----------
     name : str
         Unique name in tables.
-    cells : str
-        Cells of the columns of an inventory that are copied to tables, as a JSON list of texts;
-        empty for model files.
     """
 
     name: str
     made: Subject
-    cells: str = field(default="[]", init=False)
 
     def subject(self) -> Subject:
         """Return the building."""
@@ -240,11 +236,6 @@ class RowBuilding:
     def varied(self) -> Mapping[str, float]:
         """Parameters that a sweep changed, with their values."""
         return dict(self.row.changes)
-
-    @property
-    def cells(self) -> str:
-        """Cells of the columns of the inventory that are copied to tables, as a JSON list."""
-        return self.row.cells
 
 
 class RowBuildings(LazySequence[RowBuilding]):

@@ -21,6 +21,7 @@ from tdint.response.runs.load_case import LoadCase
 from tdint.studies.campaign.buildings import (
     NO_LIMITS,
     BuildingLimits,
+    RowBuilding,
     RowBuildings,
     limits_of_text,
 )
@@ -298,9 +299,6 @@ class Store:
             The store cannot be written.
         """
         values = metadata_of(identity)
-        stored_unused = [
-            (category, reason) for category, reasons in self.unused().items() for reason in reasons
-        ]
         is_unchanged = all(self._meta_or_none(key) == value for key, value in values.items())
         query = "SELECT id FROM buildings"
         stored_numbers = {number for (number,) in self.connection.execute(query)}
@@ -311,8 +309,8 @@ class Store:
         # Usually the metadata are unchanged. Skip the transaction in this case, because it would
         # block other processes that read the store.
         unused = {(category, stored_text(reason)) for category, reason in identity.unused}
-        is_unused_same = sorted(stored_unused) == sorted(unused)
-        if is_unchanged and not new_numbers and is_unused_same:
+        stored_unused = set(self.connection.execute("SELECT kind, reason FROM unused"))
+        if is_unchanged and not new_numbers and unused == stored_unused:
             return
         # The checksum is updated in the same transaction, so that readers see a consistent state.
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
@@ -325,38 +323,21 @@ class Store:
                 changed_numbers = sorted(stored_numbers.union(new_numbers))
                 self.connection.execute("DELETE FROM inventory")
                 self.connection.execute("DELETE FROM building_types")
-            self._insert_buildings(identity, changed_numbers, stored_numbers)
+            execute = self.connection.execute
+            types = identity.damage.buildings if identity.damage else ()
+            for number in changed_numbers:
+                building = identity.buildings[number]
+                if number not in stored_numbers:
+                    name = stored_text(building.name)
+                    row = number, name, building.method, building.stories, building.digest
+                    execute("INSERT INTO buildings VALUES(?, ?, ?, ?, ?)", row)
+                # Cells of the columns that are copied to tables
+                if isinstance(building, RowBuilding) and building.row.columns:
+                    execute("INSERT INTO inventory VALUES(?, ?)", (number, building.row.cells))
+                if types:
+                    values_of_type = number, *types[number]
+                    execute("INSERT INTO building_types VALUES(?, ?, ?, ?)", values_of_type)
             self.seal()
-
-    def _insert_buildings(
-        self, identity: Identity, numbers: Sequence[int], stored_numbers: Collection[int]
-    ) -> None:
-        """Insert the rows of buildings in the tables `buildings`, `inventory` (cells of the columns
-        that are copied to tables) and `building_types`. The caller opens the transaction.
-
-        `stored_numbers` contains the numbers of the buildings that the table `buildings` already
-        contains.
-        """
-        buildings, insert = identity.buildings, self.connection.execute
-        has_columns = isinstance(buildings, RowBuildings) and bool(buildings.rows.titles)
-        types = identity.damage.buildings if identity.damage else ()
-        for number in numbers:
-            building = buildings[number]
-            if number not in stored_numbers:
-                insert(
-                    "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
-                    (
-                        number,
-                        stored_text(building.name),
-                        building.method,
-                        building.stories,
-                        building.digest,
-                    ),
-                )
-            if has_columns:
-                insert("INSERT INTO inventory VALUES(?, ?)", (number, building.cells))
-            if types:
-                insert("INSERT INTO building_types VALUES(?, ?, ?, ?)", (number, *types[number]))
 
     def inventory_columns(self) -> tuple[str, ...]:
         """Return the columns of the inventory that are copied to tables, as written in the
