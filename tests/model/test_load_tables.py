@@ -100,6 +100,9 @@ def test_large_tables_are_read_in_blocks(load):
         ("[{file: blast.csv, floors: {4: side}}]",
          "excitation.forces[1].floors: the keys must be floors from 1 to 3 (the number of "
          "stories) or roof, got '4'"),
+        ("[{file: other.csv, floors: {4: side}}]",
+         "excitation.forces[1].floors: the keys must be floors from 1 to 3 (the number of "
+         "stories) or roof, got '4'"),
         ("[{file: blast.csv, floors: {top: side}}]",
          "excitation.forces[1].floors: the keys must be floors from 1 to 3 (the number of "
          "stories) or roof, got 'top'"),

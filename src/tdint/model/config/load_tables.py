@@ -90,7 +90,7 @@ def read_table_forces(
         file = section.need("file", "give the file of the table, or `points`")
         path = file.file() if file else None
         found = read_requests(section, file or section.value, count, scale, start)
-        if path is not None:
+        if path is not None and found:  # otherwise an error has been reported
             requests.setdefault(path, []).extend(found)
     for path, wanted in requests.items():
         try:
