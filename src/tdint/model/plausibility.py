@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -383,11 +384,8 @@ def _damped_attached_stories(model: Model) -> list[str]:
             attached.append(str(i + 1))
     if not attached:
         return []
-    stories_text = (
-        f"{'story' if len(attached) == 1 else 'stories'} {abbreviate(attached, _MAX_LISTED)}"
-    )
     return [
-        f"Rayleigh damping acts on {stories_text} in addition to the dashpot; an absorber or "
+        f"Rayleigh damping acts on {_listed(attached)} in addition to the dashpot; an absorber or "
         "equipment on a floor belongs in `attachments`, and a soil spring needs `rayleigh: false`"
     ]
 
@@ -399,11 +397,12 @@ def _law_warnings(model: Model) -> list[str]:
         for spring in story.springs:
             if warning := LAWS[spring.law.name].warning(spring.stiffness, spring.law.parameters):
                 stories.setdefault(warning, []).append(str(number))
-    return [
-        f"{'story' if len(numbers) == 1 else 'stories'} "
-        f"{abbreviate(numbers, _MAX_LISTED)}: {warning}"
-        for warning, numbers in stories.items()
-    ]
+    return [f"{_listed(numbers)}: {warning}" for warning, numbers in stories.items()]
+
+
+def _listed(numbers: Sequence[str]) -> str:
+    """Return the numbers of stories as text, such as `stories 1, 2, 3 and 4 more`."""
+    return f"{'story' if len(numbers) == 1 else 'stories'} {abbreviate(numbers, _MAX_LISTED)}"
 
 
 def _without_devices(model: Model, building: Building) -> tuple[Model, Building]:
@@ -599,24 +598,14 @@ def _unusual_neighbors(building: Building) -> list[str]:
 
     Isolators and stories without a height are not compared.
     """
-    stiffness = np.where(building.heights >= HEIGHT.low, building.story_laws[rows.STIFFNESS], 0.0)
-    below, above = stiffness[:-1], stiffness[1:]
-    is_compared = (below > 0.0) & (above > 0.0)
-    ratios = np.divide(
-        np.maximum(below, above),
-        np.minimum(below, above),
-        out=np.full(len(below), math.nan),
-        where=is_compared,
-    )
-    if all(map(STIFFNESS_RATIO.contains, ratios.tolist())):
-        return []
-    return unusual(
-        STIFFNESS_RATIO,
-        {
-            f"stories {number} and {number + 1}": ratio
-            for number, ratio in enumerate(ratios.tolist(), start=1)
-        },
-    )
+    is_compared = building.heights >= HEIGHT.low
+    stiffness = np.where(is_compared, building.story_laws[rows.STIFFNESS], 0.0).tolist()
+    ratios = {
+        f"stories {number} and {number + 1}": max(pair) / min(pair)
+        for number, pair in enumerate(pairwise(stiffness), start=1)
+        if min(pair) > 0.0
+    }
+    return unusual(STIFFNESS_RATIO, ratios)
 
 
 def _unusual_drifts(model: Model, building: Building) -> list[str]:
