@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterator
 
 WIDTH = 85
-"""Longest line of code in characters: fits beside the table of contents at 1600 px."""
+"""Longest line of code in characters: fits next to the table of contents at 1600 px."""
 
 _FENCED = re.compile(r"^(````?)(\w*)\n(.*?)^(````?)$", re.DOTALL | re.MULTILINE)
 _INDENTED = re.compile(r"(?<=\n\n)    tdint .*(?=\n)")

@@ -100,7 +100,7 @@ def reference_pages(repository: str = "") -> dict[str, str]:
         if page == TABLE_PAGE:
             parts += [_tables()]
         pages[f"{FOLDER}/{page}.md"] = "\n\n".join(parts) + "\n"
-    names = [name for name in dir(tdint.plugin) if name in tdint.plugin.HOMES]
+    names = [name for name in dir(tdint.plugin) if name in tdint.plugin.PLUGIN]
     parts = ["# Python API reference: plug-ins", _prose(inspect.getdoc(tdint.plugin) or "")]
     parts += [_index(names)]
     parts += [

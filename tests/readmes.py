@@ -345,7 +345,7 @@ def column_tables():
 def plugin_names():
     """Return the names of `tdint.plugin` by module, with their first sentences."""
     groups = {}
-    for name, home in plugin.HOMES.items():
+    for name, home in plugin.PLUGIN.items():
         groups.setdefault(home, []).append(name)
     parts = []
     for home, names in groups.items():

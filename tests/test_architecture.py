@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-import tdint.plugin
 from source_lines import code_lines
 from tdint.kernels.laws import NAMES as LAW_NAMES
 from tdint.methods.catalogue import FAMILIES, catalogue
+from tdint.public_names import PLUGIN, PUBLIC
 from tdint_cli.handlers import HANDLERS
 from tdint_cli.main import COMMANDS
 
@@ -133,8 +133,8 @@ ROOMS = [
 TABLES_OF_NAMES = {
     "tdint_cli.handlers": lambda: [name.partition(":")[0] for name in HANDLERS.values()],
     "tdint_cli.main": lambda: [module for module, _ in COMMANDS.values()],
-    "tdint": lambda: tdint._homes().values(),
-    "tdint.plugin": lambda: tdint.plugin.HOMES.values(),
+    "tdint": lambda: PUBLIC.values(),
+    "tdint.plugin": lambda: PLUGIN.values(),
     "tdint.kernels.laws": lambda: [
         f"tdint.kernels.laws.{name.replace('-', '_')}" for name in LAW_NAMES
     ],

@@ -19,6 +19,8 @@ import pytest
 import tdint
 import tdint.plugin
 from selection import every
+from stubs import stubs
+from tdint.public_names import DEFINED_AS, PUBLIC
 from tdint.response.runs.outcome import StoryValues
 
 FUNCTIONS = sorted(
@@ -161,15 +163,9 @@ def test_public_names_do_not_shadow_builtins():
         tdint.init  # noqa: B018
 
 
-def test_names_for_type_checkers_equal_public_names():
-    tree = ast.parse(Path(tdint.__file__).read_text(encoding="utf-8"))
-    block = next(node for node in tree.body if isinstance(node, ast.If)).body
-    imported = {
-        alias.asname for node in block if isinstance(node, ast.ImportFrom) for alias in node.names
-    }
-    names = {node.targets[0].id for node in block if isinstance(node, ast.Assign)}
-    assert names == set(tdint._DEFINED_AS) == set(tdint._RENAMED_HOMES)
-    assert imported - {None} | names == set(tdint._homes())
+@pytest.mark.parametrize("file", ["__init__.pyi", "plugin.pyi"])
+def test_names_for_type_checkers_equal_public_names(file):
+    assert Path(tdint.__file__).with_name(file).read_text(encoding="utf-8") == stubs()[file]
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -177,7 +173,7 @@ def test_public_functions_document_parameters_returns_and_errors(name):
     function = inspect.unwrap(getattr(tdint, name))
     signature = inspect.signature(function)
     if not inspect.isfunction(function):  # a loaded package has a docstring of its own
-        function = getattr(import_module(tdint._homes()[name]), tdint._DEFINED_AS.get(name, name))
+        function = getattr(import_module(PUBLIC[name]), DEFINED_AS.get(name, name))
     text = inspect.getdoc(function)
     sections = [
         title
@@ -216,12 +212,12 @@ def test_help_of_plugin_interface_shows_functions():
     assert "import_module" not in text
 
 
-PUBLIC = {
+PUBLIC_OBJECTS = {
     f"{module.__name__}.{name}": getattr(module, name)
     for module in (tdint, tdint.plugin)
     for name in module.__all__
 }
-CLASSES = {name: value for name, value in PUBLIC.items() if inspect.isclass(value)}
+CLASSES = {name: value for name, value in PUBLIC_OBJECTS.items() if inspect.isclass(value)}
 
 
 def documented(text, section):
@@ -285,11 +281,11 @@ def test_public_classes_document_fields_and_members(name):
 
 
 @pytest.mark.parametrize(
-    "name", every(4, [name for name in PUBLIC if name not in FUNCTIONS_OF_TDINT])
+    "name", every(4, [name for name in PUBLIC_OBJECTS if name not in FUNCTIONS_OF_TDINT])
 )
 def test_documented_parameters_agree_with_signature(name):
     """The test covers functions of `tdint.plugin` and methods of public classes."""
-    value = PUBLIC[name]
+    value = PUBLIC_OBJECTS[name]
     functions = members_of(value) if inspect.isclass(value) else {name: value}
     for called, function in functions.items():
         if inspect.isfunction(function) or inspect.ismethod(function):

@@ -9,10 +9,9 @@ from __future__ import annotations
 import functools
 import inspect
 import logging
-import re
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
@@ -324,43 +323,23 @@ class FunctionPackage(ModuleType):
         return f"{name}{inspect.signature(function)}\n\n{inspect.getdoc(function)}"
 
 
-def declared_homes(file: str) -> dict[str, str]:
-    """Return the module of each name that a source file imports, read from the text of the file.
-
-    The imports are below `if TYPE_CHECKING:` and are never executed; the file imports a name from
-    its module at the first use.
-
-    Parameters
-    ----------
-    file : str
-        Source file with indented lines `from MODULE import NAME as NAME`.
-
-    Returns
-    -------
-    dict of str to str
-        Name of the module by imported name.
-    """
-    text = Path(file).read_text(encoding="utf-8")
-    lines = re.findall(r"^    from (tdint\.\S+) import (?:\(\s*)?(\w+) as \2\b", text, re.MULTILINE)
-    return {name: module for module, name in lines}
-
-
-def modules_on_use(
-    package: str, style: str = "", homes: Mapping[str, str] | None = None
-) -> Callable[[str], ModuleType]:
-    """Return a `__getattr__` for a package that imports its modules at their first use.
+def modules_on_use(package: str, style: str = "") -> Callable[[str], ModuleType]:
+    """Return a `__getattr__` for a package that imports its modules, and the modules of its
+    subpackages, at their first use.
 
     `package` is the full name of the package, such as `tdint.output.tables`. `style` is the module
     that must be the first that imports matplotlib: it is imported before a module of figures, whose
-    name ends with `figures`. `homes` is the package of each module of a subpackage, as
-    `declared_homes` returns it.
+    name ends with `figures`.
     """
 
     def import_on_use(name: str) -> ModuleType:
-        """Import the module `name` of the package; raise AttributeError if there is no module."""
-        module = f"{(homes or {}).get(name, package)}.{name}"
+        """Import the module `name`; raise AttributeError if there is no module."""
+        module = f"{package}.{name}"
         if find_spec(module) is None:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            file = next(Path(sys.modules[package].__path__[0]).glob(f"*/{name}.py"), None)
+            if file is None:
+                raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            module = f"{package}.{file.parent.name}.{name}"
         if style and name.endswith("figures"):
             import_module(style)
         return import_module(module)

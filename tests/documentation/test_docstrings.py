@@ -10,9 +10,9 @@ from typing import NamedTuple
 import pytest
 
 from readmes import ROOT
+from tdint.public_names import DEFINED_AS, PLUGIN, PUBLIC
 
 SOURCES = sorted((ROOT / "src").rglob("*.py")) + sorted((ROOT / "cli").rglob("*.py"))
-EXPORTING = [ROOT / "src" / "tdint" / "__init__.py", ROOT / "src" / "tdint" / "plugin.py"]
 KERNELS = ("src/tdint/kernels/", "src/tdint/methods/")
 HALF_LINE = 50
 """Characters of half a line."""
@@ -47,13 +47,8 @@ def entries(docstring, section="Parameters"):
 @cache
 def exported():
     """Modules and names that `tdint` and `tdint.plugin` export."""
-    return {
-        (node.module, alias.name)
-        for path in EXPORTING
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
+    names = [*PUBLIC.items(), *PLUGIN.items()]
+    return {(module, DEFINED_AS.get(name, name)) for name, module in names}
 
 
 @cache

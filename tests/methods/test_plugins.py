@@ -39,7 +39,7 @@ from tdint.methods import step_check
 from tdint.model import story_laws
 from tdint.model.plugins import files_to_send
 from tdint.model.story_laws import Law
-from tdint.plugin import HOMES
+from tdint.public_names import PLUGIN
 from tdint.response.runs import compiled_steps
 from tdint.response.runs.prepared import PreparedBuilding
 from tdint.studies.campaign.cluster import run_chunk_with_plugins
@@ -389,7 +389,7 @@ def test_import_of_all_public_names_belongs_to_sources(tmp_path, verlet, line):
     """A change of any module of kernels that defines a public name requires a new compilation."""
     named = verlet.read_text()
     tdint.load_plugin(str(outside(tmp_path, named + f"\n{line}\n", "imports_all")))
-    expected = {home for home in HOMES.values() if home.startswith("tdint.kernels.")}
+    expected = {home for home in PLUGIN.values() if home.startswith("tdint.kernels.")}
     assert expected <= closure("tdint_plugin_imports_all").keys()
 
 

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from tdint.tabular import declared_homes, modules_on_use
+from tdint.tabular import modules_on_use
 
-if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
+if TYPE_CHECKING:
     from tdint.assessment.chart import chart_figures as chart_figures
     from tdint.assessment.chart import chart_tables as chart_tables
     from tdint.assessment.chart import profile_figures as profile_figures
@@ -18,6 +18,4 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.assessment.stability import stability_tables as stability_tables
     from tdint.assessment.validation import validation_tables as validation_tables
 
-__getattr__ = modules_on_use(
-    __name__, style="tdint.output.figures.style", homes=declared_homes(__file__)
-)
+__getattr__ = modules_on_use(__name__, style="tdint.output.figures.style")

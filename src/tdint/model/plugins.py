@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from tdint.errors import TdintError, UsageError
 from tdint.files import digest_of, is_file
-from tdint.tabular import declared_homes
+from tdint.public_names import PLUGIN
 
 LOG = logging.getLogger("tdint")
 
@@ -161,9 +161,6 @@ def private_imports(file: str) -> list[str]:
 
     Each message states the line and the import to write instead.
     """
-    # Parse the source of `tdint.plugin` instead of importing it, because it imports modules of
-    # higher layers.
-    public_names = {"rows", *declared_homes(str(Path(__file__).parents[1] / "plugin.py"))}
     messages = []
     for node in ast.walk(ast.parse(Path(file).read_bytes())):
         module_name = getattr(node, "module", None) or ""
@@ -175,7 +172,7 @@ def private_imports(file: str) -> list[str]:
         if isinstance(node, ast.ImportFrom) and is_private_import:
             # The public name of the module `layout` is `rows`.
             names = ["rows" if alias.name == "layout" else alias.name for alias in node.names]
-            public = ", ".join(name for name in names if name in public_names)
+            public = ", ".join(name for name in names if name in PLUGIN)
             advice = (
                 f"write from tdint.plugin import {public}"
                 if public

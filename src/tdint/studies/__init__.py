@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from tdint.tabular import declared_homes, modules_on_use
+from tdint.tabular import modules_on_use
 
-if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
+if TYPE_CHECKING:
     from tdint.studies.campaign import campaign_tables as campaign_tables
     from tdint.studies.campaign import many_run_figures as many_run_figures
     from tdint.studies.campaign import suite_figures as suite_figures
@@ -22,6 +22,4 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.studies.sensitivity import sensitivity_figures as sensitivity_figures
     from tdint.studies.sensitivity import sensitivity_tables as sensitivity_tables
 
-__getattr__ = modules_on_use(
-    __name__, style="tdint.output.figures.style", homes=declared_homes(__file__)
-)
+__getattr__ = modules_on_use(__name__, style="tdint.output.figures.style")

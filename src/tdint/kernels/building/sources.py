@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from tdint.kernels.building.compilable import FRACTURES, Variant
+from tdint.public_names import PLUGIN
 
 if TYPE_CHECKING:
     from tdint.kernels.laws.law import DriftLaw
@@ -261,13 +262,13 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
             if base != _PUBLIC or any(alias.name == "*" for alias in node.names):
                 names.append(base)
             names += [f"{base}.{alias.name}" for alias in node.names]
-    homes, resolved = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
+    resolved = list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")
         if name == _PUBLIC:
-            resolved += homes.values()
+            resolved += PLUGIN.values()
         elif base == _PUBLIC:
-            resolved.append(homes.get(alias, name))
+            resolved.append(PLUGIN.get(alias, name))
         else:
             resolved.append(name)
     return tuple(name for name in resolved if name.partition(".")[0] not in _NOT_FOLLOWED)

@@ -66,7 +66,7 @@ INTEGRATE = I8(
 
 _PARTS = tuple(name for name in PARTS if name not in ("laws", "modal"))
 """Features of the variant on which the loops depend: without them, a step takes up to 10 % less
-time. The laws and the methods have kernels of their own."""
+time. The laws and the methods have separate kernels."""
 
 OVERFLOW = 1e300
 """Dimensionless. Minimum relative residual for which a step that did not converge is treated as
