@@ -228,7 +228,7 @@ def test_energies_are_required_only_where_stories_dissipate(tmp_path, monkeypatc
     for problem in problems().values():
         compiled_steps.kernels(integrator, PreparedBuilding.of(problem.model).variant)
     with pytest.raises(AnalysisError, match="the energies are not balanced"):
-        compiled_steps.kernels(integrator, replace(features, laws=("linear", "bilinear")))
+        compiled_steps.kernels(integrator, features._replace(laws=("linear", "bilinear")))
     with pytest.raises(AnalysisError, match="the energies are not balanced"):
         compiled_steps.kernels(integrator, Variant())
 
