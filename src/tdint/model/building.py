@@ -166,7 +166,7 @@ class Building:
 
     def rest_distance(self, law_state: Array) -> tuple[Array, Array]:
         """Return the distance of each drift from its position of rest, where the story has no
-        force, m, and the present stiffness of the story, N/m.
+        force, m, and the present stiffness of the story, N/m, never zero (1 without stiffness).
 
         A slope of the law that is not positive or exceeds the initial stiffness does not lead to
         the position of rest; the initial stiffness replaces it.

@@ -98,14 +98,7 @@ def residual_oscillation(
             float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
         )
         inverse_omega = displacement / velocity if velocity > 0.0 else 0.0
-    softening = np.sqrt(
-        np.divide(
-            building.initial_stiffness,
-            present_stiffness,
-            out=np.ones_like(present_stiffness),
-            where=present_stiffness != 0.0,
-        )
-    )
+    softening = np.sqrt(building.initial_stiffness / present_stiffness)
     return np.asarray(np.hypot(distance, rate * inverse_omega * softening))
 
 
@@ -165,14 +158,9 @@ def interstep_peak_errors(
         # Taylor series of second order, with absolute values of its terms.
         drift_change = late * velocity + 0.5 * late**2 * acceleration
     reported = vars(all_peaks(building, space))
-    peaks_between_steps = space.peaks[rows.PEAK_ROWS :]
-    # If the time steps resolve the motion, all peaks between them are stored as 0. The bounds are
-    # then the reported peaks, and the possible excess is 0.
-    bounds = reported
-    if peaks_between_steps.any():
-        peaks_at_steps = space.peaks[: rows.PEAK_ROWS]
-        largest_peaks = np.maximum(peaks_between_steps, peaks_at_steps)
-        bounds = story_values(building, largest_peaks, drift_change)
+    # If the time steps resolve the motion, all peaks between them are stored as 0.
+    largest_peaks = np.maximum(space.peaks[rows.PEAK_ROWS :], space.peaks[: rows.PEAK_ROWS])
+    bounds = story_values(building, largest_peaks, drift_change)
     # The difference is nan for quantities that do not exist, such as ratios without a height.
     differences = {
         quantity.name: bounds[quantity.name] - reported[quantity.name]
