@@ -462,7 +462,17 @@ def measure_problem(
             (integrator, point.dt): point
             for point in _points_of_method(posed, integrator, dts, reference.stories)
         }
-    _repeat_contenders(posed, points, repeats, progress)
+    # Repeat the timing of all points that can be the cheapest for some tolerance. Each repetition
+    # times every such point, so that a slow phase of the machine affects all points.
+    contenders = _contenders(points.values())
+    for repetition in range(1, repeats):
+        progress("times", 0.8 + 0.2 * repetition / repeats)
+        for (integrator, dt), point in points.items():
+            if point in contenders:
+                response = posed.case(integrator).integrate(posed.steps(dt))
+                points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
+        # Each now has `repetition` + 1 times, all other points have 1.
+        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
     # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
     peak_errors = partial(PeakErrors.between, true_peaks=reference.stories)
@@ -514,28 +524,6 @@ def _reference(posed: Problem) -> tuple[Response, PeakErrors, str]:
         if gap.worst <= _SURE * min(TOLERANCES):
             break
     return reference, gap, confirmed_by
-
-
-def _repeat_contenders(
-    posed: Problem,
-    points: dict[tuple[Integrator, float], Point],
-    repeats: int,
-    progress: Progress,
-) -> None:
-    """Repeat the timing of all points that can be the cheapest for some tolerance, until they have
-    `repeats` times; they are replaced in `points`.
-
-    Each repetition times every such point, so that a slow phase of the machine affects all points.
-    """
-    contenders = _contenders(points.values())
-    for repetition in range(1, repeats):
-        progress("times", 0.8 + 0.2 * repetition / repeats)
-        for (integrator, dt), point in points.items():
-            if point in contenders:
-                response = posed.case(integrator).integrate(posed.steps(dt))
-                points[integrator, dt] = replace(point, times=(*point.times, response.solver_time))
-        # Each now has `repetition` + 1 times, all other points have 1.
-        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
 
 
 def _points_of_method(

@@ -112,7 +112,22 @@ def select(
         No selection meets the rule with factors within the limits.
     """
     low, high = factors
-    _check_arguments(len(motions), count, factors, events, per_event)
+    if not 0.0 < low <= high < np.inf:
+        raise UsageError(
+            f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
+        )
+    # `True` is an instance of `int`, but not a number of motions.
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise UsageError(
+            "the number of motions to select must be a whole number of at least 1, got "
+            f"{count!r:.60}"
+        )
+    if per_event is not None and per_event < 1:
+        raise UsageError(f"per_event must be at least 1, got {per_event}")
+    if events is not None and len(events) != len(motions):
+        raise UsageError(
+            f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
+        )
     target_spectrum, compared_periods = target_at(target, periods)
     target_scatter = _target_scatter(scatter, compared_periods, count)
     suite = [motion_of(motion) for motion in motions]
@@ -159,37 +174,6 @@ def select(
         limits=(low, high),
         others_at_limit=int(np.sum(is_at_limit)),
     )
-
-
-def _check_arguments(
-    motion_count: int,
-    count: int,
-    factors: tuple[float, float],
-    events: Sequence[object] | None,
-    per_event: int | None,
-) -> None:
-    """Raise UsageError if an argument of `select` is invalid.
-
-    `events` is the event of each motion; None: read from the files. `per_event` is the maximum
-    number of selected motions of a single event; None: no maximum.
-    """
-    low, high = factors
-    if not 0.0 < low <= high < np.inf:
-        raise UsageError(
-            f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
-        )
-    # `True` is an instance of `int`, but not a number of motions.
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise UsageError(
-            "the number of motions to select must be a whole number of at least 1, got "
-            f"{count!r:.60}"
-        )
-    if per_event is not None and per_event < 1:
-        raise UsageError(f"per_event must be at least 1, got {per_event}")
-    if events is not None and len(events) != motion_count:
-        raise UsageError(
-            f"events: must contain one event for each of {motion_count} motions, got {len(events)}"
-        )
 
 
 def _number_events(
