@@ -59,7 +59,7 @@ class Change(NamedTuple):
 
     story: int
     column: int
-    factor: bool
+    factor: bool = False
     bounds: LawParameter | None = None
     follows: bool = False
     scale: float = 1.0
@@ -81,23 +81,16 @@ class Change(NamedTuple):
         """True if the change sets a parameter of the law, which may define the stiffness."""
         return self.column >= FIRST_LAW_PARAMETER and not self.factor
 
-    def check(self, name: str, *values: float) -> None:
+    def check(self, name: str, value: float) -> None:
         """Raise UsageError if a value is outside the bounds that the law declares."""
-        if self.bounds:
-            low, high = self.bounds.low, self.bounds.high
-            low_allowed, high_allowed = self.bounds.low_allowed, self.bounds.high_allowed
-        else:
-            low, high, low_allowed, high_allowed = -math.inf, math.inf, True, True
-        for value in values:
-            is_inside = low < value < high
-            is_allowed_bound = (value == low and low_allowed) or (value == high and high_allowed)
-            if not (is_inside or is_allowed_bound):
-                raise UsageError(f"{name} must be between {low:g} and {high:g}, got {value:.6g}")
-
-
-_ChangedNumber = (
-    tuple[int, bool, LawParameter | None] | tuple[int, bool, LawParameter | None, bool, float]
-)
+        bounds = self.bounds or LawParameter(name)  # by default without bounds
+        low, high = bounds.low, bounds.high
+        is_inside = low < value < high
+        is_allowed_bound = (value == low and bounds.low_allowed) or (
+            value == high and bounds.high_allowed
+        )
+        if not (is_inside or is_allowed_bound):
+            raise UsageError(f"{name} must be between {low:g} and {high:g}, got {value:.6g}")
 
 
 def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
@@ -112,67 +105,62 @@ def _followed_name(law: Law, name: str, declaration: LawParameter) -> str:
     return source.path + name.removeprefix(declaration.path)
 
 
-def _changes_by_parameter(story: Story) -> dict[str, list[_ChangedNumber]]:
-    """Return the values of a story that each parameter changes, by the name of the parameter: the
-    fields `column`, `factor`, `bounds`, `follows` and `scale` of a `Change` (the last two may be
-    omitted). The list is empty for a parameter that cannot be changed.
+def _changes_by_parameter(i: int, story: Story) -> dict[str, list[Change]]:
+    """Return the changes of the story with index `i` by each parameter, by the name of the
+    parameter. The list is empty for a parameter that cannot be changed.
 
     If a law defines the stiffness, a factor on the stiffness multiplies all forces of the law.
     """
-    # Indices of the values that the factors on the stiffness and on the strength multiply.
-    stiffness_indices, strength_indices = [], []
-    set_law: dict[str, list[_ChangedNumber]] = {}
-    has_stiffness = False
+    changes: dict[str, list[Change]] = {
+        "mass_factor": [Change(i, MASS, factor=True)],
+        "stiffness_factor": [],
+        "strength_factor": [],
+        "mass": [Change(i, MASS)],
+        "height": [] if story.height is None else [Change(i, HEIGHT)],
+        "stiffness": [],
+        "dashpot": [] if story.power_dashpot else [Change(i, DASHPOT)],
+    }
+    if story.power_dashpot:
+        numbers = story_numbers(story)
+        for column in range(POWER.start, POWER.stop):
+            if not math.isnan(numbers[column]):
+                changes[STORY_KEYS[column]] = [Change(i, column)]
     for number, (spring, columns) in enumerate(
         zip(story.springs, spring_columns(story), strict=True), start=1
     ):
         has_stiffness = LAWS[spring.law.name].initial_stiffness is not None
-        stiffness_indices.append(columns.stiffness)
+        changes["stiffness_factor"].append(Change(i, columns.stiffness, factor=True))
+        if not (has_stiffness or story.elements):
+            changes["stiffness"].append(Change(i, STIFFNESS))
         # An element has two prefixes: its number, counted from 1, and its name. The law of a story
         # is its first element.
-        prefixes = [f"elements[{number}]"]
-        prefixes.append(f"elements[{spring.name}]" if story.elements else "law")
-        values = spring.law.values
-        described_numbers = [
-            (i, *described)
-            for i, described in enumerate(named_parameters(spring.law), start=columns.first)
-            if described[0] in values
-        ]
+        prefixes = f"elements[{number}]", f"elements[{spring.name}]" if story.elements else "law"
         for prefix in prefixes:
             if prefix != "law" and not has_stiffness:
-                bounds = LawParameter("stiffness", low=0.0)
-                scale = spring.scale(1, -1)
-                set_law[f"{prefix}.stiffness"] = [(columns.stiffness, False, bounds, False, scale)]
-            for i, name, force, length, declaration in described_numbers:
-                scale = spring.scale(force, length)
-                set_law[f"{prefix}.{name}"] = [(i, False, declaration, False, scale)]
+                bounds, scale = LawParameter("stiffness", low=0.0), spring.scale(1, -1)
+                change = Change(i, columns.stiffness, bounds=bounds, scale=scale)
+                changes[f"{prefix}.stiffness"] = [change]
+        values = spring.law.values
+        for column, (name, force, length, declaration) in enumerate(
+            named_parameters(spring.law), start=columns.first
+        ):
+            if name not in values:
+                continue
+            change = Change(i, column, bounds=declaration, scale=spring.scale(force, length))
+            source = _followed_name(spring.law, name, declaration)
+            for prefix in prefixes:
+                changes[f"{prefix}.{name}"] = [change]
                 # The number of the other side with the same default changes as well, if it is
                 # equal.
-                source = _followed_name(spring.law, name, declaration)
                 if source in values and values[source] == values[name]:
-                    set_law[f"{prefix}.{source}"].append((i, False, declaration, True, scale))
-        # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
-        for i, _, force, length, declaration in described_numbers:
+                    changes[f"{prefix}.{source}"].append(change._replace(follows=True))
+            # Factors apply to all numbers with the dimension of a stiffness or of a strength
+            # (force). The points of a curve move along the line of the initial stiffness.
             if force == 1 and (has_stiffness or length == -1):
-                stiffness_indices.append(i)
-            # The points of a curve move along the line of the initial stiffness.
+                changes["stiffness_factor"].append(Change(i, column, factor=True))
             if (force, length) == (1, 0) or declaration.open_ended:
-                strength_indices.append(i)
-    changes: dict[str, list[_ChangedNumber]] = {
-        "mass_factor": [(MASS, True, None)],
-        "stiffness_factor": [(i, True, None) for i in stiffness_indices],
-        "strength_factor": [(i, True, None) for i in strength_indices],
-        "mass": [(MASS, False, None)],
-        "height": [] if story.height is None else [(HEIGHT, False, None)],
-        "stiffness": [] if has_stiffness or story.elements else [(STIFFNESS, False, None)],
-        "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
-    }
-    if story.power_dashpot:
-        numbers = story_numbers(story)
-        for i in range(POWER.start, POWER.stop):
-            if not math.isnan(numbers[i]):
-                changes[STORY_KEYS[i]] = [(i, False, None)]
-    return changes | set_law
+                changes["strength_factor"].append(Change(i, column, factor=True))
+    return changes
 
 
 @lru_cache(maxsize=64)  # all samples of a study change the same parameters
@@ -206,8 +194,8 @@ def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Chang
             f"{name}: story not found; {building} has {pluralize(len(stories), 'story')}{hint}"
         )
     indices = [int(number) - 1] if number else range(len(stories))
-    changes_by_story = {i: _changes_by_parameter(stories[i]) for i in indices}
-    changes = [Change(i, *change) for i in indices for change in changes_by_story[i].get(key, ())]
+    changes_by_story = [_changes_by_parameter(i, stories[i]) for i in indices]
+    changes = [change for by_name in changes_by_story for change in by_name.get(key, ())]
     if changes:
         return changes
     if key == "strength_factor":
@@ -219,7 +207,7 @@ def changes_of(building: str, stories: Sequence[Story], name: str) -> list[Chang
             "a law with a strength, or change another parameter"
         )
     available: dict[str, None] = {}
-    for story_changes in changes_by_story.values():
+    for story_changes in changes_by_story:
         available |= dict.fromkeys(
             parameter for parameter, numbers in story_changes.items() if numbers
         )
