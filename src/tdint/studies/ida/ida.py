@@ -690,33 +690,28 @@ def _damaged_states(
     AnalysisError
         The building collapses before it reaches one of the drifts.
     """
+    states: list[list[DamagedState | None]] = [[None] * len(records)]
+    if mainshock is None:
+        return states
     collapse_drift = subject.model.collapse_drift
-    damages = sorted(set(mainshock.damages if mainshock else ()))
+    damages = sorted(set(mainshock.damages))
     for damage in damages:
         if not 0.0 < damage < collapse_drift:
             raise UsageError(
                 f"damage {damage:g}: must be a drift ratio above 0 and below the collapse drift, "
                 f"{collapse_drift:g}"
             )
-    state_of_mainshock: dict[tuple[str, float], DamagedState] = {}
-    states: list[list[DamagedState | None]] = [[None] * len(records)]
     for damage in damages:
-        damaged_states: list[DamagedState | None] = []
-        for record in records:
-            assert mainshock is not None
-            main_record = mainshock.before(record)
-            # Records of the same component have the same mainshock. The search for its scale factor
-            # requires many runs, so it is performed a single time.
-            key = (main_record.name, damage)
-            if key not in state_of_mainshock:
-                first_factor = _elastic_scale(
-                    subject.prepared.building, main_record, collapse_drift
-                )
-                state_of_mainshock[key] = damaged(
-                    subject, main_record, damage, first_factor=first_factor, dt=settings.dt
-                )
-            damaged_states.append(state_of_mainshock[key])
-        states.append(damaged_states)
+        # Records of the same component have the same mainshock. The search for its scale factor
+        # requires many runs, so it is performed a single time.
+        main_records = [mainshock.before(record) for record in records]
+        state_of_mainshock: dict[str, DamagedState] = {}
+        for main in {main.name: main for main in main_records}.values():
+            first_factor = _elastic_scale(subject.prepared.building, main, collapse_drift)
+            state_of_mainshock[main.name] = damaged(
+                subject, main, damage, first_factor=first_factor, dt=settings.dt
+            )
+        states.append([state_of_mainshock[main.name] for main in main_records])
     return states
 
 

@@ -31,7 +31,7 @@ from tdint.studies.fragility.fragility_tables import fit_table_of
 from tdint.studies.ida import ida_figures
 from tdint.studies.ida.ida import IdaSettings, IdaStudy
 from tdint.studies.ida.ida_curve import IdaCurve, PairCurve, fractiles
-from tdint.studies.ida.ida_tables import limit_capacities, motion_curves
+from tdint.studies.ida.ida_tables import curve_rows, limit_capacities
 from tdint.studies.motions.pairs import describe_demand
 from tdint.studies.motions.scaling_figures import measure_words
 from tdint.units import OutputUnits
@@ -170,15 +170,15 @@ def _capacities(study: IdaStudy) -> tuple[Table, str]:
     units |= dict.fromkeys((*names, *limits), study.measure.unit)
     units |= {"collapse_factor": "1", "status": TEXT}
     rows: list[tuple[Cell, ...]] = []
-    for curve_rows in motion_curves(study):
-        curve = curve_rows.curve
+    for row in curve_rows(study, study.motion_curves):
+        curve = row.curve
         capacities = [curve.capacity(threshold) for threshold in thresholds]
         status = "censored" if capacities[-1].censored else "collapsed"
         values = [capacity.capacity for capacity in capacities]
         limited = [item.capacity for item in limit_capacities(study, curve)]
         values += limited or [math.nan] * len(limits)
         factor = _factor(curve, capacities[-1].capacity)
-        names_of_row = (initial_damage(curve.damage), curve_rows.record, curve_rows.component)
+        names_of_row = (initial_damage(curve.damage), row.record, row.component)
         rows.append((*names_of_row, *values, factor, status))
     table = _with_states(study, units, rows[:MOST_CAPACITIES])
     remarks = []

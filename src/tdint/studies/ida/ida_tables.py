@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -133,7 +133,9 @@ def ida_table(study: IdaStudy) -> Table:
     lowest.
     """
     columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
-    return _with_unit(Table.of_results(columns, _curves(study)), study.measure.unit)
+    return _with_unit(
+        Table.of_results(columns, curve_rows(study, study.curves)), study.measure.unit
+    )
 
 
 def capacity_table(study: IdaStudy) -> Table:
@@ -150,7 +152,7 @@ def capacity_table(study: IdaStudy) -> Table:
     columns = (*_with_damage(CAPACITIES, study), *limit_column, *pair_demand)
     capacities = (
         replace(row, capacity=capacity)
-        for row in motion_curves(study)
+        for row in curve_rows(study, study.motion_curves)
         for capacity in (
             *map(row.curve.capacity, study.thresholds),
             *limit_capacities(study, row.curve),
@@ -189,26 +191,22 @@ def _with_unit(table: Table, unit: str) -> Table:
     return table._replace(meanings=table.meanings | units)
 
 
-def motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    """Yield the IDA curve of each ground motion with its file and component.
+def curve_rows(study: IdaStudy, curves: Iterable[IdaCurve]) -> Iterator[_CurveRows]:
+    """Yield curves of a study with their files and the names of their components.
 
     A pair that counts as a single ground motion has the file name of its first component and the
     names of both components.
+
+    Parameters
+    ----------
+    curves : iterable of IdaCurve
+        `IdaStudy.curves` (each component) or `IdaStudy.motion_curves` (each ground motion).
     """
-    # Curves are identified by `id`, because they contain arrays, which have no hash.
-    rows = {id(row.curve): row for row in _curves(study)}
-    for curve in study.motion_curves:
-        if isinstance(curve, PairCurve):
-            component_rows = [rows[id(part)] for part in curve.parts]
-            component = "+".join(row.component for row in component_rows)
-            yield replace(component_rows[0], component=component, curve=curve)
-        else:
-            yield rows[id(curve)]
-
-
-def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    """Yield the IDA curve of each component, with its file and the name of the component."""
-    # A single call for all curves makes the names distinct over all initial damages.
+    # A single call for all curves makes the names distinct over all initial damages. Curves are
+    # identified by `id`, because they contain arrays, which have no hash.
     names = component_names([curve.record for curve in study.curves])
-    for curve, name in zip(study.curves, names, strict=True):
-        yield _CurveRows(curve.record.source, name, study, curve)
+    name_of_curve = dict(zip(map(id, study.curves), names, strict=True))
+    for curve in curves:
+        parts = curve.parts if isinstance(curve, PairCurve) else (curve,)
+        component = "+".join(name_of_curve[id(part)] for part in parts)
+        yield _CurveRows(curve.record.source, component, study, curve)
