@@ -139,10 +139,7 @@ def module_of(file: str) -> ModuleType:
     try:
         with faults_of(file):
             exec(compile(source, path.resolve(), "exec", dont_inherit=True), vars(module))
-    except KeyboardInterrupt:
-        del sys.modules[name]
-        raise
-    except TdintError as error:
+    except BaseException as error:
         del sys.modules[name]
         location, _, reason = str(error).partition(": ")
         # If the import of a private module of tdint failed, add the public import as a remedy.
@@ -151,7 +148,6 @@ def module_of(file: str) -> ModuleType:
                 if message.startswith(f"{location}: "):
                     hint = message.removeprefix(f"{location}: ")
                     raise UsageError(f"{error}; {hint}") from None
-            raise UsageError(str(error)) from None
         raise
     return module
 
@@ -163,13 +159,10 @@ def private_imports(file: str) -> list[str]:
     """
     messages = []
     for node in ast.walk(ast.parse(Path(file).read_bytes())):
-        module_name = getattr(node, "module", None) or ""
-        is_private_import = (
-            isinstance(node, ast.ImportFrom)
-            and module_name.startswith("tdint.")
-            and module_name != "tdint.plugin"
-        )
-        if isinstance(node, ast.ImportFrom) and is_private_import:
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        module_name = node.module or ""
+        if module_name.startswith("tdint.") and module_name != "tdint.plugin":
             # The public name of the module `layout` is `rows`.
             names = ["rows" if alias.name == "layout" else alias.name for alias in node.names]
             public = ", ".join(name for name in names if name in PLUGIN)
