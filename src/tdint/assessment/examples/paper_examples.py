@@ -52,8 +52,6 @@ EXACT = "newmark-linear"
 FINER = 8
 """Number of time steps of the finer reference, rk5, in one time step."""
 
-QUANTITIES = ("displacement", "velocity", "acceleration")
-
 # Rad per time step. A harmonic force with this small angle per step represents a linear change of
 # the force: the sine is linear within 1e-13.
 _SLOW = 1e-6

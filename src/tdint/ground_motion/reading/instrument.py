@@ -51,9 +51,8 @@ _STOPPED = 0.8
 the response, and only the gains are compared (channels with 1 sample/s may state the sensitivity at
 1 Hz)."""
 
-_QUANTITIES = ("displacement", "velocity", "acceleration")
 _OBSPY_UNITS = ("M", "M/S", "M/S**2")
-"""Ground motions in the order of their derivatives, and the unit of each for ObsPy."""
+"""Units of displacement, velocity and acceleration for ObsPy, by the number of derivatives."""
 
 _UNITS = {name: (2, value) for name, value in ACCELERATION.items()}
 _UNITS |= {"gn": (2, STANDARD_GRAVITY), "mgal": (2, 1e-5)}
