@@ -21,9 +21,8 @@ from cli.conftest import Command, change, copy_of, made_once, write_record
 from csv_rows import rows
 from facts import states
 from tdint.ground_motion.choice import RecordChoice
-from tdint.studies.campaign.assigned_motions import FieldMotions
+from tdint.studies.campaign.assigned_motions import FieldFile, FieldMotions
 from tdint.studies.campaign.buildings import RowBuildings
-from tdint.studies.campaign.definition import FieldFile
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import make_plan
 from tdint.studies.campaign.reader import load_campaign

@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, TdintError
+from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.studies.campaign.chunks import Run
@@ -33,6 +34,70 @@ _EARTH_RADIUS = 6371e3  # m, mean radius of the earth
 
 Locations = Sequence[tuple[float, float]] | Array
 """Longitudes and latitudes, degrees."""
+
+
+@dataclass(frozen=True)
+class GridFile:
+    """Ground motions at points of a grid, which are sampled for each building from its nearest
+    points.
+
+    Attributes
+    ----------
+    file : str
+        Path of EventGrid.csv.
+    units : str
+        Units of the samples of motions.
+    neighbors, samples : int
+        Number of points to sample from, and number of samples for each building.
+    seed : int
+        Random seed, combined with the id of the building.
+    distance : str
+        Type of distance: a key of `tdint.studies.campaign.assigned_motions.COORDINATES`.
+    events : bool
+        True for no sampling: the rows of the points' files are events, and a building has the
+        events of its nearest point.
+    max_distance : float
+        Buildings at a larger distance from the nearest point are omitted, m.
+    """
+
+    file: str
+    units: str
+    neighbors: int
+    samples: int
+    seed: int
+    distance: str = "km"
+    events: bool = False
+    max_distance: float = MAX_DISTANCE
+
+
+@dataclass(frozen=True)
+class FieldFile:
+    """Ground motion fields: the motion of each event at each site.
+
+    Attributes
+    ----------
+    file : str
+        CSV file of events, sites, records and factors.
+    pairs : bool
+        Combine the two horizontal components of a record.
+    sites : str | None
+        CSV file with the locations of the sites; None: the inventory names the site of each
+        building.
+    distance : str
+        Unit of the distance to the nearest site: a key of `COORDINATES`.
+    max_distance : float
+        Buildings at a larger distance from the nearest site are omitted, m.
+    rates : str | None
+        CSV file with the annual rates of the events.
+    """
+
+    file: str
+    choice: RecordChoice
+    pairs: bool = False
+    sites: str | None = None
+    distance: str = "km"
+    max_distance: float = MAX_DISTANCE
+    rates: str | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +125,7 @@ class FieldMotions:
         Site of each building; empty before the buildings are read.
     """
 
+    settings: GridFile | FieldFile
     events: tuple[str, ...]
     sites: tuple[str, ...] = field(repr=False)
     start: NDArray[np.int64] = field(repr=False)
@@ -73,8 +139,9 @@ class FieldMotions:
     @classmethod
     def from_rows(
         cls,
-        events: Sequence[str],
-        sites: Sequence[str],
+        settings: GridFile | FieldFile,
+        events: tuple[str, ...],
+        sites: tuple[str, ...],
         rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array],
         motions: Sequence[tuple[tuple[int, float], ...]],
         locations: Sequence[tuple[float, float]] = (),
@@ -83,7 +150,7 @@ class FieldMotions:
 
         Parameters
         ----------
-        events, sites : sequence of str
+        events, sites : tuple of str
             Names of the events and of the sites.
         rows : tuple of four ndarray, shape (rows,)
             Index of the site, number of the event, index of the record, and value of each row.
@@ -92,7 +159,7 @@ class FieldMotions:
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))
         in_order = event[order], record[order], value[order]
-        return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), locations)
+        return cls(settings, events, sites, start, *in_order, tuple(motions), locations)
 
     def draws(self, building: int) -> Sequence[Run]:
         """Return the motions of a building, all events at its site, sorted by their numbers, each
@@ -155,40 +222,6 @@ class EveryMotion:
         """Return the settings of the assignment, which are part of the fingerprint that identifies
         a campaign. This assignment has no settings."""
         return {}
-
-
-@dataclass(frozen=True)
-class GridFile:
-    """Ground motions at points of a grid, which are sampled for each building from its nearest
-    points.
-
-    Attributes
-    ----------
-    file : str
-        Path of EventGrid.csv.
-    units : str
-        Units of the samples of motions.
-    neighbors, samples : int
-        Number of points to sample from, and number of samples for each building.
-    seed : int
-        Random seed, combined with the id of the building.
-    distance : str
-        Type of distance: a key of `tdint.studies.campaign.assigned_motions.COORDINATES`.
-    events : bool
-        True for no sampling: the rows of the points' files are events, and a building has the
-        events of its nearest point.
-    max_distance : float
-        Buildings at a larger distance from the nearest point are omitted, m.
-    """
-
-    file: str
-    units: str
-    neighbors: int
-    samples: int
-    seed: int
-    distance: str = "km"
-    events: bool = False
-    max_distance: float = MAX_DISTANCE
 
 
 @dataclass(frozen=True)
@@ -294,6 +327,10 @@ class GridMotions:
         return cKDTree(coordinates(self.locations, self.settings.distance))
 
 
+SiteMotions = GridMotions | FieldMotions
+"""Ground motions by their locations, and their assignment to buildings."""
+
+
 @dataclass(frozen=True)
 class CampaignMotions:
     """Ground motions of a campaign.
@@ -302,7 +339,7 @@ class CampaignMotions:
     ----------
     motions : tuple of SuiteMotion
         The motions; their index is their number.
-    site_motions : GridMotions or FieldMotions, optional
+    site_motions : SiteMotions | None
         Motions by their location; None if all buildings have all motions.
     rates : mapping of str to float
         Annual rate of each event, 1/year; empty if not specified.
@@ -311,11 +348,11 @@ class CampaignMotions:
     motions: tuple[SuiteMotion, ...] = ()
     failures: tuple[TdintError, ...] = ()
     notes: tuple[str, ...] = ()
-    site_motions: GridMotions | FieldMotions | None = None
+    site_motions: SiteMotions | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
 
 
-Assignment = EveryMotion | FieldMotions | GridMotions
+Assignment = EveryMotion | SiteMotions
 """Assignment of motions to buildings: `draws` returns the motions of a building, `counts` the
 number of runs of each building, and `description` the settings."""
 

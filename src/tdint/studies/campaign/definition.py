@@ -19,7 +19,7 @@ from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.model.keys.fields import ANY, Bounds, Integer, Key, Keys, Schema, Value
 from tdint.model.parameters import PARAMETERS, check_parameter, check_value
-from tdint.studies.campaign.assigned_motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
+from tdint.studies.campaign.assigned_motions import FieldFile, GridFile, MeasureLevels, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.load_cases import LoadFiles
 from tdint.studies.fragility.type_states import DamageRequest
@@ -456,37 +456,6 @@ class SequenceFile:
     file: str
     choice: RecordChoice
     rest: float | None
-
-
-@dataclass(frozen=True)
-class FieldFile:
-    """Ground motion fields: the motion of each event at each site.
-
-    Attributes
-    ----------
-    file : str
-        CSV file of events, sites, records and factors.
-    pairs : bool
-        Combine the two horizontal components of a record.
-    sites : str | None
-        CSV file with the locations of the sites; None: the inventory names the site of each
-        building.
-    distance : str
-        Unit of the distance to the nearest site: a key of
-        `tdint.studies.campaign.assigned_motions.COORDINATES`.
-    max_distance : float
-        Buildings at a larger distance from the nearest site are omitted, m.
-    rates : str | None
-        CSV file with the annual rates of the events.
-    """
-
-    file: str
-    choice: RecordChoice
-    pairs: bool = False
-    sites: str | None = None
-    distance: str = "km"
-    max_distance: float = MAX_DISTANCE
-    rates: str | None = None
 
 
 @dataclass(frozen=True)

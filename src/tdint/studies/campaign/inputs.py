@@ -36,9 +36,11 @@ from tdint.number_parsing import abbreviate
 from tdint.studies.campaign.assigned_motions import (
     CampaignMotions,
     FactorTable,
+    FieldFile,
     FieldMotions,
     GridFile,
     GridMotions,
+    SiteMotions,
     meters,
     nearest,
 )
@@ -46,7 +48,6 @@ from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
     FactorsFile,
-    FieldFile,
     InventoryFile,
     ModelFiles,
     ParameterSweep,
@@ -132,12 +133,9 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     # Omit buildings that are too far from all sites before a sweep multiplies them. The sites have
     # no locations if the inventory names the site of each building.
     too_far: tuple[ModelFault, ...] = ()
-    has_site_locations = motions.site_motions is not None and motions.site_motions.locations
-    if isinstance(campaign.records, GridFile | FieldFile) and has_site_locations:
-        assert motions.site_motions is not None
-        rows, unlocated, too_far = _select_located(
-            campaign, campaign.records, motions.site_motions, rows
-        )
+    site_motions = motions.site_motions
+    if site_motions is not None and site_motions.locations:
+        rows, unlocated, too_far = _select_located(campaign.source, site_motions, rows)
         if unlocated:
             faults = (*faults, ModelError(unlocated))
     # Costs are used only after all runs. Check them now, so that an error does not waste the runs.
@@ -145,9 +143,9 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         _check_costs(rows)
     with sweep.reported_at_key():
         rows = sweep.vary_inventory(rows) if rows and campaign.sweep else rows
-    motions = replace(
-        motions, site_motions=_assigned(campaign, motions.site_motions, rows, len(models))
-    )
+    if site_motions is not None:
+        assigned = _assigned(campaign.source, site_motions, rows, len(models))
+        motions = replace(motions, site_motions=assigned)
     damage = read_class_damage(campaign.damage)
     return Inputs(models, rows, motions, factors, damage, faults, too_far)
 
@@ -267,10 +265,7 @@ def _check_costs(rows: InventoryRows) -> None:
 
 
 def _select_located(
-    campaign: CampaignFile,
-    records: GridFile | FieldFile,
-    motions: GridMotions | FieldMotions,
-    rows: InventoryRows | None,
+    source: str, motions: SiteMotions, rows: InventoryRows | None
 ) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
     """Select the buildings that have a location and are close enough to a site. For ground motion
     fields, the nearest site and its distance are added to each selected building; tables contain
@@ -282,7 +277,7 @@ def _select_located(
     """
     if rows is None:
         raise UsageError(
-            f"{campaign.source}: ground motions at sites require an inventory with the columns "
+            f"{source}: ground motions at sites require an inventory with the columns "
             "Latitude and Longitude"
         )
     # A row without a location is an error of the file; a row that is too far away is not. The sum
@@ -297,15 +292,16 @@ def _select_located(
         raise ModelError(unlocated)
     # The campaign file selects the distance (km or degrees) that determines the nearest site. The
     # limit `max_distance` applies to the distance in m.
-    nearest_sites = nearest(located.locations, motions.locations, records.distance)
+    settings = motions.settings
+    nearest_sites = nearest(located.locations, motions.locations, settings.distance)
     distances = meters(located.locations, np.array(motions.locations)[nearest_sites])
-    is_too_far = distances > records.max_distance
+    is_too_far = distances > settings.max_distance
     selected, distances_km = located.only(~is_too_far), 1e-3 * distances[is_too_far]
     if isinstance(motions, FieldMotions):
         selected = replace(
             selected, near=(motions.sites, nearest_sites[~is_too_far], distances[~is_too_far])
         )
-    limit = f"max_distance is {1e-3 * records.max_distance:g} km"
+    limit = f"max_distance is {1e-3 * settings.max_distance:g} km"
     too_far = located.only(is_too_far).faults(
         lambda row, _: f"{distances_km[row]:.4g} km from the nearest site; {limit}", "Latitude"
     )
@@ -315,12 +311,9 @@ def _select_located(
 
 
 def _assigned(
-    campaign: CampaignFile,
-    motions: GridMotions | FieldMotions | None,
-    rows: InventoryRows | None,
-    model_count: int,
-) -> GridMotions | FieldMotions | None:
-    """Return motions at sites, assigned to the buildings; None if all buildings use all motions.
+    source: str, motions: SiteMotions, rows: InventoryRows | None, model_count: int
+) -> SiteMotions:
+    """Return motions at sites, assigned to the buildings.
 
     A building has samples of the motions of its nearest grid points, or all events of its site. The
     site is the nearest one, or the site that the inventory names. If the fields have no sites, a
@@ -333,9 +326,6 @@ def _assigned(
     ModelError
         Buildings have no location or site, or a site without events.
     """
-    records = campaign.records
-    if motions is None or not isinstance(records, GridFile | FieldFile):
-        return None
     if isinstance(motions, GridMotions):
         return replace(motions, rows=rows)
     # A file without a column of sites has one site with an empty name.
@@ -349,13 +339,13 @@ def _assigned(
         return replace(motions, site_of=np.repeat(nearest_sites, len(rows.changes)))
     if not rows or not rows.table.table.has("site"):
         raise UsageError(
-            f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
+            f"{source}: events at sites require an inventory with a column `site`, or the "
             "key `sites` of the records, a file with the locations of the sites"
         )
     # All variations of a building, which are consecutive, have the same site.
     site_numbers = {site: number for number, site in enumerate(motions.sites)}
     reason = (
-        f"is not a site in {records.file}; its sites are "
+        f"is not a site in {motions.settings.file}; its sites are "
         f"{', '.join(motions.sites[:5])}{' ...' * (len(site_numbers) > 5)}"
     )
     faults = rows.faults(

@@ -37,6 +37,7 @@ from tdint.model.keys.fields import (
 from tdint.studies.campaign.assigned_motions import (
     COORDINATES,
     MAX_DISTANCE,
+    FieldFile,
     GridFile,
     MeasureLevels,
     Scales,
@@ -46,7 +47,6 @@ from tdint.studies.campaign.definition import (
     AnalysisOverrides,
     CampaignFile,
     FactorsFile,
-    FieldFile,
     InventoryFile,
     ModelFiles,
     SequenceFile,

@@ -43,12 +43,13 @@ from tdint.number_parsing import pluralize
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.studies.campaign.assigned_motions import (
     CampaignMotions,
+    FieldFile,
     FieldMotions,
     GridFile,
     GridMotions,
     PointMotion,
+    SiteMotions,
 )
-from tdint.studies.campaign.definition import FieldFile
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
     IntensityMeasure,
@@ -123,23 +124,17 @@ def read_grid(grid: GridFile) -> CampaignMotions:
             "\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion"
         )
     if grid.events:
-        return CampaignMotions(
-            tuple(motions),
-            tuple(failures),
-            site_motions=_rows_as_events(grid.file, points, point_motions),
-        )
-    # Points without readable motions are omitted: buildings near them use other points. A motion
-    # that could not be read has no components.
-    locations, readable_motions = [], []
-    for (_, location), motions_at_point in zip(points, point_motions, strict=True):
-        readable = tuple(
-            (components, factor) for components, factor in motions_at_point if components
-        )
-        if readable:
-            locations.append(location)
-            readable_motions.append(readable)
-    grid_motions = GridMotions(grid, locations, tuple(readable_motions))
-    return CampaignMotions(tuple(motions), tuple(failures), site_motions=grid_motions)
+        site_motions: SiteMotions = _rows_as_events(grid, points, point_motions)
+    else:
+        # Points without readable motions are omitted: buildings near them use other points. A
+        # motion that could not be read has no components.
+        readable = [
+            tuple((components, factor) for components, factor in listed if components)
+            for listed in point_motions
+        ]
+        locations = list(compress(degrees, readable))
+        site_motions = GridMotions(grid, locations, tuple(filter(None, readable)))
+    return CampaignMotions(tuple(motions), tuple(failures), site_motions=site_motions)
 
 
 def _read_points(
@@ -173,7 +168,7 @@ def _read_points(
 
 
 def _rows_as_events(
-    source: str,
+    grid: GridFile,
     points: Sequence[tuple[str, tuple[float, float]]],
     point_motions: Sequence[Sequence[PointMotion]],
 ) -> FieldMotions:
@@ -187,7 +182,7 @@ def _rows_as_events(
     for (file, _), motions in zip(points, point_motions, strict=True):
         if len(motions) != event_count:
             raise ModelError(
-                f"{Path(source).parent / file}: the file lists {len(motions)} motions, but "
+                f"{Path(grid.file).parent / file}: the file lists {len(motions)} motions, but "
                 f"{points[0][0]} lists {event_count}; with `events`, the files of all points must "
                 "list the same events in the same rows"
             )
@@ -205,10 +200,9 @@ def _rows_as_events(
     components_and_factors = [
         tuple((motion, 1.0) for motion in components) for components in record_numbers
     ]
-    events = [str(number) for number in range(1, event_count + 1)]
-    return FieldMotions.from_rows(
-        events, files, (site, event + 1, records, factors), components_and_factors, locations
-    )
+    events = tuple(map(str, range(1, event_count + 1)))
+    rows = site, event + 1, records, factors
+    return FieldMotions.from_rows(grid, events, files, rows, components_and_factors, locations)
 
 
 def read_field(field_file: FieldFile) -> CampaignMotions:
@@ -235,10 +229,9 @@ def read_field(field_file: FieldFile) -> CampaignMotions:
     motions = [records.motions_of(*record, rows.measure) for record in rows.first_uses()]
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
-    events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
-    field = FieldMotions.from_rows(
-        events, list(rows.sites), rows.arrays(), motions, list(locations.values())
-    )
+    events, notes = tuple(rows.events), tuple(dict.fromkeys(records.notes))
+    sites = tuple(rows.sites), rows.arrays(), motions, list(locations.values())
+    field = FieldMotions.from_rows(field_file, events, *sites)
     rates = _rates(field_file.rates, events) if field_file.rates else {}
     return CampaignMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
 
