@@ -22,6 +22,7 @@ from csv_rows import rows
 from facts import each_states, states
 from selection import every
 from tdint.assessment.chart.problem import _load
+from tdint.errors import UsageError
 from tdint.kernels.building.store import _find_in, file_name
 from tdint.kernels.building.target import native
 from tdint.system import locked, version_of_sources
@@ -160,6 +161,15 @@ def test_every_command_that_writes_or_reads_files_is_tested() -> None:
         if any(isinstance(parameter.type, FileName) for parameter in parameters_of(name))
     }
     assert takes_files <= {line.split()[0] for line, _ in READING.values()} | {"pushover"}
+
+
+@pytest.mark.parametrize("name", cli.list_commands(click.Context(cli)))
+def test_empty_file_names_are_refused(name: str) -> None:
+    """They are usually unset variables of a shell, and `Path("")` is the working directory."""
+    for parameter in parameters_of(name):
+        if isinstance(getattr(parameter.type, "item", parameter.type), FileName):
+            with pytest.raises(UsageError, match=r"^\S+ must not be empty; specify a name"):
+                parameter.type.convert("", parameter, None)
 
 
 def check_json_file(

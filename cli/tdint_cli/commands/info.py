@@ -41,7 +41,7 @@ class Request(RecordsRequest):
 _MSEED, _CSV, _YAML = ".mseed", ".csv", ".yaml"
 _EXPORT = options.output.option(
     "--export",
-    type=FileName(written=True, check=options.output.refuse_empty),
+    type=FileName(written=True),
     metavar="FILE|DIR",
     help="Also write the processed ground motions to this file: acceleration, velocity and "
     "displacement. A .mseed file (MiniSEED, SI units) contains all components, a .csv file one "

@@ -97,7 +97,7 @@ class Request(BuildingRequest, SuiteRequest):
     history: str | None = options.output.option(
         is_flag=False,
         flag_value=BESIDE,
-        type=FileName(written=True, check=options.output.refuse_empty),
+        type=FileName(written=True),
         metavar="[FILE]",
         help="Also write response histories of floors, stories and energies to this file (.csv, "
         f".csv.gz), or without a file to {HISTORY} in the directory of -o.",

@@ -14,7 +14,7 @@ import click
 from click.core import ParameterSource
 
 from tdint.errors import UsageError
-from tdint_cli.options.option_types import ListOf
+from tdint_cli.options.option_types import ListOf, argument_name
 from tdint_cli.terminal import Settings, emit
 
 # The help of a command lists options under headings, which do not depend on the order of
@@ -496,7 +496,7 @@ class Command(HelpAsData):
         # `needs` names an option by any of its names, and an argument by its name in the help.
         parameters: dict[str, click.Parameter] = {}
         for parameter in self.params:
-            parameters |= dict.fromkeys((*parameter.opts, _argument_name(parameter)), parameter)
+            parameters |= dict.fromkeys((*parameter.opts, argument_name(parameter)), parameter)
         for option in self.params:
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
@@ -614,11 +614,6 @@ _OPTION_WIDTH = 22
 that the column of texts is wide."""
 
 
-def _argument_name(parameter: click.Parameter) -> str:
-    """Return the first word of the metavar of a parameter without brackets and dots: RECORD."""
-    return (parameter.metavar or "").partition(" ")[0].strip("[].")
-
-
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
     """Return True if the command line specifies a value of the parameter."""
     # Click before 8.2 reports the command line as the source of an argument without values.
@@ -659,7 +654,7 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         if isinstance(parameter, click.Option):
             name = parameter.opts[-1]
         else:
-            name = _argument_name(parameter)
+            name = argument_name(parameter)
         # If a flag with two names, such as --cache/--no-cache, is False, its second name was typed.
         if parameter.secondary_opts and not context.params[parameter.name]:
             name = parameter.secondary_opts[-1]

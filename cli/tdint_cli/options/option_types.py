@@ -350,6 +350,11 @@ class PairWish(NamedTuple):
     names: PairNames
 
 
+def argument_name(parameter: click.Parameter) -> str:
+    """Return the first word of the metavar of a parameter without brackets and dots: RECORD."""
+    return (parameter.metavar or "").partition(" ")[0].strip("[].")
+
+
 class FileName(ValueType):
     """Option type of a file name, with completion by the shell.
 
@@ -380,8 +385,13 @@ class FileName(ValueType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the path of the file, or the value that `check` returns.
 
-        An input file is protected, so that no output of the command replaces it.
+        An input file is protected, so that no output of the command replaces it. UsageError is
+        raised for an empty name, which is usually an unset shell variable.
         """
+        if value == "" and param is not None:
+            name = param.opts[0] if isinstance(param, click.Option) else argument_name(param)
+            remedy = "" if param.required else ", or omit it"
+            raise UsageError(f"{name} must not be empty; specify a name{remedy}")
         if not self.written:
             protect_input(value)
         return self.check(value, param) if self.check else value

@@ -57,9 +57,8 @@ def _check_output(value: str, parameter: click.Parameter) -> str | None:
     """Check the value of -o and return it; None for standard output (-).
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
-    commands that write several files. UsageError is raised if the value is empty, a directory on
-    standard output, a file without a suffix, or a Parquet file in a command that writes several
-    tables.
+    commands that write several files. UsageError is raised if the value is a directory on standard
+    output, a file without a suffix, or a Parquet file in a command that writes several tables.
     """
     alternatives = (parameter.metavar or "").split("|")
     # The metavar of -o is FILE, DIR or FILE|DIR. A directory cannot be written to standard output;
@@ -71,7 +70,6 @@ def _check_output(value: str, parameter: click.Parameter) -> str | None:
         )
     if value == STDIN:
         return None
-    refuse_empty(value, parameter)
     # The name of a directory may have any suffix; the suffix of a file states its format.
     is_directory = "DIR" in alternatives and is_folder_name(value)
     if alternatives != ["FILE"] and is_parquet(value) and not is_directory:
@@ -103,30 +101,15 @@ def is_folder_name(value: str) -> bool:
     return value.endswith(("/", os.sep)) or is_folder(value)
 
 
-def refuse_empty(value: str, parameter: click.Parameter) -> str:
-    """Return the name of a file or directory; raise UsageError if it is empty.
-
-    An empty name is usually an unset shell variable. It does not mean the working directory.
-    """
-    if value == "":
-        raise UsageError(f"{parameter.opts[0]} must not be empty; specify a name, or omit it")
-    return value
-
-
 def _check_report(value: str, parameter: click.Parameter) -> str:
-    """Return the file name of --report; raise UsageError if it is empty or not an HTML file."""
-    refuse_empty(value, parameter)
+    """Return the file name of --report; raise UsageError if it is not an HTML file."""
     if not value.lower().endswith((".html", ".htm")):
         raise UsageError(f"--report {value}: the report is HTML; use the suffix .html")
     return value
 
 
 def _check_plot(value: str, parameter: click.Parameter) -> str:
-    """Check the value of --plot, and return it.
-
-    UsageError is raised for an empty name, or if the suffix of the name is no format of figures.
-    """
-    refuse_empty(value, parameter)
+    """Return the value of --plot; raise UsageError if its suffix is no format of figures."""
     if value != BESIDE:
         from tdint.output.figures.style import picture_format
 

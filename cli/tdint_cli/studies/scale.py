@@ -236,7 +236,7 @@ class ScaleRequest(RecordsRequest):
 _SPECTRA = options.output.option(
     "--spectra",
     needs="--target",
-    type=FileName(written=True, check=options.output.refuse_empty),
+    type=FileName(written=True),
     help="Also write the scaled spectra, their mean and the target as CSV to this file.",
 )
 

@@ -29,6 +29,7 @@ _PARAMETERS = {
     "tb": "TB = {} s",
     "tc": "TC = {} s",
     "td": "TD = {} s",
+    "q": "q = {}",
 }
 """Printed form of each parameter of a design spectrum."""
 
