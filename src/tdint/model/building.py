@@ -629,7 +629,7 @@ def assemble(model: Model) -> Building:
         attachments=model.attachments,
         links=model.links,
         floors=floors,
-        stiffens=any(map(_stiffens, stories)),
+        stiffens=any(map(stiffens, stories)),
     )
 
 
@@ -730,7 +730,7 @@ def yield_strength(story: Story) -> float:
     return sum(known) if known else math.nan
 
 
-def _stiffens(story: Story) -> bool:
+def stiffens(story: Story) -> bool:
     """Return True if a story can become stiffer than initially."""
     return any(LAWS[spring.law.name].stiffens(spring.law.parameters) for spring in story.springs)
 
@@ -748,7 +748,7 @@ def _can_stiffen(story: Story) -> bool:
     )
     # A law that fractures loses its force before the peak drift.
     return any(any(spring.law.fracture) for spring in story.springs) or (
-        _stiffens(story) and not symmetric
+        stiffens(story) and not symmetric
     )
 
 

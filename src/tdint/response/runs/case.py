@@ -22,7 +22,7 @@ from tdint.ground_motion.record import Record, velocity_warnings
 from tdint.kernels import layout as rows
 from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace
-from tdint.model.building import Building
+from tdint.model.building import Building, stiffens
 from tdint.model.definition import Model
 from tdint.model.plausibility import (
     DUCTILITY,
@@ -34,7 +34,6 @@ from tdint.model.plausibility import (
     plausibility_warnings,
     unusual_stories,
 )
-from tdint.model.story_laws import LAWS
 from tdint.number_parsing import pluralize
 from tdint.response.runs.energy import Energy
 from tdint.response.runs.loop_results import (
@@ -784,16 +783,8 @@ class Case:
         """Return a note if stability of the method is limited by stories that become stiffer than
         initially, and the building has such a story.
         """
-        if not self.method.family.limited_by_stiffening:
-            return ()
-        stories = [
-            i
-            for i, story in enumerate(self.model.stories, start=1)
-            if any(
-                LAWS[spring.law.name].stiffens(spring.law.parameters) for spring in story.springs
-            )
-        ]
-        if not stories:
+        stories = [i for i, story in enumerate(self.model.stories, start=1) if stiffens(story)]
+        if not (stories and self.method.family.limited_by_stiffening):
             return ()
         return (
             f"{self.method.method.name} is stable only for small time steps if a story becomes "

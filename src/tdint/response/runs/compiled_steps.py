@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 
 from tdint.errors import AnalysisError
@@ -119,6 +120,11 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
     return [(kernel, variant) for kernel in (integrator.family.step, integrate, *LOOP_KERNELS)]
 
 
+def _methods(supports: Callable[[Integrator], bool]) -> str:
+    """Return the names of the methods that a condition selects, with their default parameters."""
+    return ", ".join(name for name in catalogue() if supports(parse(name)))
+
+
 def unsupported_reason(integrator: Integrator, building: Building) -> str:
     """Return a message if a method does not support a building; empty if it does.
 
@@ -130,29 +136,24 @@ def unsupported_reason(integrator: Integrator, building: Building) -> str:
             f"{EXACT}"
         )
     if building.tangent_damped and not integrator.tangent_damping:
-        names = ", ".join(name for name in catalogue() if parse(name).tangent_damping)
         return (
             f"{integrator.label} does not support Rayleigh damping with the tangent stiffness; use "
-            f"one of {names}, or omit `tangent` from the damping"
+            f"one of {_methods(lambda other: other.tangent_damping)}, or omit `tangent` from the "
+            "damping"
         )
     if building.braced and not integrator.method.braces:
-        names = ", ".join(name for name, method in catalogue().items() if method.braces)
         return (
-            f"{integrator.label} does not support dampers with a brace; use one of {names}, or "
-            "omit `brace` from the dashpots"
+            f"{integrator.label} does not support dampers with a brace; use one of "
+            f"{_methods(lambda other: other.method.braces)}, or omit `brace` from the dashpots"
         )
-    if building.branched:
-        is_braced = building.braced or building.tangent_damped
-        needed = "braced_devices" if is_braced else "devices"
-        if not getattr(integrator.family, needed):
-            names = ", ".join(
-                name for name, method in catalogue().items() if getattr(method.family, needed)
-            )
-            of_dampers = " with braces of dampers or tangent damping" if is_braced else ""
-            return (
-                f"{integrator.label} does not support attachments and links{of_dampers}; use one "
-                f"of {names}"
-            )
+    is_braced = building.braced or building.tangent_damped
+    needed = "braced_devices" if is_braced else "devices"
+    if building.branched and not getattr(integrator.family, needed):
+        of_dampers = " with braces of dampers or tangent damping" if is_braced else ""
+        return (
+            f"{integrator.label} does not support attachments and links{of_dampers}; use one of "
+            f"{_methods(lambda other: getattr(other.family, needed))}"
+        )
     if integrator.family.linear_only and not building.linear:
         return (
             f"{integrator.label} supports only linear buildings; this building has nonlinear "
