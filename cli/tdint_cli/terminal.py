@@ -466,10 +466,8 @@ def _report_error(error: BaseException, settings: Settings) -> int:
             lines, code = [resource], OUT_OF_RESOURCES
         # Click raises OSError if it writes to a full disk; `emit` raises OutputError.
         elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            lines, code = (
-                [f"standard output: cannot be written: {error.strerror}"],
-                OutputError.exit_code,
-            )
+            lines = [f"standard output: cannot be written: {error.strerror}"]
+            code = OutputError.exit_code
         else:
             text = " ".join(f"{type(error).__name__}: {error}".split())
             lines, code = [f"internal error (a bug): {text}; run again with --debug"], BUG

@@ -25,10 +25,8 @@ TARGETS = (
 
 # The modes of the command (compilation, --show, and --clean without a compilation), each with the
 # options that have an effect.
-_COMPILE, _SHOW = (
-    Mode("", frozenset(("targets", "output"))),
-    Mode("with --show", frozenset({"show"})),
-)
+_COMPILE = Mode("", frozenset(("targets", "output")))
+_SHOW = Mode("with --show", frozenset({"show"}))
 _CLEAN = Mode("with --clean alone")
 MODES = (_COMPILE, _SHOW, _CLEAN)
 

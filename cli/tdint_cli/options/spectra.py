@@ -51,11 +51,9 @@ def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function]
     )
 
 
-SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = (
-    "floor-spectra.csv",
-    "floor-spectra-mean.csv",
-    "floor-spectra.png",
-)
+SPECTRA = "floor-spectra.csv"
+SPECTRA_MEAN = "floor-spectra-mean.csv"
+SPECTRA_PICTURE = "floor-spectra.png"
 MOTIONS = "floors.mseed"
 """Names of the floor files in the directory of -o."""
 

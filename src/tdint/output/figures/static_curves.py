@@ -149,10 +149,8 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
-    roof_at_maximum, maximum = (
-        units.of(result.roof_at_largest, "m"),
-        result.largest_base_shear * factor,
-    )
+    roof_at_maximum = units.of(result.roof_at_largest, "m")
+    maximum = result.largest_base_shear * factor
     axes.plot(
         roof_at_maximum,
         maximum,
@@ -226,10 +224,8 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
     line from the origin with the period T* leads to the elastic demand.
     """
     target, pushed = result.target, result.pushed
-    displacement, acceleration = (
-        pushed.roof_displacement / result.participation,
-        pushed.base_shear / result.participation / result.mass,
-    )
+    displacement = pushed.roof_displacement / result.participation
+    acceleration = pushed.base_shear / result.participation / result.mass
     axes.plot(
         units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand"
     )

@@ -431,10 +431,8 @@ class Case:
         velocity = space.state[rows.VELOCITY, : self.building.masses]
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * velocity**2))
-        reached, story = (
-            float(space.totals[rows.STEPS_REACHED]) * steps.h,
-            _runaway_story(space, self.building.floors),
-        )
+        reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
+        story = _runaway_story(space, self.building.floors)
         reason = reason or f"the drift of story {story} grew without bound"
         return self._divergence_error(
             steps, reached, energy if math.isfinite(energy) else None, reason, story

@@ -371,10 +371,8 @@ def with_error_estimate(
             f"the run ends at {response.collapse.time:.6g} s with the step in which it collapses: "
             "error estimates exclude the growth of the peaks in this step"
         )
-        response, check = (
-            replace(response, notes=(*response.notes, note)),
-            replace(check, corrected=None),
-        )
+        response = replace(response, notes=(*response.notes, note))
+        check = replace(check, corrected=None)
     if response.solver_time + other.solver_time > _SLOW_RUN:
         note = "a second run estimates the errors, with most of the time; --no-check omits it"
         response = replace(response, notes=(*response.notes, note))

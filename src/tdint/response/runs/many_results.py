@@ -294,10 +294,8 @@ class Runs(Tabular):
         return named
 
     def _headline(self) -> str:
-        buildings, records = (
-            pluralize(len(self.models), "building"),
-            pluralize(len(self.records), "record"),
-        )
+        buildings = pluralize(len(self.models), "building")
+        records = pluralize(len(self.records), "record")
         kept = f", histories of {', '.join(self.history)}" if self.history else ""
         lost = f", {len(self.failures)} without a result" if self.failures else ""
         first = first_warning(self.warnings)

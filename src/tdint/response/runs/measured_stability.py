@@ -81,11 +81,9 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         # If the acceleration is not part of the memory of the method, it follows from equilibrium
         # for the unit mass.
         u, v = state[rows.DISPLACEMENT, :-1], state[rows.VELOCITY, :-1]
-        law_state[rows.DRIFT, :-1], law_state[rows.FORCE, :-1], law_state[rows.SLOPE, :-1] = (
-            u,
-            stiffness * u,
-            stiffness,
-        )
+        law_state[rows.DRIFT, :-1] = u
+        law_state[rows.FORCE, :-1] = stiffness * u
+        law_state[rows.SLOPE, :-1] = stiffness
         # A linear spring has no drifts where its branch changes.
         law_state[rows.UPPER, :-1], law_state[rows.LOWER, :-1] = math.inf, -math.inf
         if rows.ACCELERATION not in memory_rows:

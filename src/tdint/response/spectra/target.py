@@ -554,10 +554,8 @@ def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectru
     value = values[0]
     _, unit_of_value = name_and_units(value)
     factor = ACCELERATION[canonical(unit_of_value)]
-    periods, psa = (
-        np.array(table.numbers(period)),
-        factor * np.array(table.numbers(value, positive=True)),
-    )
+    periods = np.array(table.numbers(period))
+    psa = factor * np.array(table.numbers(value, positive=True))
     not_increasing = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
     if not_increasing.size or periods[0] < 0.0:
         row = int(not_increasing[0]) if not_increasing.size else 0

@@ -177,11 +177,9 @@ class CyclicTest(Tabular):
         cycles: list[Cycle] = []
         for first_point in range(0, path.drift.size - 1, 4 * points):
             # The maximum drifts are at a quarter and at three quarters of the cycle.
-            positive_peak, negative_peak, last_point = (
-                first_point + points,
-                first_point + 3 * points,
-                first_point + 4 * points,
-            )
+            positive_peak = first_point + points
+            negative_peak = first_point + 3 * points
+            last_point = first_point + 4 * points
             dissipated = float(
                 path.hysteretic_energy[last_point] - path.hysteretic_energy[first_point]
             )

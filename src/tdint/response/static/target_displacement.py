@@ -373,14 +373,10 @@ def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
         )
     # A curve that does not yield has no such point. It is idealized by the secant through the first
     # point at 0.6 of the maximum base shear, up to this shear.
-    secant, crossing = (
-        _SECANT * maximum_shear,
-        int(np.argmax(curve.shear >= _SECANT * maximum_shear)),
-    )
-    (start_roof, stop_roof), (low_force, high_force) = (
-        curve.roof[crossing - 1 : crossing + 1],
-        curve.shear[crossing - 1 : crossing + 1],
-    )
+    secant = _SECANT * maximum_shear
+    crossing = int(np.argmax(curve.shear >= secant))
+    start_roof, stop_roof = curve.roof[crossing - 1 : crossing + 1]
+    low_force, high_force = curve.shear[crossing - 1 : crossing + 1]
     return maximum_shear, float(
         (start_roof + (stop_roof - start_roof) * (secant - low_force) / (high_force - low_force))
         / _SECANT
