@@ -449,6 +449,7 @@ def test_motions_are_selected(folder, tdint, make_record):
     assert (folder / "chosen.png").exists()
     (folder / "scatter.csv").write_text("period_s,scatter\n0.1,0.2\n3,0.4\n")
     tdint(*call[:-1], 3, "--target-std", "scatter.csv", "--factor-range", "0.001:1000", code=0)
+    tdint.refused("between 0 and 1e+60", *call[:-1], 3, "--target-std", "1e308", code=2)
     tdint.refused("4 motions ... 3 of 3", *call[:-1], 4, code=2)
     without_selection = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
     (folder / "events.csv").write_text(known)

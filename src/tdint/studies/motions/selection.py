@@ -25,7 +25,7 @@ from tdint.ground_motion.duplicates import first_copies
 from tdint.ground_motion.events import SAME_DATE, Earthquake, event_of, is_same_event
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.number_parsing import abbreviate, pluralize
+from tdint.number_parsing import LARGEST, abbreviate, pluralize
 from tdint.response.arguments import AnyMotion, motion_of
 from tdint.response.spectra.elastic import SA_DAMPING
 from tdint.response.spectra.target import TargetSpectrum
@@ -230,15 +230,15 @@ def _check_pool_size(
 
 def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int) -> Array | None:
     """Return the target standard deviation of ln Sa at each period; None if not specified.
-    UsageError is raised if a value is negative or not finite, or fewer than three motions are
+    UsageError is raised if a value is negative or above `LARGEST`, or fewer than three motions are
     selected.
     """
     if scatter is None:
         return None
     values = np.broadcast_to(np.asarray(scatter, float), periods.shape)
-    if count < 3 or not np.all((values >= 0.0) & np.isfinite(values)):
+    if count < 3 or not np.all((values >= 0.0) & (values <= LARGEST)):
         raise UsageError(
-            "a target standard deviation must be zero or a positive number, and requires a "
+            f"a target standard deviation must be between 0 and {LARGEST:g}, and requires a "
             f"selection of at least three motions, got {scatter!r:.60} for {count} motions"
         )
     return values
