@@ -150,6 +150,19 @@ def test_status_of_collapsed_diverged_and_refused_runs():
         assert np.isnan(refused.history["drift"][i]).all() == (status == "unstable-step")
 
 
+def test_run_that_gains_energy_fails_as_single_run():
+    """The energy at the end is too large, and is smaller one step later."""
+    stiffening = {"type": "polynomial", "coefficients": [1e8, 0.0, 1e11]}
+    building = {"stories": [{"mass": 1e5, "height": 3.0, "law": stiffening}], "damping": "2%"}
+    accelerations = np.random.default_rng(6).normal(size=20)
+    record = tdint.make_record(accelerations, dt=0.05, units="m/s^2")
+    settings = {"method": "newmark:beta=0:gamma=0.5", "check": False}
+    with pytest.raises(FailedRun, match="diverged after 0.95 s: the final energy") as failure:
+        tdint.run(building, record, **settings)
+    runs = tdint.run_many(building, [record], **settings)
+    assert runs.status == ["diverged"] and runs.failures == {0: str(failure.value)}
+
+
 def test_failed_run_after_collapse_is_collapsed():
     """The force decreases from a drift of 6 cm and changes its sign at 10 cm. A run that fails
     after its collapse is reported up to the collapse; a run with energy that the method produced
