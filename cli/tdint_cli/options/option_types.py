@@ -98,6 +98,10 @@ class Nonzero(Number):
             self.fail("must not be zero; specify a positive or a negative number", param, ctx)
         return number
 
+    def _describe_range(self) -> str:
+        """Return the range for the help, which click would write as x<=None."""
+        return "x!=0"
+
 
 class Count(click.IntRange):
     """Option type of a number of items: an integer in a range, with the name COUNT in the help."""
