@@ -35,6 +35,7 @@ def required(function):
 
 
 CLOUD = (np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 2.1, 2.9, 4.2]), [2.0])
+MOTION = tdint.Record(np.sin(np.arange(50.0)), 0.02, "", "", "", "sine")
 MASKED = np.ma.array([0.1, 0.2], mask=[True, False])
 STORY = {"stories": [{"mass": 1e3, "stiffness": 1e6}]}
 
@@ -73,6 +74,9 @@ def invalid_call(call, *values):
         *invalid_call(lambda b: tdint.fragility("x.csv", modeling_dispersion=b), "x", -1, math.nan),
         *invalid_call(lambda x: tdint.run_many(STORY, None, vary={"damping": x}), MASKED),
         *invalid_call(lambda x: tdint.load_model(STORY).replace(damping=x), 10**400),
+        *invalid_call(lambda x: tdint.constant_ductility(MOTION, [1.0], x), 2.0, None, ["x"]),
+        *invalid_call(lambda x: tdint.constant_strength(MOTION, [1.0], x), 0.2, None, ["x"]),
+        *invalid_call(lambda x: tdint.drift_spectrum(MOTION, [1.0], height_period=x), 0.05, (1, 2)),
         *invalid_call(lambda name: refuse_network(Path(name)), "\0"),
     ],
 )

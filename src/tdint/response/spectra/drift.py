@@ -6,6 +6,8 @@ approaches this beam for a large number of stories. With one story, it is the os
 ordinary response spectrum.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

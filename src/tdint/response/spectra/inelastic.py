@@ -1,6 +1,8 @@
 """Inelastic response spectra of bilinear oscillators for constant strength or constant
 ductility."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -269,7 +271,7 @@ def constant_strength(
 
 def _oscillators(
     record: AnyRecord, periods: Numbers, damping: float | str, hardening: float
-) -> "tuple[dict[str, Any], list[_Oscillator]]":
+) -> tuple[dict[str, Any], list[_Oscillator]]:
     """Check the arguments of `constant_ductility` and `constant_strength`. Return them by name of
     the field of `InelasticSpectrum`, and the oscillator of each period.
     """
@@ -291,7 +293,7 @@ def _oscillators(
 
 def _spectrum(
     arguments: dict[str, Any],
-    oscillators: "Sequence[_Oscillator]",
+    oscillators: Sequence[_Oscillator],
     target: float | None,
     result: Array,
 ) -> InelasticSpectrum:
