@@ -229,6 +229,15 @@ def test_asce7_raises_too_low_suite():
     assert scaling.least == (pytest.approx(0.9), pytest.approx(0.63))
 
 
+def test_undamped_spectra_meet_the_floor_between_periods_of_the_fit():
+    target = TargetSpectrum("t.csv", np.array([0.1, 2.0]), np.array([2.0, 1.0]), zero=0.1)
+    motions = [record(seed) for seed in (1, 2, 3)]
+    scaling = scale(motions, target=target, periods=[0.3, 1.0], rule="ec8", damping=0.0)
+    dense = np.geomspace(0.3, 1.0, 20_000)
+    average = np.mean(scaling.spectra(dense), axis=0) / target.at(dense)
+    assert average.min() == pytest.approx(0.9, rel=1e-4)
+
+
 @pytest.mark.parametrize("period", [0.4, 1.1])
 def test_ec8_floor_is_met_between_periods_of_fit(period):
     """For only five periods of the fit, the mean is at least 90 % of the target at 5000 other
@@ -270,6 +279,30 @@ def test_rules_refuse_incomplete_input():
         scale_p695(pairs(1), sa(1.0))
     with pytest.raises(UsageError, match="must be positive"):
         scale([record(1)], pga(), -1.0)
+
+
+EC8 = "ec8:type=1,soil=B,ag=0.25g"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"target": EC8, "damping": 0.02}, "5 % damping, the spectra of the records to 2 %"),
+        ({"target": EC8, "rule": "ec8", "periods": [0.0, 1.0]}, "periods must be positive"),
+        ({"measure": "pga", "value": 1.0, "rule": "asce7"}, "'asce7' requires a target"),
+        ({"motions": [], "measure": "pga", "value": 1.0}, "at least one ground motion"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(arguments, message):
+    arguments = {"motions": [record(1), record(2), record(3)], **arguments}
+    with pytest.raises(UsageError, match=message):
+        scale(**arguments)
+
+
+def test_zero_motion_has_no_factor_to_a_target():
+    zero = Record(np.zeros(300), 0.02, "", "", "HN1", "zero.csv")
+    with pytest.raises(RecordError, match=r"zero\.csv HN1: Sa is 0; the motion cannot be scaled"):
+        scale([record(1), zero], target=EC8, periods=PERIODS)
 
 
 def test_target_tables_are_read(tmp_path):

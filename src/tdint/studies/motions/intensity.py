@@ -58,7 +58,7 @@ class SpectralIntensity:
             A period is too short for the record.
         """
         values = pseudo_accelerations(motion, np.array(self.periods), self.damping, pair)
-        return _positive(geometric_mean(values), self.name, motion)
+        return positive(geometric_mean(values), self.name, motion)
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,11 @@ class MotionIntensity:
         """
         value = MEASURES[self.name].of
         if isinstance(motion, Record):
-            return _positive(value(motion), self.name, motion)
+            return positive(value(motion), self.name, motion)
         percentile = percentile_of(pair)
         first, second = motion.first, motion.second
         if percentile is None:
-            return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
+            return positive(math.sqrt(value(first) * value(second)), self.name, motion)
         # In the opposite direction only the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
@@ -102,7 +102,7 @@ class MotionIntensity:
             value(Record(math.cos(angle) * x + math.sin(angle) * y, dt, "", "", "", ""))
             for angle in angles.tolist()
         ]
-        return _positive(float(np.percentile(values, percentile)), self.name, motion)
+        return positive(float(np.percentile(values, percentile)), self.name, motion)
 
 
 def scaling_obstacle(name: str) -> str:
@@ -294,7 +294,7 @@ def check_period(period: float) -> None:
         )
 
 
-def _positive(value: float, name: str, motion: GroundMotion) -> float:
+def positive(value: float, name: str, motion: GroundMotion) -> float:
     """Return the intensity `value` of a motion; raise RecordError if it is not positive, because
     the motion is zero and cannot be scaled."""
     if not (math.isfinite(value) and value > 0.0):

@@ -18,7 +18,7 @@ from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.number_parsing import pluralize
 from tdint.response.arguments import AnyMotion, motion_of, numbers_of
-from tdint.response.spectra.elastic import SA_DAMPING
+from tdint.response.spectra.elastic import SA_DAMPING, checked_periods
 from tdint.response.spectra.target import TargetSpectrum, read_target
 from tdint.studies.motions.intensity import (
     GEOMETRIC_MEAN,
@@ -28,6 +28,7 @@ from tdint.studies.motions.intensity import (
     factor_to,
     measure_of,
     pga,
+    positive,
     pseudo_accelerations,
     sa,
 )
@@ -46,6 +47,10 @@ _MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
 """Relative tolerance of the minimum of the average spectrum divided by the target, and maximum
 number of periods where the average is computed. If motions match their target closely, the
 average is close to the minimum at many periods."""
+
+_MIN_DAMPING = 1e-4
+"""Damping ratio below which the slope of a spectrum no longer increases: within the 800 periods in
+which the amplitude would decay to 60 %, a ground motion ends."""
 
 MIN_AVERAGE_RATIO = 0.9
 """Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
@@ -274,8 +279,9 @@ def _minimum_average(fitted: Scaling) -> tuple[float, float]:
     target, periods = fitted.target, fitted.periods
     assert target is not None
     assert periods is not None
-    max_slope = 0.5 / fitted.damping + 2.0
-    first_period, last_period = float(np.min(periods)), float(np.max(periods))
+    max_slope = 0.5 / max(fitted.damping, _MIN_DAMPING) + 2.0
+    positive_periods = checked_periods(periods, zero=False)  # for logarithms
+    first_period, last_period = float(np.min(positive_periods)), float(np.max(positive_periods))
     # The first periods are the specified periods and the periods of the target, which may be
     # corners of its spectrum.
     corner_periods = target.periods[
@@ -414,23 +420,28 @@ def scale(
     ------
     UsageError
         No value and no target are given, or both; the value is not positive; the measure or rule is
-        unknown; the rule requires more motions, pairs, or a target with a value at the period 0;
-        periods are outside the range of the target.
+        unknown; the rule requires a target, more motions, pairs, or a target with a value at the
+        period 0; periods are outside the range of the target, or not positive for asce7 and ec8;
+        the target applies to another damping ratio.
     RecordError
         A motion is invalid or zero.
     """
     suite = [motion_of(motion) for motion in motions]
+    if not suite:
+        raise UsageError("scale requires at least one ground motion")
     intensity_measure = measure_of(measure, damping) if isinstance(measure, str) else measure
     if target is not None:
         if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
-        spectrum, compared_periods = target_at(target, periods)
+        spectrum, compared_periods = target_at(target, periods, damping)
         check_rule(rule, suite, spectrum)
         if text := missing_motions(rule, len(suite)):
             raise UsageError(f"{text}; add ground motions, or use the rule mean")
         pair = pair_of_rule(rule, pair)
         target_psa = spectrum.at(compared_periods)
         psa = suite_spectra(suite, compared_periods, damping, pair)
+        for motion, values in zip(suite, psa, strict=True):
+            positive(float(np.min(values)), "Sa", motion)
         # Least squares of ln Sa, with equal weights of all periods
         factors = np.exp(np.mean(np.log(target_psa) - np.log(psa), axis=1))
         fitted = Scaling(
@@ -439,6 +450,8 @@ def scale(
         return raise_to_rule(fitted, rule)
     if rule == "p695":
         return scale_p695(suite, intensity_measure, value, damping=damping)
+    if rule != "mean":
+        raise UsageError(f"the rule {rule!r:.60} requires a target spectrum")
     if intensity_measure is None or value is None:
         raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
     _check_value(intensity_measure, value)
@@ -452,7 +465,7 @@ _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade
 
 
 def target_at(
-    target: TargetSpectrum | str, periods: Numbers | None
+    target: TargetSpectrum | str, periods: Numbers | None, damping: float
 ) -> tuple[TargetSpectrum, Array]:
     """Return a target spectrum and the periods of the comparison of motions with this target.
 
@@ -462,8 +475,16 @@ def target_at(
         Target spectrum, or the text that specifies it (`read_target`), for example a file.
     periods : sequence of float | None
         Periods, s; None: 100 logarithmically spaced periods over the range of the target.
+    damping : float
+        Damping ratio of the spectra of the motions.
+
+    Raises
+    ------
+    UsageError
+        The target applies to another damping ratio, or its text is invalid.
     """
     target_spectrum = read_target(target) if isinstance(target, str) else target
+    target_spectrum.check_damping(damping, "of the records")
     if periods is not None:
         return target_spectrum, numbers_of(periods, "periods")
     first, last = float(target_spectrum.periods[0]), float(target_spectrum.periods[-1])

@@ -107,7 +107,8 @@ def select(
     ------
     UsageError
         There are fewer motions or events than requested; limits, standard deviation or rule are
-        invalid; `per_event` is used for motions with unknown event.
+        invalid; `per_event` is used for motions with unknown event; the target applies to another
+        damping ratio.
     AnalysisError
         No selection meets the rule with factors within the limits.
     """
@@ -128,7 +129,7 @@ def select(
         raise UsageError(
             f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
         )
-    target_spectrum, compared_periods = target_at(target, periods)
+    target_spectrum, compared_periods = target_at(target, periods, damping)
     target_scatter = _target_scatter(scatter, compared_periods, count)
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = pair_of_rule(rule, pair)
