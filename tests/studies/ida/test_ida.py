@@ -16,6 +16,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
+from tdint.response.runs.batch import Subject
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.chunks import Batch, RunRow
 from tdint.studies.ida import ida_report
@@ -26,6 +27,7 @@ from tdint.studies.ida.ida_curve import (
     LevelSearch,
     Mainshock,
     below_collapse,
+    damaged,
     fractiles,
 )
 from tdint.studies.ida.ida_tables import capacity_table, limit_capacities
@@ -350,6 +352,17 @@ def test_mainshock_has_component_of_record_or_single_component():
         match=r"no component HNZ for the aftershock 0\.m.*components: HNE, HNN; select one",
     ):
         Mainshock((east, north), (0.01,)).before(replace(record, component="HNZ"))
+
+
+def test_mainshock_reaches_its_drift_after_the_end_of_a_short_record():
+    """The maximum drift under a pulse of a tenth of the period is in free vibration."""
+    bilinear = {"type": "bilinear", "yield_force": 4e5, "hardening": 0.05}
+    yielding = {"mass": 1e5, "height": 3.0, "stiffness": 4e6, "law": bilinear}
+    building = load_model({"stories": [yielding], "damping": 0.05})
+    pulse = Record(np.sin(np.linspace(0.0, np.pi, 11)), 0.01, "", "", "HN1", "pulse.m")
+    state = damaged(Subject(building, "impulse4"), pulse, 0.02, first_factor=1.0, dt=None)
+    reached = tdint.run(building, state.record, until_rest=True).stories.peak_drift_ratio
+    assert reached == pytest.approx(0.02, rel=1e-3)
 
 
 @pytest.mark.parametrize("drift", [0.0, -0.1, math.nan])

@@ -20,6 +20,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.status import DONE, FALLEN
 from tdint.response.runs.batch import Subject
+from tdint.response.runs.case import extend_to_rest
 from tdint.response.runs.demands import demands
 from tdint.response.runs.outcome import FailedRun
 from tdint.response.runs.run_values import RUN_WITH_ERROR
@@ -685,8 +686,10 @@ def _factor_for_drift(
         """Return the maximum drift ratio at a scale factor; infinity if the run fails or the
         building collapses, because the suitable factor is smaller in both cases."""
         case = subject.case(mainshock, factor)
+        # The maximum can follow the end of a short record, in free vibration.
+        steps, _ = extend_to_rest(case, case.steps(dt, mainshock.duration))
         try:
-            response = case.integrate(case.steps(dt, mainshock.duration))
+            response = case.integrate(steps)
         except FailedRun:
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
