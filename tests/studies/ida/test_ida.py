@@ -26,6 +26,7 @@ from tdint.studies.ida.ida_curve import (
     IdaRun,
     LevelSearch,
     Mainshock,
+    PairCurve,
     below_collapse,
     damaged,
     fractiles,
@@ -151,6 +152,32 @@ def test_maximum_intensity_censors_capacities(frame):
 def test_capacity_at_threshold(runs, threshold, found):
     crossing = curve(*runs).capacity(threshold)
     assert (crossing.capacity, crossing.lower, crossing.upper) == pytest.approx(found)
+
+
+def test_a_capacity_is_interpolated_linearly_from_a_level_without_demand():
+    """A link with slack has no force in weak motions, and zero has no logarithm."""
+    curves = [
+        replace(
+            curve(),
+            runs=tuple(
+                IdaRun(im, im, "done", 0.01 * im, limit_ratios=(ratio,))
+                for im, ratio in ((1.0, 0.0), (2.0, ratio), (4.0, 4.0 * ratio))
+            ),
+        )
+        for ratio in (2.0, 4.0)
+    ]
+    found = [item.limit_capacity(0, "link_force") for item in curves]
+    assert [item.capacity for item in found] == [1.5, 1.25]
+    assert [(item.lower, item.upper) for item in found] == [(1.0, 2.0)] * 2
+    pairs = [PairCurve.combine_components(*curves, demand) for demand in ("larger", "mean")]
+    assert [pair.limit_capacity(0, "link_force").capacity for pair in pairs] == [1.25, 4.0 / 3.0]
+
+
+def test_the_capacity_of_a_pair_is_unknown_if_that_of_a_component_is():
+    known, unknown = curve((1.0, 0.01), (2.0, math.inf)), curve((2.0, math.inf))
+    for parts in ((known, unknown), (unknown, known)):
+        pair = PairCurve.combine_components(*parts, "larger")
+        assert math.isnan(pair.collapse.capacity)
 
 
 def test_resurrection_is_detected():

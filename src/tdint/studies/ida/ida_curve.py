@@ -395,16 +395,19 @@ class IdaCurve:
             if threshold <= residual:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
             # Below the first run, interpolate linearly from intensity 0, where the demand is the
-            # residual demand (0 if undamaged).
+            # residual demand (0 if undamaged). A link with slack has no force in weak motions, and
+            # zero has no logarithm: interpolate linearly from such a run also.
             run = self.stable[i]
-            if i == 0:
-                fraction = (threshold - residual) / (demand - residual)
-                return Capacity(threshold, run.im * fraction, 0.0, run.im, censored=False)
-            # Otherwise the crossing is between the preceding run and this run.
-            lower = self.stable[i - 1]
-            fraction = math.log(threshold / demands[i - 1]) / math.log(demand / demands[i - 1])
-            capacity = lower.im * (run.im / lower.im) ** fraction
-            return Capacity(threshold, capacity, lower.im, run.im, censored=False)
+            lower_im, lower_demand = (
+                (self.stable[i - 1].im, demands[i - 1]) if i else (0.0, residual)
+            )
+            if i == 0 or lower_demand == 0.0:
+                fraction = (threshold - lower_demand) / (demand - lower_demand)
+                capacity = lower_im + (run.im - lower_im) * fraction
+            else:
+                fraction = math.log(threshold / lower_demand) / math.log(demand / lower_demand)
+                capacity = lower_im * (run.im / lower_im) ** fraction
+            return Capacity(threshold, capacity, lower_im, run.im, censored=False)
         return replace(self.collapse, threshold=threshold)
 
     def intensity_at(self, drift_ratios: Array) -> Array:
@@ -475,7 +478,7 @@ class PairCurve(IdaCurve):
     @cached_property
     def collapse(self) -> Capacity:
         """Smaller collapse capacity of the two components."""
-        return min((part.collapse for part in self.parts), key=lambda limit: limit.capacity)
+        return _smallest([part.collapse for part in self.parts])
 
     def capacity(self, threshold: float) -> Capacity:
         """Return the intensity where the pair first reaches the drift ratio `threshold`: the
@@ -511,10 +514,17 @@ def _demands_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
         zip(*((run.drift_ratio, *run.limit_ratios) for run in curve.stable), strict=True)
     ):
         # Interpolate linearly from the residual demand at intensity 0 to the first run, then on
-        # logarithmic axes.
+        # logarithmic axes. A run without demand (`_first_crossing`) has no logarithm: interpolate
+        # linearly next to it.
         residual = 0.0 if index else curve.residual_drift_ratio
         below_first_run = residual + (values[0] - residual) * intensities / im[0]
-        between_runs = np.exp(np.interp(np.log(intensities), np.log(im), np.log(values)))
+        is_zero = np.equal(values, 0.0)
+        logarithms = np.log(np.where(is_zero, 1.0, values))
+        between_runs = np.where(
+            np.interp(intensities, im, is_zero) > 0.0,
+            np.interp(intensities, im, values),
+            np.exp(np.interp(np.log(intensities), np.log(im), logarithms)),
+        )
         columns.append(np.where(intensities < im[0], below_first_run, between_runs))
     return np.stack(columns, axis=-1)
 
