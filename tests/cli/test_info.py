@@ -106,6 +106,17 @@ def test_long_sampling_intervals_leave_only_spectral_measures_empty(folder, tdin
     assert row["pga_m_s2"] == "1" and row["housner_intensity_m"] == ""
 
 
+@pytest.mark.parametrize("exported", ["moved.mseed", "moved.csv"])
+def test_exported_motions_have_the_same_peaks_between_samples(folder, tdint, exported):
+    """The velocity has its maximum of 0.75 m/s between two samples, where it is 0.5 m/s."""
+    samples = "".join(f"{i},{value}\n" for i, value in enumerate([0, 0, 1, -1, 0, 0]))
+    (folder / "pulse.csv").write_text("time_s,acceleration_m_s2\n" + samples)
+    (row,) = rows(tdint("info", "pulse.csv", "--export", exported, code=0).stdout)
+    (again,) = rows(tdint("info", exported, code=0).stdout)
+    assert row["pgv_m_s"] == again["pgv_m_s"] == "0.75"
+    assert row["pgd_m"] == again["pgd_m"]
+
+
 def test_the_predominant_period_is_the_period_of_the_maximum_response(folder, tdint):
     """The response to a long sine with 5 % damping has its maximum at the period of the sine,
     within the spacing of the periods of 1 %."""

@@ -216,6 +216,29 @@ def integrate(record: Record) -> Motion:
     )
 
 
+_SAME_PEAK = 1e-6
+"""Relative difference up to which a peak in a file is that of the integrated motion; files contain
+rounded numbers."""
+
+
+def without_sampled_peaks(record: Record) -> Record:
+    """Return a record without those peaks of its file that are the largest samples of the
+    integrated acceleration, as in a table that tdint has written. The integration then also finds
+    peaks between the samples.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        motion = integrate(record)
+    pgv, pgd = (
+        None
+        if stored is None or math.isclose(stored, max_absolute(samples), rel_tol=_SAME_PEAK)
+        else stored
+        for stored, samples in zip(
+            record.peaks, (motion.velocity, motion.displacement), strict=True
+        )
+    )
+    return replace(record, peaks=(pgv, pgd))
+
+
 def _intervals(record: Record) -> Iterator[tuple[slice, Array, Array]]:
     """Yield blocks of sampling intervals: the slice of the samples at their starts, and the
     accelerations at their starts and at their ends."""
