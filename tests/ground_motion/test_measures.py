@@ -18,6 +18,7 @@ from tdint.ground_motion.measures import (
     cumulative_energy,
     cut_off,
     integrate,
+    mean_period,
     measure,
     spectrum_intensity,
     time_of_energy,
@@ -235,6 +236,12 @@ class TestMeasuresOfFrequencyAndLevel:
         short = record(samples, 0.005)
         padded = record(np.concatenate([samples, np.zeros(3600)]), 0.005)
         assert measure(short).mean_period == measure(padded).mean_period
+
+    def test_rounding_of_sampling_interval_does_not_change_mean_period(self):
+        """The limits of the band are frequencies of the transform; 0.0125 x 0.2 is not 0.0025."""
+        samples = np.random.default_rng(4).standard_normal(100)
+        exact, rounded = (mean_period(record(samples, dt)) for dt in (0.0025, 0.0125 * 0.2))
+        assert exact == pytest.approx(rounded, rel=1e-9)
 
     def test_a95_of_ramp(self):
         """The energy below A of a ramp from 0 to 1 is the fraction A^3 of the total energy."""

@@ -39,6 +39,9 @@ _MEAN_PERIOD_STEP = 0.05
 """Frequency range and maximum frequency interval of the mean period, Hz (Rathje, Faraj, Russell and
 Bray 2004, Earthquake Spectra 20(1))."""
 
+_ROUNDING = 1e-9
+"""Relative rounding error of a frequency, with a margin: the limits belong to the band."""
+
 _MAX_FOURIER_SAMPLES = 10_000_000
 """Maximum number of samples of the Fourier transform, with added zeros, for the mean period; limits
 time and memory."""
@@ -577,9 +580,9 @@ def mean_period(record: Record) -> float:
     is_below_nyquist = 2.0 * low * record.dt <= 1.0
     if not is_below_nyquist or min_samples > _MAX_FOURIER_SAMPLES:
         return math.nan
-    count = max(record.acceleration.size, math.ceil(min_samples))
+    count = max(record.acceleration.size, math.ceil(min_samples * (1.0 - _ROUNDING)))
     frequencies = np.fft.rfftfreq(count, record.dt)
-    band = (frequencies >= low) & (frequencies <= high)
+    band = (frequencies >= low * (1.0 - _ROUNDING)) & (frequencies <= high * (1.0 + _ROUNDING))
     # Division by the peak prevents overflow of the squares.
     scale = record.pga or 1.0
     squares = np.abs(np.fft.rfft(record.acceleration / scale, count)[band]) ** 2
