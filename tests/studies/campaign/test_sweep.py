@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -263,6 +264,17 @@ def test_rank_correlation_of_monotonic_response(records):
     }  # the name of the sampled building without sample numbers
     with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
         rank_correlations(store)
+
+
+def test_buildings_with_a_colon_in_their_name_have_separate_correlations(model, records):
+    sweep = ParameterSweep({"stiffness_factor": (0.8, 0.9, 1.0)})
+    towers = [replace(model, name=f"tower: {side}") for side in ("north", "south")]
+    with stored(sweep.vary_models(towers), records[:1]) as store:
+        found = rank_correlations(store)
+    assert {(item.building, item.draws) for item in found} == {
+        ("tower: north", 3),
+        ("tower: south", 3),
+    }
 
 
 @pytest.mark.parametrize(

@@ -282,9 +282,9 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     if not changes_of_building:
         raise UsageError("the campaign has no sweep: add `vary` to its file")
     # Group variations by building and scale factor. The name of a variation is the name of the
-    # building, a colon and a label.
+    # building, which may contain colons, a colon and a label.
     base_names = {
-        variation: name.partition(": ")[0] for variation, (name, _) in store.buildings().items()
+        variation: name.rpartition(": ")[0] for variation, (name, _) in store.buildings().items()
     }
     variations_of_group: dict[tuple[str, float], list[tuple[int, Array]]] = {}
     for (variation, scale), values in _medians(store, by_scale=True).items():
