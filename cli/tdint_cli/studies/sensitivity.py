@@ -107,9 +107,7 @@ def command(request: Request) -> None:
     # A campaign contains its results: compute their rank correlations, without new runs.
     if is_folder(request.building):
         refuse_idle(_CAMPAIGN, MODES)
-        from tdint.output.tables.table import Table
-        from tdint.studies.sensitivity.sensitivity import rank_correlations
-        from tdint.studies.sensitivity.sensitivity_tables import CORRELATIONS
+        from tdint.studies.sensitivity.sensitivity_tables import correlation_table
         from tdint.studies.store.opening import check_chunks, open_existing
         from tdint_cli.studies.campaign_files import warn_unfinished
 
@@ -117,8 +115,8 @@ def command(request: Request) -> None:
             check_chunks(store)
             warn_unfinished(store)
             record_digest(store.name, lambda: digest_of(Path(store.name)))
-            correlations = rank_correlations(store)
-        request.outputs.deliver(Table.of_results(CORRELATIONS, correlations))
+            table = correlation_table(store)
+        request.outputs.deliver(table)
         return
     if request.ranges and not request.records:
         from tdint.model.config.model_file import load_model

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
 from cli.conftest import Command, change, copy_of, made_once, write_folder, write_record
 from csv_rows import rows
@@ -445,6 +446,29 @@ def test_intensity_levels_of_a_measure(study: Path, tdint: Command) -> None:
     first, second = rows("pga/runs.csv")[:2]
     assert first["scale"] == second["scale"]
     assert np.isclose(float(first["pga_m_s2"]) * float(second["pga_m_s2"]), 4.0, rtol=1e-11)
+
+
+def test_correlations_of_a_sweep_at_levels_of_a_measure(study: Path, tdint: Command) -> None:
+    """The scale factors of a level depend on the motion and on the building: the motions of a level
+    are combined, and the variations are compared at the same level."""
+    change("study.yaml", ("scales: [0.25, 1, 2.5]", "measure: sa, levels: [0.1 g, 250 cm/s^2]"))
+    with Path("study.yaml").open("a") as file:
+        file.write("vary: {stiffness_factor: [0.7, 0.9, 1.2, 1.5]}\n")
+    tdint("campaign", "study.yaml", "-o", "sa", code=0)
+    tdint("sensitivity", "sa", "-o", "correlations.csv", code=0)
+    runs = rows("sa/runs.csv")
+    drifts = [row for row in rows("correlations.csv") if row["quantity"] == "peak_drift_ratio"]
+    assert len(drifts) == 2 * 2
+    for row in drifts:
+        medians: dict[float, list[float]] = {}
+        for run in runs:
+            is_at_level = np.isclose(float(run["sa_t1_m_s2"]), float(row["level"]))
+            if run["building"].startswith(f"{row['building']}: ") and is_at_level:
+                peaks = medians.setdefault(float(run["stiffness_factor"]), [])
+                peaks.append(float(run["peak_drift_ratio"]))
+        expected = spearmanr(list(medians), [np.median(item) for item in medians.values()])
+        assert (row["scale"], row["draws"]) == ("", "4")
+        assert float(row["rank_correlation"]) == pytest.approx(expected.statistic)
 
 
 def test_factors_from_a_file(study: Path, tdint: Command) -> None:

@@ -340,7 +340,7 @@ def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float 
     ]
 
 
-def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
+def with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
     """Return the columns with the column of the intensity level inserted before the column `index`.
 
     The columns are unchanged if the levels of the campaign are scale factors, because these have a
@@ -367,7 +367,7 @@ def profiles_table(store: Store, units: OutputUnits) -> StoreTable:
     Levels that are not scale factors have a column `level`.
     """
     errors = PROFILE_ERRORS if store.checked else ()
-    columns = with_pair_demand(store, (*_with_level(store, PROFILES, 2), *errors))
+    columns = with_pair_demand(store, (*with_level(store, PROFILES, 2), *errors))
     return StoreTable(columns, _profile_rows(profiles(store), units))
 
 
@@ -451,7 +451,7 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
         True for the ratios of each story and of the maxima over the stories; False for the ratios
         of the maxima only.
     """
-    table = Table.of_results(with_pair_demand(store, _with_level(store, RATIOS, 3)), ratios)
+    table = Table.of_results(with_pair_demand(store, with_level(store, RATIOS, 3)), ratios)
     if stories:
         return table
     # The rows of the maxima over the stories have no story.
@@ -489,7 +489,7 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     store : Store
         Store of the campaign, which determines the columns of the level and of pairs.
     """
-    return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
+    return Table.of_results(with_pair_demand(store, with_level(store, FLOOR_SUITES, 2)), suites)
 
 
 def number_text(cell: Any) -> str:

@@ -451,7 +451,7 @@ class SuiteRules:
                     collapsed_count += 1
                 else:
                     completed.append(runs)
-            scale, level = self._scale_and_level(rank, {run.scale for run in level_runs})
+            scale, level = self.scale_and_level(rank, {run.scale for run in level_runs})
             yield SuiteLevel(
                 scale=scale,
                 level=level,
@@ -463,7 +463,7 @@ class SuiteRules:
                 pair_demand=self.pairs.demand_if_pairs,
             )
 
-    def _scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
+    def scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
         """Return the attributes `scale` and `level` of the `SuiteLevel` for a rank. An attribute
         that does not describe the level is NaN.
 

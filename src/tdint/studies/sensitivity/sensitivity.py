@@ -19,11 +19,12 @@ from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.response.runs.run_values import RUN
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
-from tdint.studies.campaign.chunks import CampaignSettings
+from tdint.studies.campaign.chunks import CampaignSettings, Run
 from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile, ModelFiles
 from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.campaign.plan import Plan, make_plan
+from tdint.studies.campaign.story_profiles import SuiteRules, level_ranks
 from tdint.studies.store.opening import open_store
 from tdint.studies.store.result_store import Store
 from tdint.system import processors
@@ -96,6 +97,8 @@ class RankCorrelation:
 
     Attributes
     ----------
+    scale, level : float
+        Intensity level, as in `tdint.studies.campaign.story_profiles.SuiteLevel`.
     coefficient : float
         Spearman's rank correlation of the parameter and the median of the peak over the motions;
         NaN if one of the two does not vary.
@@ -105,6 +108,7 @@ class RankCorrelation:
 
     building: str
     scale: float
+    level: float
     parameter: str
     quantity: Quantity
     coefficient: float
@@ -241,7 +245,7 @@ def parameter_effects(
     """
     result: list[ParameterEffect] = []
     # Medians of all peaks by the number of the building
-    medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
+    medians = {number: values for (number, _), (_, values) in _medians(store).items()}
 
     def sort_key(item: ParameterEffect) -> float:
         """Return a number that sorts effects in descending order, unknown effects last."""
@@ -264,12 +268,12 @@ def parameter_effects(
 
 def rank_correlations(store: Store) -> list[RankCorrelation]:
     """Return the rank correlations of the varied parameters of a sweep with the peaks, at each
-    scale factor.
+    intensity level.
 
     Returns
     -------
     list of RankCorrelation
-        One item for each building, scale factor, parameter and peak.
+        One item for each building, level, parameter and peak.
 
     Raises
     ------
@@ -281,20 +285,24 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     changes_of_building = store.varied()
     if not changes_of_building:
         raise UsageError("the campaign has no sweep: add `vary` to its file")
-    # Group variations by building and scale factor. The name of a variation is the name of the
+    # Group variations by building and level. The name of a variation is the name of the
     # building, which may contain colons, a colon and a label.
     base_names = {
         variation: name.rpartition(": ")[0] for variation, (name, _) in store.buildings().items()
     }
-    variations_of_group: dict[tuple[str, float], list[tuple[int, Array]]] = {}
-    for (variation, scale), values in _medians(store, by_scale=True).items():
-        variations_of_group.setdefault((base_names[variation], scale), []).append(
+    variations_of_group: dict[tuple[str, int], list[tuple[int, Array]]] = {}
+    scales_of_rank: dict[int, set[float]] = {}
+    for (variation, rank), (scales, values) in _medians(store, by_level=True).items():
+        variations_of_group.setdefault((base_names[variation], rank), []).append(
             (variation, values)
         )
+        scales_of_rank.setdefault(rank, set()).update(scales)
+    rules = SuiteRules.of(store)
     # In each group, `variations` has the number of each variation and its medians in the order of
     # `PEAKS`.
     correlations = []
-    for (building, scale), variations in variations_of_group.items():
+    for (building, rank), variations in variations_of_group.items():
+        scale, level = rules.scale_and_level(rank, scales_of_rank[rank])
         for parameter in dict.fromkeys(
             name for variation, _ in variations for name in changes_of_building[variation]
         ):
@@ -314,29 +322,43 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 coefficient = float(spearmanr(*samples)[0]) if is_varying else math.nan
                 correlations.append(
                     RankCorrelation(
-                        building, scale, parameter, quantity, coefficient, int(is_valid.sum())
+                        building,
+                        scale,
+                        level,
+                        parameter,
+                        quantity,
+                        coefficient,
+                        int(is_valid.sum()),
                     )
                 )
     return correlations
 
 
-def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
-    """Return the medians of the peaks (`PEAKS`) over the runs of each building, by its number and
-    the scale factor; with a factor of 0.0, over all runs, if `by_scale` is False. A median is NaN
-    if at least half of the runs have no value.
+def _medians(
+    store: Store, *, by_level: bool = False
+) -> dict[tuple[int, int], tuple[set[float], Array]]:
+    """Return the scale factors of the runs of each building, and the medians of the peaks (`PEAKS`)
+    over these runs, by the number of the building and of the level, from 0; with the level 0, over
+    all runs, if `by_level` is False. A median is NaN if at least half of the runs have no value.
     """
-    runs: dict[tuple[int, float], list[list[float | None]]] = {}
+    peaks_of_building: dict[int, dict[Run, list[float | None]]] = {}
     columns = ", ".join(peak.column for peak in PEAKS)
-    for number, scale, *peaks in store.connection.execute(
-        f"SELECT building, scale, {columns} FROM run_rows"
+    for number, record, scale, sample, *peaks in store.connection.execute(
+        f"SELECT building, record, scale, sample, {columns} FROM run_rows"
     ):
-        runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
+        peaks_of_building.setdefault(number, {})[Run(record, scale, sample)] = peaks
     medians = {}
-    for key, rows in runs.items():
-        # A run without a value (None, which becomes NaN), such as a collapse, counts as larger than
-        # any peak: NaN is last after `sort`. With an even number of runs, the median is the mean of
-        # the two middle values.
-        ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
-        middle = (len(rows) - 1) / 2.0
-        medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
+    for number, peaks_of_run in peaks_of_building.items():
+        # Each motion may have its own scale factor at a level, which may also depend on the
+        # building.
+        ranks = level_ranks(peaks_of_run) if by_level else dict.fromkeys(peaks_of_run, 0)
+        for rank in sorted(set(ranks.values())):
+            runs = [run for run in peaks_of_run if ranks[run] == rank]
+            # A run without a value (None, which becomes NaN), such as a collapse, counts as larger
+            # than any peak: NaN is last after `sort`. With an even number of runs, the median is
+            # the mean of the two middle values.
+            ordered = np.sort(np.array([peaks_of_run[run] for run in runs], np.float64), axis=0)
+            middle = (len(runs) - 1) / 2.0
+            median = 0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)])
+            medians[number, rank] = {run.scale for run in runs}, np.asarray(median)
     return medians

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tdint.output.tables.table import TEXT, Column, Table
-from tdint.studies.sensitivity.sensitivity import ParameterEffect
+from tdint.studies.campaign.campaign_tables import with_level
+from tdint.studies.sensitivity.sensitivity import ParameterEffect, rank_correlations
+from tdint.studies.store.result_store import Store
 from tdint.units import SI, OutputUnits
 
 _PEAK = (
@@ -42,10 +44,19 @@ def parameter_effect_table(effects: Sequence[ParameterEffect], units: OutputUnit
 
 CORRELATIONS = (
     Column.named("building", "name of the building", TEXT),
-    Column.named("scale", "scale factor of the ground motion"),
+    Column.named(
+        "scale",
+        "scale factor of the ground motions; empty if ground motions have different factors",
+    ),
     *_PEAK,
     Column.named("parameter", "parameter that the sweep varied", TEXT),
     Column("rank_correlation", "1", "coefficient", "Spearman rank correlation over the variations"),
     Column.named("draws", "number of variations with a peak response"),
 )
 """Columns of the rank correlations of a sweep."""
+
+
+def correlation_table(store: Store) -> Table:
+    """Return the rank correlations of the sweep of a campaign, with the column of the level if the
+    levels are not common scale factors."""
+    return Table.of_results(with_level(store, CORRELATIONS, 2), rank_correlations(store))
