@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
@@ -168,9 +169,12 @@ def _one_at_a_time(request: Request) -> None:
     )
     # The table starts with the effects on the peak drift ratio, in descending order.
     largest = effects[0]
-    say(
-        f"{pluralize(advance.done, 'run')}. {largest.parameter} has the largest effect on the peak "
-        f"drift ratio: {100.0 * largest.effect:.3g} %."
+    result = (
+        "No effect on the peak drift ratio is known, because peaks are zero or missing."
+        if math.isnan(largest.effect)
+        else f"{largest.parameter} has the largest effect on the peak drift ratio: "
+        f"{100.0 * largest.effect:.3g} %."
     )
+    say(f"{pluralize(advance.done, 'run')}. {result}")
     if plan.failures:
         raise Failures([*plan.failures])

@@ -471,6 +471,13 @@ def test_correlations_of_a_sweep_at_levels_of_a_measure(study: Path, tdint: Comm
         assert float(row["rank_correlation"]) == pytest.approx(expected.statistic)
 
 
+def test_an_effect_on_a_peak_of_zero_is_unknown(study: Path, tdint: Command) -> None:
+    Path("still.csv").write_text("time_s,a_m_s2\n" + "".join(f"{t / 100},0\n" for t in range(100)))
+    end = "3 runs. No effect on the peak drift ratio is known, because peaks are zero or missing.\n"
+    said = tdint("sensitivity", "stiff.yaml", "still.csv", "--vary", "mass_factor=1:2", code=0)
+    assert said.stderr.endswith(end)
+
+
 def test_factors_from_a_file(study: Path, tdint: Command) -> None:
     Path("factors.csv").write_text(
         "record,component,factor\nmotion.mseed,HNE,2\nmotion.mseed,,0.5\nother.mseed,HNE,3\nother.mseed,HNE,4\n"
