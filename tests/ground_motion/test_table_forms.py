@@ -155,6 +155,16 @@ class TestColumns:
     def test_spreadsheets(self, file, content):
         is_read(file, content, A)
 
+    @pytest.mark.parametrize("names", ['"time (ms)","N, left","N, right"', '"t, s" (ms),A,B'])
+    def test_separators_between_quotation_marks(self, file, names):
+        content = names + "\n" + table(1000.0 * TIMES, A, B)
+        is_read(file, content, A, B, units="g", column=("2", "3"))
+
+    @pytest.mark.parametrize("names", ["time (ms),Acc, g", "Time [msec] Acc of floor", "# t in ms"])
+    def test_milliseconds_without_names_of_columns_are_refused(self, file, names):
+        content = names + "\n" + table(1000.0 * TIMES, A)
+        assert states(message(file, content, "g"), "the times may be in ms ... does not name")
+
     def test_words_of_a_statement_are_no_names(self, file):
         content = "DT= 0.01 SEC\nUNITS: GAL\n" + table(A, B, separator=" ", forms=["%.6f"] * 2)
         (record,) = is_read(file, content, A, unit=0.01, column="1")

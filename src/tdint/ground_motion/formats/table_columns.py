@@ -93,9 +93,12 @@ class ColumnName:
 
 def split_names(line: str, separator: str) -> list[str]:
     """Split a line into names at the separator of the rows; a comment mark and separators at the
-    end of the line are omitted."""
+    end of the line are omitted. Separators between quotation marks become blanks."""
     comment = COMMENT.fullmatch(line)
     text = (comment[1] if comment else line).rstrip(" \t\r,;")
+    parts = text.split('"')  # the parts with an odd index are between quotation marks
+    parts[1:-1:2] = [re.sub("[,;\t]", " ", part) for part in parts[1:-1:2]]
+    text = '"'.join(parts)
     if separator and separator in _SEPARATORS:
         return text.lstrip(" ").split(separator) if separator in text else [text]
     if mark := next((mark for mark in ";\t," if mark in text), ""):

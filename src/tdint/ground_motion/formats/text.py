@@ -263,6 +263,8 @@ def _read_table(
             unexplained_first_line(words, numbers.widths, block.line_numbers[0])
 
     time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
+    if time is not None and not (names or stated.intervals):
+        _check_unit_of_times(header)
     if spectrum := _unnamed_spectrum(numbers, names, header, time):
         raise OtherContent(spectrum, "spectrum")
     table = TableColumns([], names, stated, time, ignored)
@@ -293,6 +295,19 @@ def _read_table(
         notes = (*notes, f"each line continues the ground motion: {reason}")
     series, unit_notes = table_components(table, layout, reason)
     return series, (*notes, *unit_notes)
+
+
+_MILLISECONDS = re.compile(r"[(\[]\s*(?:ms|msec)\s*[)\]]|\bin (?:ms|msec)\b", re.IGNORECASE)
+
+
+def _check_unit_of_times(header: Sequence[str]) -> None:
+    """Raise RecordError if the header of a table without names of columns contains milliseconds,
+    because the times would be read as seconds."""
+    if line := next(filter(_MILLISECONDS.search, header), ""):
+        raise RecordError(
+            f"the times may be in ms, but the line {line.strip()[:60]!r} does not name the columns; "
+            "separate its names as the values of the rows"
+        )
 
 
 def _check_content(names: Names, header: Sequence[str], stated: Statements) -> None:
