@@ -305,8 +305,8 @@ def _check_unit_of_times(header: Sequence[str]) -> None:
     because the times would be read as seconds."""
     if line := next(filter(_MILLISECONDS.search, header), ""):
         raise RecordError(
-            f"the times may be in ms, but the line {line.strip()[:60]!r} does not name the columns; "
-            "separate its names as the values of the rows"
+            f"the times may be in ms, but the line {line.strip()[:60]!r} does not name the "
+            "columns; separate its names as the values of the rows"
         )
 
 
