@@ -159,6 +159,14 @@ def test_export_to_a_directory(columns, tdint):
     assert "2 of 2 files used" in result.stderr
 
 
+def test_exported_files_with_equal_names_are_refused(folder, tdint):
+    for directory in ("a", "b"):
+        (folder / directory).mkdir()
+        (folder / directory / "x.mseed").write_bytes((folder / "motion.mseed").read_bytes())
+    message = "x.mseed.mseed: both a/x.mseed and b/x.mseed ... use --export NAME.mseed for one file"
+    tdint.refused(message, "info", "a/x.mseed", "b/x.mseed", "--export", "out/")
+
+
 def test_exported_records_of_one_station(folder, make_record, tdint):
     """Components of one file have different names in `scale`, and `run` reads its table."""
     make_record(folder / "x.mseed", "HNE", "HNN")

@@ -146,8 +146,8 @@ def _exports(request: Request, records: Sequence[str]) -> list[tuple[Path, ...]]
     if request.export.endswith("/") or is_folder(file):
         from tdint_cli.commands.spectrum import tables_of
 
-        tables = tables_of(records, file)
-        return [(table.with_suffix(_MSEED), table.with_suffix(".json")) for table in tables]
+        motions = tables_of(records, file, _MSEED, f"--export NAME{_MSEED} for one file")
+        return [(motion, motion.with_suffix(".json")) for motion in motions]
     if file.suffix.lower() == _YAML:
         return [(file,)]
     if file.suffix.lower() not in (_MSEED, _CSV):

@@ -220,28 +220,32 @@ def _without_header(csv: bytes) -> bytes:
     return csv.partition(b"\n")[2]
 
 
-def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
-    """Return the CSV file in a directory for each record.
+def tables_of(
+    files: Sequence[str],
+    folder: Path,
+    suffix: str = ".csv",
+    one_file: str = "-o FILE for one table",
+) -> list[Path]:
+    """Return the output file in a directory for each record; `one_file` is the remedy in the error.
 
-    The name of the table is the name of the record without its suffix, or with its suffix if
+    The name of the file is the name of the record without its suffix, or with its suffix if
     several records have the same stem.
 
     Raises
     ------
     OutputError
-        Two records would be written to the same table.
+        Two records would be written to the same file.
     """
     stems = ["stdin" if file == STDIN else Path(file).stem for file in files]
     count = Counter(stems)
     record_of_table: dict[Path, str] = {}
     for file, stem in zip(files, stems, strict=True):
         name = stem if count[stem] == 1 or file == STDIN else Path(file).name
-        table = folder / f"{name}.csv"
+        table = folder / f"{name}{suffix}"
         if table in record_of_table:
             raise OutputError(
                 f"{table}: both {record_of_table[table]} and {file} would be written to this file; "
-                "use -o FILE for one table of all records, or separate calls with separate "
-                "directories"
+                f"use {one_file} of all records, or separate calls with separate directories"
             )
         record_of_table[table] = file
     return list(record_of_table)
