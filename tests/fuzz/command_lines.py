@@ -24,16 +24,19 @@ _CHEAP = ("--method", "newmark-average")
 
 SOUND: dict[str, list[tuple[str, ...]]] = {
     "run": [
-        ("linear.yaml",), ("bilinear.yaml",), ("forced.yaml",), ("modal.yaml",),
+        *((model,) for model in _MODELS),
         ("linear.yaml", "a.txt"),
+        ("devices.yaml", "a.txt", "n.mseed", "--units", "m/s^2"),
+        ("elements.yaml", "a.txt", "n.mseed", "--units", "m/s^2", "--sequence"),
         ("limited.yaml", "a.txt", "n.mseed", "--units", "m/s^2"),
         ("limited.yaml", "n.mseed", "--units", "m/s^2", "--pair-demand", "mean"),
     ],
     "modes": [(model,) for model in _MODELS],
     "law": [
-        (model, "--drift", "1%", "--points", "3") for model in ("linear.yaml", "bilinear.yaml")
+        (model, "--drift", "1%", "--points", "3")
+        for model in ("linear.yaml", "bilinear.yaml", "elements.yaml")
     ],
-    "pushover": [("bilinear.yaml",), ("linear.yaml",)],
+    "pushover": [("bilinear.yaml",), ("linear.yaml",), ("elements.yaml",), ("devices.yaml",)],
     "match": list(MATCH),
     "inventory": [
         ("assets.xml", "--mapping", "mapping.csv", "--units", "m"),

@@ -58,6 +58,50 @@ excitation: {record: {file: a.txt, units: m/s^2}}
 analysis: {method: newmark-average, duration: 0.3}
 limits: {drift_ratio: 0.5%, isolator_displacement: 2 mm, floor_acceleration: 0.1 g}
 """,
+    "elements.yaml": """\
+name: elements
+stories:
+  - mass: 10
+    height: 3
+    elements:
+      - {name: frame, type: bilinear, stiffness: 5000, yield_force: 20, hardening: 0.05, fracture_drift: 2%}
+      - {name: rods, type: multilinear, rule: peak, backbone: [[0.01, 30]], pinching: {drift: 1, force: 0}, angle: 30}
+    dashpot: {coefficient: 5, brace: 1e4, relief: {force: 3, ratio: 0.1}}
+  - mass: 8
+    height: 3
+    stiffness: 6000
+    law: {type: steel, yield_force: 20, hardening: 0.02}
+    dashpot: {coefficient: 5, exponent: 0.4, linear_below: 0.001}
+damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
+excitation: {record: {file: a.txt, units: m/s^2}}
+analysis: {method: impulse4, duration: 0.3}
+""",  # noqa: E501
+    "devices.yaml": """\
+name: devices
+stories:
+  - {repeat: 3, mass: 10, height: 3, stiffness: 8000, law: {type: bilinear, yield_force: 20, hardening: 0.1}}
+damping: 5%
+attachments: [{name: tank, floor: 2, mass: 1, stiffness: 200, dashpot: 1}]
+links:
+  - {name: tie, from: tank, to: 3, stiffness: 100}
+  - {name: damper, from: ground, to: 2, dashpot: 5}
+excitation: {record: {file: a.txt, units: m/s^2}}
+analysis: {method: impulse4, duration: 0.3}
+""",  # noqa: E501
+    "matrices.yaml": """\
+name: matrices
+matrices: {stiffness: [[16000, -8000], [-8000, 8000]], mass: [10, 8], damping: [[2, -1], [-1, 1]]}
+excitation: {record: {file: a.txt, units: m/s^2}}
+analysis: {method: exact, duration: 0.3}
+""",
+    "wall.yaml": """\
+name: wall
+stories: [{repeat: 3, mass: 10, height: 3, flexural: {EI: 1e6, GA: 1e5}}]
+base: {rotation: 1e6}
+damping: {modal: 4%}
+excitation: {record: {file: a.txt, units: m/s^2}}
+analysis: {method: exact, duration: 0.3}
+""",
 }
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"  # noqa: E501
 STRANGE_NAMES = (

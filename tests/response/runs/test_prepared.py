@@ -35,7 +35,7 @@ def counted(monkeypatch):
 
     observer_state(prepared, "assemble")
     observer_state(modes, "solve_modes")
-    observer_state(prepared, "find_instability")
+    observer_state(measured_stability, "find_instability")
     return count
 
 
