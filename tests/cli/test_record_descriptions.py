@@ -8,6 +8,7 @@ from dataclasses import fields
 import pytest
 
 from csv_rows import rows
+from facts import states
 from ground_motion.free_tables import accelerogram, column
 from tdint.ground_motion.choice import Processing, TextLayout
 from tdint_cli.options.grammar import DESCRIBED_OPTIONS
@@ -164,7 +165,8 @@ def test_exported_files_with_equal_names_are_refused(folder, tdint):
         (folder / directory).mkdir()
         (folder / directory / "x.mseed").write_bytes((folder / "motion.mseed").read_bytes())
     message = "x.mseed.mseed: both a/x.mseed and b/x.mseed ... use --export NAME.mseed for one file"
-    tdint.refused(message, "info", "a/x.mseed", "b/x.mseed", "--export", "out/")
+    call = ("info", "a/x.mseed", "b/x.mseed", "--export", "out/")
+    assert states(tdint(*call, code=6).stderr, message)
 
 
 def test_exported_records_of_one_station(folder, make_record, tdint):
