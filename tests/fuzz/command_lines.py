@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import click
 
-from fuzz.sandbox import MODELS, OLD, OUTPUT, STRANGE_NAMES
+from fuzz.sandbox import COMPOSITE_MODELS, MODELS, OLD, OUTPUT, STRANGE_NAMES
 from fuzz.study_files import CAMPAIGN, COMPARE, MATCH, SELECT
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.option_types import FileName, ListOf
@@ -19,7 +19,7 @@ RECORDS = (
     "a.txt", "n.mseed", "s.sac", "counts.mseed", "table.csv", "many", "nan.txt",
     "cut.mseed", "none", *STRANGE_NAMES,
 )  # fmt: skip
-_MODELS = tuple(MODELS)
+_MODELS = (*MODELS, *COMPOSITE_MODELS)
 _CHEAP = ("--method", "newmark-average")
 
 SOUND: dict[str, list[tuple[str, ...]]] = {

@@ -123,8 +123,7 @@ def _check_sound(model: Model) -> None:
     count = len(model.stories)
     numbers = [model.collapse_drift, *model.initial.displacement, *model.initial.velocity]
     is_sound = count > 0 and model.collapse_drift > 0.0
-    # The matrices of a model have the stiffness of its stories, and may have their mass.
-    for story in model.stories[:10] if model.matrices is None else ():
+    for story in model.stories[:10]:
         numbers += [story.mass, story.stiffness, story.dashpot, *story.law.parameters]
         is_sound &= story.mass > 0.0 and story.stiffness > 0.0 and story.dashpot >= 0.0
         is_sound &= bool(not model.p_delta or story.height)

@@ -58,6 +58,8 @@ excitation: {record: {file: a.txt, units: m/s^2}}
 analysis: {method: newmark-average, duration: 0.3}
 limits: {drift_ratio: 0.5%, isolator_displacement: 2 mm, floor_acceleration: 0.1 g}
 """,
+}
+COMPOSITE_MODELS = {
     "elements.yaml": """\
 name: elements
 stories:
@@ -103,6 +105,8 @@ excitation: {record: {file: a.txt, units: m/s^2}}
 analysis: {method: exact, duration: 0.3}
 """,
 }
+"""Models of several elements, devices, matrices and flexural stories, for command lines only."""
+
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"  # noqa: E501
 STRANGE_NAMES = (
     "=cmd().txt", "esc\x1b[31m.txt", "two\nlines.txt", "-dash.txt", "\u202e.txt",
@@ -160,7 +164,7 @@ def _changed(folder: Path) -> bool:
 
 
 def _fill(folder: Path) -> None:
-    for name, text in MODELS.items():
+    for name, text in (MODELS | COMPOSITE_MODELS).items():
         (folder / name).write_text(text)
     (folder / "buildings.csv").write_text(BUILDINGS)
     for name, text in FILES.items():
