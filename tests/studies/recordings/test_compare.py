@@ -133,6 +133,23 @@ def test_exact_is_chosen_for_linear_buildings_without_forces(recorded_model, law
     assert exact_is_chosen == (law is LINEAR and not forces)
 
 
+SLIP = {"type": "bilinear", "yield_force": 5.0, "hardening": 0.1}
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"links": [{"name": "brace", "from": 1, "to": 3, "stiffness": 90.0, "law": SLIP}]},
+        {"attachments": [{"name": "box", "floor": 2, "mass": 0.1, "stiffness": 9.0, "law": SLIP}]},
+    ],
+)
+def test_exact_is_not_chosen_if_another_part_than_a_story_is_nonlinear(recorded_model, part):
+    recorded_model.usual()
+    stories = [{"mass": 1.0, "stiffness": 900.0, "repeat": 3}]
+    case = case_under(load_model({"stories": stories, **part}), recorded_model.event())
+    assert not case.method.family.linear_only
+
+
 def test_noise_lowers_correlation_as_predicted(recorded_model):
     """For independent noise with e times the rms of the motion, the correlation is 1 / sqrt(1 +
     e^2), and the difference is e / sqrt(1 + e^2)."""

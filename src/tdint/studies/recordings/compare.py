@@ -18,8 +18,8 @@ from tdint.ground_motion.reading.read import read_signal
 from tdint.ground_motion.reading.scale import differentiated
 from tdint.ground_motion.record import Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
+from tdint.model.building import assemble
 from tdint.model.definition import Model
-from tdint.model.story_laws import LINEAR
 from tdint.number_parsing import number_text, parse_positive, pluralize
 from tdint.response.arguments import AnyModel, model_of
 from tdint.response.runs.case import Case
@@ -550,13 +550,9 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
 def is_linear(model: Model) -> bool:
     """Return True if the method `exact` can integrate the model without discretization error.
 
-    All stories must be linear, and the model must not have forces on floors.
+    The building must be linear, and the model must not have forces on floors.
     """
-    has_linear_stories = all(
-        story.power_dashpot is None and all(spring.law == LINEAR for spring in story.springs)
-        for story in model.stories
-    )
-    return has_linear_stories and not model.excitation.has_forces
+    return assemble(model).linear and not model.excitation.has_forces
 
 
 def respond(case: Case, dt: float | None, band: tuple[float, float] | None = None) -> Response:
