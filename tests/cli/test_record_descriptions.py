@@ -11,6 +11,7 @@ from csv_rows import rows
 from facts import states
 from ground_motion.free_tables import accelerogram, column
 from tdint.ground_motion.choice import Processing, TextLayout
+from tdint.ground_motion.horizontals import at_right_angles
 from tdint_cli.options.grammar import DESCRIBED_OPTIONS
 
 PGA = ("--to", "pga=0.3g")
@@ -158,6 +159,23 @@ def test_export_to_a_directory(columns, tdint):
     result = tdint("scale", "exported", *PGA)
     assert [factor for _, factor in factors(result)] == [factor for _, factor in RIGHT]
     assert "2 of 2 files used" in result.stderr
+
+
+def test_exported_files_of_a_pair_remain_a_pair(columns, tdint):
+    for name, column_of_file in (("a_N.txt", "a.dat"), ("a_E.txt", "b.dat")):
+        (columns / name).write_bytes((columns / column_of_file).read_bytes())
+    options = ("--units", "g", "--step", 0.01)
+    pair = ("--rotd", "100", "--period", 1)
+    original = tdint("spectrum", "a_N.txt", "a_E.txt", *options, *pair, code=0).stdout
+    tdint("info", "a_N.txt", "a_E.txt", *options, "--export", "pair/", code=0)
+    exported = tdint("spectrum", "pair/a_N.mseed", "pair/a_E.mseed", *pair, code=0).stdout
+    assert rows(exported)[0]["rotd100_psa_m_s2"] == rows(original)[0]["rotd100_psa_m_s2"]
+
+
+def test_two_motions_in_an_exported_file_are_no_pair(columns, tdint):
+    tdint("info", "set.yaml", "--export", "two.mseed", code=0)
+    names = [row["component"] for row in rows(tdint("info", "two.mseed", code=0).stdout)]
+    assert names == ["R01", "R02"] and not at_right_angles(*names)
 
 
 def test_exported_files_with_equal_names_are_refused(folder, tdint):

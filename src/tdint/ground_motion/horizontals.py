@@ -294,9 +294,11 @@ def at_right_angles(component: str, other: str) -> bool:
         angle = abs((second - first + 90.0) % 180.0 - 90.0)
         return abs(angle - 90.0) <= _ANGLE_TOLERANCE
     name, other_name = map(_channel_code, (component, other))
+    # R01 and R02 are numbers of motions.
     return (
         bool(name and other_name)
         and name[:-1] == other_name[:-1]
+        and not name[-2:-1].isdigit()
         and {name[-1], other_name[-1]} in _PERPENDICULAR_AXES
     )
 

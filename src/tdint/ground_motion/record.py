@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -320,6 +321,13 @@ because MiniSEED has no field for units."""
 
 UNITS_BY_LOCATION = {SI_LOCATION: "m/s^2", "SV": "m/s", "SD": "m"}
 """Units of exported channels by location code: acceleration, velocity and displacement."""
+
+
+def component_of(id: str, code: str) -> str:
+    """Return the component of a channel: its code, or empty for the id that tdint exports for a
+    motion without codes (.R01.SI.HN1). The file name then states the component, as before the
+    export."""
+    return "" if re.fullmatch(r"\.R\d+\.(?:SI|SV|SD)\.HN1", id) else code
 
 
 def station_of(id: str) -> str:
