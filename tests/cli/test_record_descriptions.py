@@ -174,7 +174,7 @@ def test_exported_files_of_a_pair_remain_a_pair(columns, tdint):
 
 def test_two_motions_in_an_exported_file_are_no_pair(columns, tdint):
     tdint("info", "set.yaml", "--export", "two.mseed", code=0)
-    names = [row["component"] for row in rows(tdint("info", "two.mseed", code=0).stdout)]
+    names = [row["id"].split(".")[1] for row in rows(tdint("info", "two.mseed", code=0).stdout)]
     assert names == ["R01", "R02"] and not at_right_angles(*names)
 
 
