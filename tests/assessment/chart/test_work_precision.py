@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from building_cases import Force, Law, model, noise, oscillator, story, ten_bilinear, ten_linear
 from references import drifts, exact_linear
-from tdint import run, system
+from tdint import load_model, run, system
 from tdint.assessment.chart import problem as references
 from tdint.assessment.chart.problem import (
     Errors,
@@ -364,6 +364,67 @@ def test_stretched_building_keeps_pattern_and_damping(count):
     a, b = assemble(building), assemble(taller)
     for row in range(2, 4):  # dampers of floor and story over mass and stiffness
         np.testing.assert_allclose(b.linear_terms[row, 0], a.linear_terms[row, 0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lowest", "story_keys", "tangent"),
+    [
+        ({"mass": 1.0, "stiffness": 5.0, "isolator": True}, {}, False),
+        ({}, {"dashpot": {"coefficient": 0.5, "angle": 35}}, False),
+        ({}, {"law": {"type": "bilinear", "yield_force": 1.0, "hardening": 0.1}}, True),
+    ],
+)
+def test_coefficients_of_a_stretched_building_are_those_of_the_building(
+    lowest, story_keys, tangent
+):
+    above = {"mass": 1.0, "stiffness": 100.0, "repeat": 3, **story_keys}
+    ratios = {"ratio": 0.05, "modes": [1, 3], "tangent": tangent}
+    content = {"stories": [lowest, above] if lowest else [above], "damping": {"rayleigh": ratios}}
+    taller = stretched(load_model(content), 7)
+    omega = assemble(load_model(content)).modes().omega[[0, 2]]
+    a0, a1, is_tangent = taller.damping
+    np.testing.assert_allclose(a0 / (2.0 * omega) + a1 * omega / 2.0, 0.05)
+    assert is_tangent == tangent
+
+
+DEVICES = {
+    "name": "frame",
+    "stories": [{"mass": 1.0, "stiffness": 400.0, "repeat": 4}],
+    "damping": {"rayleigh": {"ratio": 0.05, "modes": [1, 3]}},
+    "attachments": [{"name": "box", "floor": "roof", "mass": 0.1, "stiffness": 3.0}],
+    "links": [
+        {"name": "brace", "from": "ground", "to": 2, "stiffness": 80.0},
+        {"name": "rope", "from": "box", "to": 3, "dashpot": 0.1},
+    ],
+}
+
+
+def test_stretched_building_moves_attachments_and_links():
+    for count, floor, brace, rope in ((2, 2, (0, 1), (3, 2)), (8, 8, (0, 4), (9, 6))):
+        other = stretched(load_model(DEVICES), count)
+        assert other.attachments[0].floor == floor
+        assert [link.ends for link in other.links] == [brace, rope]
+        assemble(other)
+    with pytest.raises(UsageError, match="both ends of the link tie are on the same floor"):
+        tie = {"name": "tie", "from": 3, "to": 4, "stiffness": 80.0}
+        stretched(load_model(DEVICES | {"links": [tie]}), 2)
+    matrix = {"stories": [{"mass": 1.0}, {"mass": 1.0}], "stiffness_matrix": [[2, -1], [-1, 1]]}
+    with pytest.raises(UsageError, match="matrices or flexural stories cannot be changed"):
+        stretched(load_model(matrix), 3)
+
+
+def test_errors_of_a_building_with_attachments_and_links_are_those_of_its_floors():
+    problem = pose(load_model(DEVICES), noise(samples=101))
+    step = problem.interval
+    measured = measure(problem, integrators("newmark-average"), [step], cached=False, repeats=1)
+    assert measured.stories == measured.reference.motion.drift.shape[1] == 4
+    case = problem.case(parse("newmark-average"))
+    displacement = case.integrate(case.steps(step, 100 * step), history=True).history.displacement
+    drift = np.diff(displacement[:, :4], axis=1, prepend=0.0)
+    true = measured.reference.motion.every(1, len(drift)).drift
+    assert measured.points[0].errors.drift == pytest.approx(
+        np.linalg.norm(drift - true) / np.linalg.norm(true)
+    )
 
 
 def test_stretched_building_moves_forces_and_initial_state():

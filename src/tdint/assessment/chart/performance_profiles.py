@@ -489,7 +489,7 @@ def measure_problem(
         name=problem.name,
         motion=problem.motion,
         reason=problem.reason,
-        stories=posed.building.stories,
+        stories=posed.building.floors,
         interval=posed.interval,
         duration=posed.samples * posed.interval,
         ductility=max(

@@ -27,12 +27,13 @@ from tdint.kernels.laws import OURS
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
+from tdint.model.damping import rayleigh
 from tdint.model.definition import (
+    Attachment,
     Force,
     Initial,
     ModalDamping,
     Model,
-    RayleighCoefficients,
     RayleighRatio,
     TableForce,
 )
@@ -46,7 +47,7 @@ from tdint.response.runs.run import run_case
 from tdint.response.time_steps import Steps, choose_steps
 from tdint.system import cache_subfolder
 
-_Moved = TypeVar("_Moved", Force, TableForce)
+_Moved = TypeVar("_Moved", Force, TableForce, Attachment)
 
 
 @dataclass(frozen=True)
@@ -231,14 +232,14 @@ class Problem:
         )
         if result.code < 0:
             return None
-        workspace, floor_count = result.space, self.building.stories
+        workspace, floor_count = result.space, self.building.floors
         # A row of the history contains the ground acceleration, and then the displacements,
-        # velocities and absolute accelerations of all floors.
+        # velocities and absolute accelerations of all floors, attachments and links.
         u, v, a = (
-            workspace.history[:, 1 + j * floor_count : 1 + (j + 1) * floor_count].copy()
+            workspace.history[:, 1 + j * self.building.stories :][:, :floor_count].copy()
             for j in range(3)
         )
-        return FloorMotion(steps.stride, u, v, a, workspace.peaks[rows.PEAK_DRIFT])
+        return FloorMotion(steps.stride, u, v, a, workspace.peaks[rows.PEAK_DRIFT, :floor_count])
 
 
 def pose(
@@ -314,40 +315,55 @@ def stretched(model: Model, count: int) -> Model:
 
     If the number of stories increases, stories are repeated; if it decreases, stories are omitted.
     The coefficients of Rayleigh damping do not change. Modal damping keeps the ratios of the first
-    `count` modes. Forces and the initial state move with their floors.
+    `count` modes. Forces, attachments, links and the initial state move with their floors.
     """
     old_count = len(model.stories)
     if count == old_count:
         return model
+    if model.matrices is not None:
+        raise UsageError(
+            f"{model.name}: the number of stories of a building with matrices or flexural stories "
+            "cannot be changed"
+        )
     # Index of the original story for each story of the new building.
     old_stories = [i * old_count // count for i in range(count)]
     damping = model.damping
     if isinstance(damping, RayleighRatio):
-        # Compute the coefficients from the mass and the stiffness of the lowest story.
-        building = assemble(model)
-        lowest_story = model.stories[0]
-        damping = RayleighCoefficients(
-            mass=float(
-                building.linear_terms[rows.FLOOR_DAMPER, 0] / building.linear_terms[rows.MASS, 0]
-            ),
-            stiffness=float(
-                (building.linear_terms[rows.STORY_DAMPER, 0] - lowest_story.dashpot)
-                / lowest_story.stiffness
-            ),
-        )
+        # The damping is formed from the stories, without attachments and links.
+        vibration = assemble(replace(model, attachments=(), links=())).vibration
+        damping = rayleigh(damping, *map(vibration.frequency, damping.modes))
     elif isinstance(damping, ModalDamping):
         damping = damping._replace(ratios=damping.ratios[:count])
 
-    def moved(force: _Moved) -> _Moved:
-        """Return a force on the floor of the new building."""
-        return force._replace(floor=max(1, math.ceil(force.floor * count / old_count)))
+    def new_floor(floor: int) -> int:
+        """Return the floor of the new building for a floor (from 1), the ground (0), or an
+        attachment (numbers above the roof)."""
+        if floor > old_count:
+            return floor - old_count + count
+        return math.ceil(floor * count / old_count)
 
+    def moved(item: _Moved) -> _Moved:
+        """Return a force or an attachment on its floor of the new building."""
+        return item._replace(floor=new_floor(item.floor))
+
+    links = [
+        link._replace(ends=(new_floor(link.ends[0]), new_floor(link.ends[1])))
+        for link in model.links
+    ]
+    for link in links:
+        if link.ends[0] == link.ends[1]:
+            raise UsageError(
+                f"{model.name}: with {count} stories, both ends of the link {link.name} are on the "
+                "same floor; use more stories, or remove the link"
+            )
     forces = tuple(map(moved, model.excitation.forces))
     tables = tuple(map(moved, model.excitation.tables))
     return replace(
         model,
         stories=tuple(model.stories[i] for i in old_stories),
         damping=damping,
+        attachments=tuple(map(moved, model.attachments)),
+        links=tuple(links),
         excitation=replace(model.excitation, forces=forces, tables=tables),
         initial=Initial(
             tuple(model.initial.displacement[i] for i in old_stories),
@@ -640,7 +656,7 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     """
     if not is_file(file):
         return None
-    shape = (samples + 1, problem.building.stories)
+    shape = (samples + 1, problem.building.floors)
     # A corrupt zip file, text or array can raise any exception. All are ignored: the result is
     # None, and the caller computes the reference again.
     with (

@@ -378,7 +378,7 @@ def measure(
         for point in by_tolerance(problem, integrator, tolerances, peak_errors, repeats)
     ]
     return Chart(
-        stories=problem.building.stories,
+        stories=problem.building.floors,
         interval=problem.interval,
         recorded=problem.record is not None,
         points=(*(points[pair] for pair in runs), *points_by_tolerance),
