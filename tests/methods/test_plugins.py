@@ -37,11 +37,14 @@ from tdint.kernels.time_loop.loop import integrate
 from tdint.methods import catalogue as methods
 from tdint.methods import step_check
 from tdint.model import story_laws
+from tdint.model.definition import Link
 from tdint.model.plugins import files_to_send
-from tdint.model.story_laws import Law
+from tdint.model.story_laws import LINEAR, Law
 from tdint.public_names import PLUGIN
 from tdint.response.runs import compiled_steps
+from tdint.response.runs.batch import Subject
 from tdint.response.runs.prepared import PreparedBuilding
+from tdint.studies.campaign.buildings import ModelBuilding, plugin_files
 from tdint.studies.campaign.cluster import run_chunk_with_plugins
 from tdint.studies.campaign.inputs import read_inputs
 from tdint.studies.campaign.plan import make_plan
@@ -569,6 +572,16 @@ def test_commands_use_methods_and_laws_of_files(workshop, verlet, tmp_path):
         "order", "--plugin", "verlet.py", "--method", "verlet", "--frequency-ratio", "0.5"
     )
     assert float(observed["displacement_order"]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_laws_of_links_are_among_the_plugins_of_a_store(model_with_law):
+    """Otherwise an interrupted campaign would continue with a changed law of a link."""
+    (yielding,) = model_with_law.stories
+    link = Link("brace", (0, 1), replace(yielding, mass=0.0))
+    braced = replace(model_with_law, stories=(replace(yielding, law=LINEAR),), links=(link,))
+    assert list(plugin_files((ModelBuilding("m", Subject(braced, "impulse4")),))) == [
+        "hyperbolic.py"
+    ]
 
 
 @pytest.mark.usefixtures("plain")

@@ -59,7 +59,7 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     laws = {
         f"law {spring.law.name}"
         for model in models_of(buildings)
-        for story in model.stories
+        for story in (*model.stories, *(device.spring for device in model.devices))
         for spring in story.springs
     }
     return code_of(methods | laws)
