@@ -219,6 +219,10 @@ def test_confidence_band_and_total_dispersion():
     )
 
 
+def test_probability_at_zero_intensity_is_zero():
+    assert fit_capacities(CAPACITIES).probability(np.array([0.0, math.inf])).tolist() == [0.0, 1.0]
+
+
 SURE = Fragility("cloud", 1.0, 0.5, np.zeros((2, 2)), 12)
 """A function that is known without error."""
 

@@ -244,7 +244,9 @@ class Fragility:
         total : bool
             True to use the total dispersion `beta_total` instead of `beta`; default False.
         """
-        return np.asarray(ndtr(np.log(im / self.theta) / (self.beta_total if total else self.beta)))
+        with np.errstate(divide="ignore"):  # zero at the intensity 0, whose logarithm is -inf
+            logarithm = np.log(im / self.theta)
+        return np.asarray(ndtr(logarithm / (self.beta_total if total else self.beta)))
 
     def band(self, im: Array) -> tuple[Array, Array]:
         """Return the pointwise 95 % confidence band of the probability, two arrays of shape (k,).
