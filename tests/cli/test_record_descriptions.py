@@ -172,6 +172,28 @@ def test_exported_files_of_a_pair_remain_a_pair(columns, tdint):
     assert rows(exported)[0]["rotd100_psa_m_s2"] == rows(original)[0]["rotd100_psa_m_s2"]
 
 
+@pytest.mark.parametrize(
+    ("names", "channels"),
+    [
+        (("NS", "EW", "UD"), ["HNN", "HNE", "HNZ"]),
+        (("067", "UP", "337"), ["HNY", "HNZ", "HNX"]),
+        (("A", "B", "UD"), ["HN1", "HN1", "HNZ"]),
+    ],
+)
+def test_exported_components_keep_their_directions(columns, tdint, names, channels):
+    samples = accelerogram(60, 0.2, 1)
+    lines = [f"{0.01 * i:.2f},{a:.6f},{a * a:.6f},{-a:.6f}" for i, a in enumerate(samples)]
+    head = "time_s," + ",".join(f"{name} (g)" for name in names)
+    (columns / "table.csv").write_text("\n".join([head, *lines, ""]))
+    tdint("info", "table.csv", "--export", "table.mseed", code=0)
+    exported = rows(tdint("info", "table.mseed", code=0).stdout)
+    assert [row["id"].split(".")[3] for row in exported] == channels
+    chosen = [rows(tdint("scale", name, *PGA).stdout) for name in ("table.csv", "table.mseed")]
+    assert [[row["factor"] for row in table] for table in chosen] == [
+        [row["factor"] for row in chosen[0]]
+    ] * 2
+
+
 def test_two_motions_in_an_exported_file_are_no_pair(columns, tdint):
     tdint("info", "set.yaml", "--export", "two.mseed", code=0)
     names = [row["id"].split(".")[1] for row in rows(tdint("info", "two.mseed", code=0).stdout)]

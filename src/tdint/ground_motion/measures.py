@@ -297,7 +297,8 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
     The three channels of a record differ only in their location codes, which identify the units
     (`UNITS_BY_LOCATION`). The network, station and channel codes of the records are used if they
     are different accelerometer channels. Otherwise the stations are R01, R02, ... with the channel
-    HN1.
+    HN1, or HNZ for a vertical component. The two horizontal components of a recording are the
+    channels HNN and HNE, or HNX and HNY, of one station.
 
     Returns
     -------
@@ -312,7 +313,7 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
         {(network, station, channel) for network, station, _, channel in codes}
     ) == len(codes)
     if not are_distinct:
-        codes = [["", f"R{number:02d}", "", "HN1"] for number in range(1, len(records) + 1)]
+        codes = _new_codes(records)
     channels = []
     for record, (network, station, _, channel) in zip(records, codes, strict=True):
         motion = integrate(record)
@@ -324,6 +325,47 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
                 )
             )
     return channels
+
+
+def _new_codes(records: Sequence[Record]) -> list[list[str]]:
+    """Return network, station, location and channel of records without distinct codes, as described
+    in `channels_of`."""
+    # Imported here, because a run does not need the module.
+    from tdint.ground_motion.horizontals import (
+        at_right_angles,
+        azimuth,
+        is_vertical,
+        motion_names,
+        with_component,
+    )
+
+    components = [with_component(record, in_degrees=True).component for record in records]
+    by_motion: dict[str, list[int]] = {}
+    for index, name in enumerate(motion_names([record.source for record in records])):
+        by_motion.setdefault(name, []).append(index)
+    channels, station_of_record, stations = ["HN1"] * len(records), [0] * len(records), 0
+    for indices in by_motion.values():
+        vertical = [index for index in indices if is_vertical(components[index])]
+        horizontal = [index for index in indices if index not in vertical]
+        names = [components[index] for index in horizontal]
+        for index in vertical:
+            channels[index] = "HNZ"
+        is_pair = len(vertical) < 2 and len(names) == 2 and at_right_angles(*names)
+        if is_pair:
+            first, second = map(azimuth, names)
+            # The second axis is clockwise from the first.
+            is_clockwise = ((second or 0.0) - (first or 0.0)) % 360.0 <= 180.0
+            axes = "NE" if {first, second} == {0.0, 90.0} else "XY"
+            axes = axes if is_clockwise else axes[::-1]
+            for index, axis in zip(horizontal, axes, strict=True):
+                channels[index] = f"HN{axis}"
+        for position, index in enumerate(indices):
+            stations += not (is_pair and position)
+            station_of_record[index] = stations
+    return [
+        ["", f"R{station:02d}", "", channel]
+        for station, channel in zip(station_of_record, channels, strict=True)
+    ]
 
 
 def cumulative_energy(record: Record) -> Array:
