@@ -287,7 +287,6 @@ EC8 = "ec8:type=1,soil=B,ag=0.25g"
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"target": EC8, "damping": 0.02}, "5 % damping, the spectra of the records to 2 %"),
         ({"target": EC8, "rule": "ec8", "periods": [0.0, 1.0]}, "periods must be positive"),
         ({"measure": "pga", "value": 1.0, "rule": "asce7"}, "'asce7' requires a target"),
         ({"motions": [], "measure": "pga", "value": 1.0}, "at least one ground motion"),

@@ -421,8 +421,7 @@ def scale(
     UsageError
         No value and no target are given, or both; the value is not positive; the measure or rule is
         unknown; the rule requires a target, more motions, pairs, or a target with a value at the
-        period 0; periods are outside the range of the target, or not positive for asce7 and ec8;
-        the target applies to another damping ratio.
+        period 0; periods are outside the range of the target, or not positive for asce7 and ec8.
     RecordError
         A motion is invalid or zero.
     """
@@ -433,7 +432,7 @@ def scale(
     if target is not None:
         if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
-        spectrum, compared_periods = target_at(target, periods, damping)
+        spectrum, compared_periods = target_at(target, periods)
         check_rule(rule, suite, spectrum)
         if text := missing_motions(rule, len(suite)):
             raise UsageError(f"{text}; add ground motions, or use the rule mean")
@@ -465,7 +464,7 @@ _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade
 
 
 def target_at(
-    target: TargetSpectrum | str, periods: Numbers | None, damping: float
+    target: TargetSpectrum | str, periods: Numbers | None
 ) -> tuple[TargetSpectrum, Array]:
     """Return a target spectrum and the periods of the comparison of motions with this target.
 
@@ -475,16 +474,8 @@ def target_at(
         Target spectrum, or the text that specifies it (`read_target`), for example a file.
     periods : sequence of float | None
         Periods, s; None: 100 logarithmically spaced periods over the range of the target.
-    damping : float
-        Damping ratio of the spectra of the motions.
-
-    Raises
-    ------
-    UsageError
-        The target applies to another damping ratio, or its text is invalid.
     """
     target_spectrum = read_target(target) if isinstance(target, str) else target
-    target_spectrum.check_damping(damping, "of the records")
     if periods is not None:
         return target_spectrum, numbers_of(periods, "periods")
     first, last = float(target_spectrum.periods[0]), float(target_spectrum.periods[-1])

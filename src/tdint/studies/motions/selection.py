@@ -107,8 +107,7 @@ def select(
     ------
     UsageError
         There are fewer motions or events than requested; limits, standard deviation or rule are
-        invalid; `per_event` is used for motions with unknown event; the target applies to another
-        damping ratio.
+        invalid; `per_event` is used for motions with unknown event.
     AnalysisError
         No selection meets the rule with factors within the limits.
     """
@@ -129,7 +128,7 @@ def select(
         raise UsageError(
             f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
         )
-    target_spectrum, compared_periods = target_at(target, periods, damping)
+    target_spectrum, compared_periods = target_at(target, periods)
     target_scatter = _target_scatter(scatter, compared_periods, count)
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = pair_of_rule(rule, pair)
