@@ -232,6 +232,18 @@ def test_other_side_of_a_law_follows_a_varied_parameter() -> None:
         assert parameters == [(5, 0, 4), (5, 0, 4)]
 
 
+def test_ratio_of_fracture_is_a_drift_ratio_also_for_an_inclined_element() -> None:
+    """A length is along the element; a percentage is a fraction of the story height."""
+    element = {"type": "bilinear", "stiffness": 1e6, "yield_force": 1e3, "hardening": 0}
+    elements = [
+        {**element, "name": name, "factor": 0.8, "fracture_drift": drift}
+        for name, drift in (("length", 0.06), ("ratio", "2%"))
+    ]
+    model = load_model({"stories": [{"mass": 1e3, "height": 3.0, "elements": elements}]})
+    drifts = [spring.law.fracture for spring in model.stories[0].elements]
+    assert drifts == [pytest.approx((0.075, -0.075)), pytest.approx((0.06, -0.06))]
+
+
 def test_strength_factor_of_multilinear_keeps_the_slopes() -> None:
     model = load_model(
         io.StringIO(f"stories: [{{mass: 1, law: {{type: multilinear, rule: peak, {BACKBONE}}}}}]")

@@ -20,7 +20,7 @@ FRACTURE = Key(
 
 
 def read_fracture(
-    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: Value | None
+    value: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
 ) -> Law:
     """Return a law with the drifts of its fracture: one drift for both sides, or a mapping of the
     sides.
@@ -31,8 +31,8 @@ def read_fracture(
         Mapping of the law or of the element.
     stiffness : float
         Initial stiffness, N/m.
-    height : Value | None
-        Key `height` of the story.
+    height : float | None
+        Height of the story, m.
     """
     entry = value.peek(FRACTURE.name)
     if entry is None:
@@ -52,7 +52,7 @@ def read_fracture(
 
 
 def _read_drift(
-    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: Value | None
+    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
 ) -> float:
     """Return a drift, m; nan after an error."""
     if not entry.is_percentage:
@@ -62,7 +62,7 @@ def _read_drift(
         return math.nan
     else:
         # A story height is not divided by the cosine of an inclined element.
-        drift = entry.number(DRIFT_BOUNDS) * height.number(scale=unit.length)
+        drift = entry.number(DRIFT_BOUNDS) * height
     first_yield = LAWS[law.name].yield_drift(stiffness, law.parameters)
     if drift < first_yield:
         entry.fault(

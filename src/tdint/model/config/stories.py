@@ -545,13 +545,13 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     mass = read_mass(section, unit)
     elements: tuple[Element, ...] = ()
     if elements_entry := section.get("elements"):
-        elements = _read_elements(section, elements_entry, unit, height_entry)
+        elements = _read_elements(section, elements_entry, unit, height)
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
         law = SUM_OF_ELEMENTS
         if len(elements) == 1:  # a story with a single element is a story with a law
             law, elements = elements[0].law, ()
     else:
-        stiffness, law = read_spring(section, unit, mass=mass, height=height_entry)
+        stiffness, law = read_spring(section, unit, mass=mass, height=height)
     # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
     # does not apply to an isolator unless the value is `rayleigh`.
     isolator_entry = section.get("isolator")
@@ -626,7 +626,7 @@ def _read_entry_without_spring(
 
 
 def read_spring(
-    section: Section, unit: ModelUnits, *, mass: float = math.nan, height: Value | None = None
+    section: Section, unit: ModelUnits, *, mass: float = math.nan, height: float | None = None
 ) -> tuple[float, Law]:
     """Return the initial stiffness (N/m; nan after an error) and the law of a spring."""
     entry = section.get("law")
@@ -636,7 +636,7 @@ def read_spring(
 
 
 def _checked_law(
-    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: Value | None
+    entry: Value, law: Law, stiffness: float, unit: ModelUnits, height: float | None
 ) -> Law:
     """Return a law with its fracture. Parameters and stiffness can be valid separately, but their
     combination invalid, which is reported."""
@@ -653,7 +653,7 @@ _FORBIDDEN_IN_NAMES = r"[\[\],=\"']"
 
 
 def _read_elements(
-    section: Section, value: Value, unit: ModelUnits, height: Value | None
+    section: Section, value: Value, unit: ModelUnits, height: float | None
 ) -> tuple[Element, ...]:
     """Return the elements of a story; errors are added to the errors of the file."""
     for name in ("law", "stiffness", "period"):
@@ -690,7 +690,7 @@ def _read_elements(
     return tuple(elements)
 
 
-def _read_element(entry: Value, unit: ModelUnits, height: Value | None) -> Element:
+def _read_element(entry: Value, unit: ModelUnits, height: float | None) -> Element:
     """Return an element. Its name is empty if the file does not specify it; its stiffness is nan
     after an error.
     """
