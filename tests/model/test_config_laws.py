@@ -244,6 +244,16 @@ def test_ratio_of_fracture_is_a_drift_ratio_also_for_an_inclined_element() -> No
     assert drifts == [pytest.approx((0.075, -0.075)), pytest.approx((0.06, -0.06))]
 
 
+def test_varied_number_of_a_single_inclined_element_is_the_value_along_it() -> None:
+    element = {"name": "brace", "type": "bilinear", "stiffness": 2e7, "factor": 0.8}
+    element |= {"yield_force": 1e5, "hardening": 0.02}
+    model = load_model({"stories": [{"mass": 1e5, "elements": [element]}]})
+    for name in ("stories[1].elements[1].stiffness", "stories[1].elements[brace].yield_force"):
+        key = name.rpartition(".")[2]
+        changed = load_model({"stories": [{"mass": 1e5, "elements": [{**element, key: 1.5e6}]}]})
+        assert model.replace(**{name: 1.5e6}).stories == changed.stories
+
+
 def test_strength_factor_of_multilinear_keeps_the_slopes() -> None:
     model = load_model(
         io.StringIO(f"stories: [{{mass: 1, law: {{type: multilinear, rule: peak, {BACKBONE}}}}}]")

@@ -548,7 +548,8 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         elements = _read_elements(section, elements_entry, unit, height)
         stiffness = sum(element.stiffness for element in elements) if elements else math.nan
         law = SUM_OF_ELEMENTS
-        if len(elements) == 1:  # a story with a single element is a story with a law
+        # A story with a single element, which is not inclined, is a story with a law.
+        if len(elements) == 1 and elements[0].factor == 1.0:
             law, elements = elements[0].law, ()
     else:
         stiffness, law = read_spring(section, unit, mass=mass, height=height)
