@@ -736,7 +736,7 @@ class Case:
             )
         if response.elements is not None and np.isfinite(response.elements.ductility).any():
             notes.append(
-                "the ductility of a story with several elements refers to the element that yields "
+                "the ductility of a story with elements refers to the element that yields "
                 "first; the table of the elements contains the ductility of each"
             )
         # Under forces on floors, which do not end, there is no state of rest.
