@@ -9,7 +9,6 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
-from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
 from tdint.files import protect_input
@@ -28,6 +27,8 @@ from tdint.units import (
 )
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from tdint.grids import Grid
     from tdint.ground_motion.horizontals import PairNames
 
@@ -153,6 +154,8 @@ class ListOf(ValueType):
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Complete the text after the last comma."""
+        from click.shell_completion import CompletionItem
+
         first_values, comma, last_value = incomplete.rpartition(",")
         items = self.item.shell_complete(ctx, param, last_value)
         return [
@@ -209,6 +212,8 @@ class Written(ValueType):
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Return the names that start with the incomplete text."""
+        from click.shell_completion import CompletionItem
+
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
@@ -404,6 +409,8 @@ class FileName(ValueType):
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Return an item that requests completion of paths by the shell."""
+        from click.shell_completion import CompletionItem
+
         return [CompletionItem(incomplete, type=self.path_type)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -36,7 +37,7 @@ def quiet_import() -> Iterator[None]:
     The import of the module that plots earthquakes is postponed, because it needs a quarter of the
     import time of ObsPy.
     """
-    with warnings.catch_warnings(), _postponed_import(_DRAWING):
+    with warnings.catch_warnings(), postponed_import(_DRAWING), _unparsed_versions():
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
         yield
@@ -58,7 +59,31 @@ def obspy_function(group: str, name: str) -> Any:
 
 
 @contextmanager
-def _postponed_import(name: str) -> Iterator[None]:
+def _unparsed_versions() -> Iterator[None]:
+    """Read the versions of packages from the line of their metadata.
+
+    `importlib.metadata.version`, which ObsPy calls for three packages when it is imported, parses
+    all metadata with the complete description.
+    """
+    from importlib import metadata  # imported late: needed only to read a file
+
+    parsed_version = metadata.version
+
+    def version(distribution_name: str) -> str:
+        """Return the version of an installed package, or raise PackageNotFoundError."""
+        text = metadata.distribution(distribution_name).read_text("METADATA") or ""
+        line = re.search(r"(?m)^Version: (\S+)", text)
+        return line[1] if line else parsed_version(distribution_name)
+
+    metadata.version = version
+    try:
+        yield
+    finally:
+        metadata.version = parsed_version
+
+
+@contextmanager
+def postponed_import(name: str) -> Iterator[None]:
     """Postpone the import of a module: functions imported from it inside the block import the
     module when they are called."""
     if name in sys.modules:
