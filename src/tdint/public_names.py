@@ -189,7 +189,7 @@ PLUGIN = by_name(
         "tdint.units": ["Quantity"],
     }
 )
-"""Module that defines each name of `tdint.plugin`; `rows` is the module itself."""
+"""Module that defines each name of `tdint.plugin`; `rows` is the name of a module."""
 
 DEFINED_AS = {"check": "overview", "methods": "list_methods"}
 """Public names of `tdint` that differ from the names in the modules that define them, with these

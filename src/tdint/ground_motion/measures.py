@@ -298,7 +298,7 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
     (`UNITS_BY_LOCATION`). The network, station and channel codes of the records are used if they
     are different accelerometer channels. Otherwise the stations are R01, R02, ... with the channel
     HN1, or HNZ for a vertical component. The two horizontal components of a recording are the
-    channels HNN and HNE, or HNX and HNY, of one station.
+    channels HNN and HNE, or HNX and HNY, of a station.
 
     Returns
     -------

@@ -10,7 +10,7 @@ from tdint.errors import UsageError
 
 @dataclass(frozen=True)
 class UnavailableMethod:
-    """Method whose plug-in is not available: each access to an attribute raises UsageError.
+    """Method of a plug-in that is not available: each access to an attribute raises UsageError.
 
     An error during unpickling would make a process pool wait forever. The error is therefore
     raised later, when the method is used.

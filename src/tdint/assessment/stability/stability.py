@@ -49,8 +49,7 @@ _Result = TypeVar("_Result")
 
 
 class ForMethods(Protocol[_Arguments, _Result]):
-    """Function whose first argument is a method, with one result, or several methods, with a list
-    of results."""
+    """Function of a method, with a single result, or of several methods, with a list of results."""
 
     @overload
     def __call__(

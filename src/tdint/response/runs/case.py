@@ -543,7 +543,7 @@ class Case:
         is_complete = code == 0 and -named_energies(totals).error < _RUNAWAY
         if is_complete and (collapse := self.recorded_collapse(steps, code, totals)):
             return collapse
-        # The repeated run must include the failed step, if there is one. If the batch continued
+        # The repeated run must include a failed step. If the batch continued
         # until rest, this step can be after the end of `steps`.
         reached = max(completed, int(totals[rows.STEPS_REACHED]) + (code < 0))
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)

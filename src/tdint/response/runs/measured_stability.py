@@ -1,5 +1,5 @@
-"""Amplification matrices that are measured on the compiled steps of methods, and the stability that
-follows from them."""
+"""Amplification matrices that are measured on the compiled steps of methods, and the resulting
+stability."""
 
 from __future__ import annotations
 

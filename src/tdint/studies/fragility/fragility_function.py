@@ -244,7 +244,7 @@ class Fragility:
         total : bool
             True to use the total dispersion `beta_total` instead of `beta`; default False.
         """
-        with np.errstate(divide="ignore"):  # zero at the intensity 0, whose logarithm is -inf
+        with np.errstate(divide="ignore"):  # zero at the intensity 0, with the logarithm -inf
             logarithm = np.log(im / self.theta)
         return np.asarray(ndtr(logarithm / (self.beta_total if total else self.beta)))
 

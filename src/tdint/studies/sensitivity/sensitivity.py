@@ -349,7 +349,7 @@ def _medians(
         peaks_of_building.setdefault(number, {})[Run(record, scale, sample)] = peaks
     medians = {}
     for number, peaks_of_run in peaks_of_building.items():
-        # Each motion may have its own scale factor at a level, which may also depend on the
+        # Each motion may have a separate scale factor at a level, which may also depend on the
         # building.
         ranks = level_ranks(peaks_of_run) if by_level else dict.fromkeys(peaks_of_run, 0)
         for rank in sorted(set(ranks.values())):
