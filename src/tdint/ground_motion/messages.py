@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.util import LazyLoader, find_spec, module_from_spec
 from types import ModuleType
 from typing import Any
 
@@ -38,7 +37,7 @@ def quiet_import() -> Iterator[None]:
     The import of the module that plots earthquakes is postponed, because it needs a quarter of the
     import time of ObsPy.
     """
-    with warnings.catch_warnings(), _postponed_import(_DRAWING), _unparsed_versions():
+    with warnings.catch_warnings(), postponed_import(_DRAWING), _unparsed_versions():
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
         yield
@@ -57,20 +56,6 @@ def obspy_function(group: str, name: str) -> Any:
     (entry,) = distribution("obspy").entry_points.select(group=group, name=name)
     with quiet_import():
         return entry.load()
-
-
-def import_at_first_use(*names: str) -> None:
-    """Put modules into `sys.modules` that are loaded when one of their attributes is first used.
-
-    Modules that are already imported are unchanged.
-    """
-    for name in names:
-        spec = None if name in sys.modules else find_spec(name)
-        if spec is None or spec.loader is None:
-            continue
-        spec.loader = LazyLoader(spec.loader)
-        sys.modules[name] = module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
 
 
 @contextmanager
@@ -98,7 +83,7 @@ def _unparsed_versions() -> Iterator[None]:
 
 
 @contextmanager
-def _postponed_import(name: str) -> Iterator[None]:
+def postponed_import(name: str) -> Iterator[None]:
     """Postpone the import of a module: functions imported from it inside the block import the
     module when they are called."""
     if name in sys.modules:

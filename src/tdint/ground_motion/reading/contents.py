@@ -24,12 +24,7 @@ from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
-from tdint.ground_motion.messages import (
-    caught_messages,
-    import_at_first_use,
-    one_line,
-    quiet_import,
-)
+from tdint.ground_motion.messages import caught_messages, one_line, postponed_import, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
@@ -535,13 +530,9 @@ def plugins() -> tuple[Plugin, ...]:
     MiniSEED and K-NET, the most frequent formats of ObsPy, are tried first, because their checks
     are strict. The formats of tdint and the remaining formats of ObsPy follow.
     """
-    # `importlib.metadata` and ObsPy import these modules for functions that tdint does not call.
-    import_at_first_use("socket", "tarfile")
-    from importlib.metadata import (
-        EntryPoints,
-        PackageNotFoundError,
-        distribution,
-    )  # imported late: needed only to read a file
+    # Imported late: needed only to read a file. It imports sockets for names of messages.
+    with postponed_import("socket"):
+        from importlib.metadata import EntryPoints, PackageNotFoundError, distribution
 
     obspy_entry_points = distribution("obspy").entry_points
     try:
