@@ -32,12 +32,19 @@ _ABOUT_CODE = (
 
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Import a part of ObsPy without warnings about the code of ObsPy.
+    """Import a part of ObsPy, or `importlib.metadata`, without warnings about the code of ObsPy.
 
     The import of the module that plots earthquakes is postponed, because it needs a quarter of the
-    import time of ObsPy.
+    import time of ObsPy, and that of two modules which both import for functions that tdint does
+    not call.
     """
-    with warnings.catch_warnings(), postponed_import(_DRAWING), _unparsed_versions():
+    with (
+        warnings.catch_warnings(),
+        _postponed_import(_DRAWING, functions=True),
+        _postponed_import("socket"),
+        _postponed_import("tarfile"),
+        _unparsed_versions(),
+    ):
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
         yield
@@ -83,23 +90,31 @@ def _unparsed_versions() -> Iterator[None]:
 
 
 @contextmanager
-def postponed_import(name: str) -> Iterator[None]:
-    """Postpone the import of a module: functions imported from it inside the block import the
-    module when they are called."""
+def _postponed_import(name: str, *, functions: bool = False) -> Iterator[None]:
+    """Postpone the import of a module until one of its attributes is used. With `functions`, also
+    functions that are imported from it inside the block import the module when they are called."""
     if name in sys.modules:
         yield
         return
 
-    def importing_function(function: str) -> Any:
-        """Return a function that imports the module and calls its function of this name."""
+    def imported(attribute: str) -> Any:
+        """Import the module and return its attribute of this name."""
+        if sys.modules.get(name) is placeholder:
+            del sys.modules[name]
+        return getattr(import_module(name), attribute)
+
+    def importing(attribute: str) -> Any:
+        """Return an attribute of the module, or a function that imports it when it is called."""
         # Python also requests names such as __path__, which the placeholder does not have.
-        if function.startswith("__"):
-            raise AttributeError(function)
-        return lambda *args, **kwargs: getattr(import_module(name), function)(*args, **kwargs)
+        if attribute.startswith("__"):
+            raise AttributeError(attribute)
+        if not functions:
+            return imported(attribute)
+        return lambda *args, **kwargs: imported(attribute)(*args, **kwargs)
 
     # Python calls __getattr__ of a module for names that the module does not contain.
     placeholder = ModuleType(name)
-    placeholder.__dict__["__getattr__"] = importing_function
+    placeholder.__dict__["__getattr__"] = importing
     sys.modules[name] = placeholder
     try:
         yield

@@ -24,7 +24,7 @@ from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
-from tdint.ground_motion.messages import caught_messages, one_line, postponed_import, quiet_import
+from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.miniseed_checks import Damaged
 from tdint.ground_motion.missing import OtherContent
 from tdint.ground_motion.record import Input
@@ -530,8 +530,7 @@ def plugins() -> tuple[Plugin, ...]:
     MiniSEED and K-NET, the most frequent formats of ObsPy, are tried first, because their checks
     are strict. The formats of tdint and the remaining formats of ObsPy follow.
     """
-    # Imported late: needed only to read a file. It imports sockets for names of messages.
-    with postponed_import("socket"):
+    with quiet_import():  # imported late: needed only to read a file
         from importlib.metadata import EntryPoints, PackageNotFoundError, distribution
 
     obspy_entry_points = distribution("obspy").entry_points
