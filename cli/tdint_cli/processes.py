@@ -88,7 +88,23 @@ def _submit(
     with warnings.catch_warnings(), block_signals(ENDING):
         # The only threads are the threads of NumPy, which are safe to fork.
         warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
-        return deque(pool.submit(function, task) for task in tasks)
+        return deque(_submitted(pool, function, task) for task in tasks)
+
+
+def _submitted(
+    pool: ProcessPoolExecutor, function: Callable[[Item], Result], task: Item
+) -> Future[Result]:
+    """Submit a task. If a process of the pool has already ended, the pool accepts no task, and the
+    task has its exception as the outcome."""
+    from concurrent.futures import Future
+    from concurrent.futures.process import BrokenProcessPool
+
+    try:
+        return pool.submit(function, task)
+    except BrokenProcessPool as error:
+        outcome: Future[Result] = Future()
+        outcome.set_exception(error)
+        return outcome
 
 
 @contextmanager
