@@ -487,7 +487,7 @@ def _missing_resource(error: BaseException | None, options: Collection[str]) -> 
         if isinstance(error, MemoryError) or number == errno.ENOMEM or re.search(_NO_MEMORY, text):
             return _no_memory(options)
         # The system refuses to start a process with EAGAIN.
-        if number == errno.EAGAIN or re.search(_NO_THREAD, text):
+        if number == errno.EAGAIN or _NO_THREAD in text:
             fewer = "use a smaller --jobs, or " if "--jobs" in options else ""
             return (
                 f"no process or thread can be started; {fewer}raise the limit on processes (ulimit "

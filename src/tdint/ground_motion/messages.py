@@ -34,9 +34,8 @@ _ABOUT_CODE = (
 def quiet_import() -> Iterator[None]:
     """Import a part of ObsPy, or `importlib.metadata`, without warnings about the code of ObsPy.
 
-    The import of the module that plots earthquakes is postponed, because it needs a quarter of the
-    import time of ObsPy, and that of two modules which both import for functions that tdint does
-    not call.
+    Imports that need a large part of the time are postponed: the module that plots earthquakes, and
+    two modules of Python for functions that tdint does not call.
     """
     with (
         warnings.catch_warnings(),

@@ -543,8 +543,8 @@ class Case:
         is_complete = code == 0 and -named_energies(totals).error < _RUNAWAY
         if is_complete and (collapse := self.recorded_collapse(steps, code, totals)):
             return collapse
-        # The repeated run must include a failed step. If the batch continued
-        # until rest, this step can be after the end of `steps`.
+        # The repeated run must include a failed step. If the batch continued until rest, this step
+        # can be after the end of `steps`.
         reached = max(completed, int(totals[rows.STEPS_REACHED]) + (code < 0))
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
@@ -781,8 +781,10 @@ class Case:
         """Return a note if stability of the method is limited by stories that become stiffer than
         initially, and the building has such a story.
         """
+        if not self.method.family.limited_by_stiffening:
+            return ()
         stories = [i for i, story in enumerate(self.model.stories, start=1) if stiffens(story)]
-        if not (stories and self.method.family.limited_by_stiffening):
+        if not stories:
             return ()
         return (
             f"{self.method.method.name} is stable only for small time steps if a story becomes "
