@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -160,11 +161,12 @@ def measure(record: Record) -> Measures:
         motion = integrate(record)
         leading, trailing = zeros_at_ends(record.acceleration)
         doubts = _doubts(record, motion)
+    stored_pgv, stored_pgd = _stored_peaks(record, motion)
     # Peaks that are stored in the file are used instead of the integrated peaks, because they are
     # more accurate. The notes state the integrated peaks for comparison.
     peaks = (
-        ("velocity", record.peaks[0], motion.pgv, "m/s"),
-        ("displacement", record.peaks[1], motion.pgd, "m"),
+        ("velocity", stored_pgv, motion.pgv, "m/s"),
+        ("displacement", stored_pgd, motion.pgd, "m"),
     )
     del motion  # its arrays are as large as the record
     peak_notes = [
@@ -224,13 +226,11 @@ _SAME_PEAK = 1e-6
 rounded numbers."""
 
 
-def without_sampled_peaks(record: Record) -> Record:
-    """Return a record without those peaks of its file that are the largest samples of the
-    integrated acceleration, as in a table that tdint has written. The integration then also finds
-    peaks between the samples.
+def _stored_peaks(record: Record, motion: Motion) -> tuple[float | None, float | None]:
+    """Return the peak velocity and displacement of the file of a record; None for a peak that the
+    file does not contain, or that is the largest sample of the integrated motion, as in a table
+    that tdint has written. The integration also finds peaks between samples.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        motion = integrate(record)
     pgv, pgd = (
         None
         if stored is None or math.isclose(stored, max_absolute(samples), rel_tol=_SAME_PEAK)
@@ -239,7 +239,7 @@ def without_sampled_peaks(record: Record) -> Record:
             record.peaks, (motion.velocity, motion.displacement), strict=True
         )
     )
-    return replace(record, peaks=(pgv, pgd))
+    return pgv, pgd
 
 
 def _intervals(record: Record) -> Iterator[tuple[slice, Array, Array]]:
@@ -331,41 +331,39 @@ def _new_codes(records: Sequence[Record]) -> list[list[str]]:
     """Return network, station, location and channel of records without distinct codes, as described
     in `channels_of`."""
     # Imported here, because a run does not need the module.
-    from tdint.ground_motion.horizontals import (
-        at_right_angles,
-        azimuth,
-        is_vertical,
-        motion_names,
-        with_component,
-    )
+    from tdint.ground_motion.horizontals import motion_names, with_component
 
     components = [with_component(record, in_degrees=True).component for record in records]
     by_motion: dict[str, list[int]] = {}
     for index, name in enumerate(motion_names([record.source for record in records])):
         by_motion.setdefault(name, []).append(index)
-    channels, station_of_record, stations = ["HN1"] * len(records), [0] * len(records), 0
+    codes: dict[int, list[str]] = {}
+    numbers = count(1)
     for indices in by_motion.values():
-        vertical = [index for index in indices if is_vertical(components[index])]
-        horizontal = [index for index in indices if index not in vertical]
-        names = [components[index] for index in horizontal]
-        for index in vertical:
-            channels[index] = "HNZ"
-        is_pair = len(vertical) < 2 and len(names) == 2 and at_right_angles(*names)
-        if is_pair:
-            first, second = map(azimuth, names)
-            # The second axis is clockwise from the first.
-            is_clockwise = ((second or 0.0) - (first or 0.0)) % 360.0 <= 180.0
-            axes = "NE" if {first, second} == {0.0, 90.0} else "XY"
-            axes = axes if is_clockwise else axes[::-1]
-            for index, axis in zip(horizontal, axes, strict=True):
-                channels[index] = f"HN{axis}"
-        for position, index in enumerate(indices):
-            stations += not (is_pair and position)
-            station_of_record[index] = stations
-    return [
-        ["", f"R{station:02d}", "", channel]
-        for station, channel in zip(station_of_record, channels, strict=True)
-    ]
+        channels, is_pair = _new_channels([components[index] for index in indices])
+        common_number = next(numbers) if is_pair else 0
+        for index, channel in zip(indices, channels, strict=True):
+            codes[index] = ["", f"R{common_number or next(numbers):02d}", "", channel]
+    return [codes[index] for index in range(len(records))]
+
+
+def _new_channels(components: Sequence[str]) -> tuple[list[str], bool]:
+    """Return the channels of the components of a motion, and True if two of them are a horizontal
+    pair, so that all are channels of one station."""
+    # Imported here, because a run does not need the module.
+    from tdint.ground_motion.horizontals import at_right_angles, azimuth, is_vertical
+
+    channels = ["HNZ" if is_vertical(name) else "HN1" for name in components]
+    horizontal = [name for name in components if not is_vertical(name)]
+    is_pair = channels.count("HNZ") < 2 and len(horizontal) == 2 and at_right_angles(*horizontal)
+    if is_pair:
+        first, second = map(azimuth, horizontal)
+        axes = ["HNN", "HNE"] if {first, second} == {0.0, 90.0} else ["HNX", "HNY"]
+        # The second axis is clockwise from the first.
+        is_clockwise = ((second or 0.0) - (first or 0.0)) % 360.0 <= 180.0
+        pair = iter(axes if is_clockwise else axes[::-1])
+        channels = [next(pair) if channel == "HN1" else channel for channel in channels]
+    return channels, is_pair
 
 
 def cumulative_energy(record: Record) -> Array:
@@ -757,8 +755,9 @@ def _peak(record: Record, column: int, name: str) -> float:
 
     `column` is the index of the peak in `record.peaks`: 0 for the velocity, 1 for the displacement.
     """
-    peak = record.peaks[column]
-    return float(getattr(integrate(record), name)) if peak is None else peak
+    motion = integrate(record)
+    peak = _stored_peaks(record, motion)[column]
+    return float(getattr(motion, name)) if peak is None else peak
 
 
 def spectrum_intensity(periods: Array, psv: Array) -> float:
@@ -865,7 +864,10 @@ def _doubts(record: Record, motion: Motion) -> list[_Doubt]:
                 "check for baseline drift",
             )
         )
-    elif abs(final_displacement) > _MAX_FINAL_DISPLACEMENT * motion.pgd and record.peaks[1] is None:
+    elif (
+        abs(final_displacement) > _MAX_FINAL_DISPLACEMENT * motion.pgd
+        and _stored_peaks(record, motion)[1] is None
+    ):
         doubts.append(
             _Doubt(
                 "the displacement at the end",

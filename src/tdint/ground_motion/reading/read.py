@@ -660,7 +660,7 @@ def _to_record(
     )
     for warning in warnings:
         _LOGGER.warning("%s: %s", label, warning)
-    record = Record(
+    return Record(
         acceleration=motion.samples,
         dt=dt,
         start=_start_time(trace),
@@ -676,11 +676,6 @@ def _to_record(
         peaks=trace.stats.get("tdint_peaks", (None, None)) if instruments is None else (None, None),
         event=_event(trace),
     )
-    if record.peaks == (None, None):
-        return record
-    from tdint.ground_motion.measures import without_sampled_peaks
-
-    return without_sampled_peaks(record)
 
 
 def _event(trace: Any) -> str:
