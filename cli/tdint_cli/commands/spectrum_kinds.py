@@ -15,7 +15,7 @@ from tdint.files import STDIN
 from tdint.grids import Grid
 from tdint.number_parsing import parse_positive
 from tdint.output import figures, tables
-from tdint.output.presentations import PRESENTATIONS
+from tdint.output.presentation import PRESENTATIONS
 from tdint.response.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint_cli import options
 from tdint_cli.options import grammar

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tdint import assessment
-from tdint.output.presentations import Presentation, row
+from tdint.output.presentation import Presentation, row
 
 PRESENTATIONS: dict[str, Presentation] = {
     "Chart": Presentation(

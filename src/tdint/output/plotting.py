@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.figures.style import picture, style_context
-from tdint.output.presentations import Presentation, presentations
+from tdint.output.presentation import Presentation, presentations
 from tdint.output.printed import PRINTED, PrintedAs, figure_width
 from tdint.tabular import ResultList
 from tdint.units import SI, parse_output_units

@@ -11,7 +11,7 @@ import numpy as np
 
 from tdint.errors import UsageError, write_out_controls
 from tdint.files import write_files
-from tdint.output.presentations import presentations
+from tdint.output.presentation import presentations
 from tdint.output.tables.runs import varied_columns
 from tdint.output.tables.table import (
     Column,

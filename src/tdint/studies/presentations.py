@@ -9,7 +9,7 @@ import numpy as np
 
 from tdint import studies
 from tdint.output import tables
-from tdint.output.presentations import Presentation
+from tdint.output.presentation import Presentation
 from tdint.response.spectra.elastic import SA_DAMPING
 
 if TYPE_CHECKING:
