@@ -423,6 +423,17 @@ class TestDecimalCommas:
         (record,) = read(file, content)
         np.testing.assert_allclose(record.acceleration, 9.80665 * G, rtol=1e-12)
 
+    @pytest.mark.parametrize("form", ["%.1f", "%.3f", "%.5e", "%g"])
+    @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+    def test_single_column(self, file, form, encoding):
+        """Commas were separators if less than half of the rows had a zero after the comma or before
+        it after a sign, or in a file in UTF-16."""
+        words = [form % value for value in GAL]
+        content = "Einheit: gal\nZeitschritt: 0,01 s\n" + "\n".join(words).replace(".", ",")
+        (record,) = read(file, (content + "\n").encode(encoding))
+        assert record.dt == 0.01
+        np.testing.assert_allclose(record.acceleration, 0.01 * np.array(words, float), rtol=1e-12)
+
     def test_integers_keep_their_separator(self, file):
         """Pairs of integers without a zero after the comma are times in ms and counts."""
         counts = np.round(1e5 * G).astype(int)

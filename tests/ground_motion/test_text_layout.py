@@ -106,6 +106,22 @@ class TestStep:
         fails("which contradicts `step=.*`; remove it", file, content, units, step=2.0 * dt)
 
 
+@pytest.mark.parametrize(
+    ("dt", "above", "layout"),
+    [
+        (0.0025, "", {}),
+        (0.0025, "# dt = 0.0025 s\n", {}),
+        (0.00390625, "# dt = 0.00390625 s\n", {}),
+        (0.00390625, "", {"step": 0.00390625}),
+    ],
+)
+def test_rounded_times_of_a_short_table(file, dt, above, layout):
+    """Several intervals agree with the rounded times: the stated or the usual one is right."""
+    rows = "".join(f"{k * dt:.3f},{np.sin(k):.5f}\n" for k in range(20))
+    (record,) = read(file, f"{above}Time (s),Acc (g)\n{rows}", **layout)
+    assert record.dt == dt
+
+
 def test_last_interval_that_differs_is_reported(file):
     """Some programs end a motion at the end of an analysis. The remedy gives the motion."""
     moments = times()

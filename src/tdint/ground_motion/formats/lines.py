@@ -623,9 +623,11 @@ def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
     rounding = last_decimal(times)
     dt = float(times[-1] - times[0]) / (times.size - 1)
     # Use an integer number of samples per second if it agrees with the times within their rounding.
-    rate = round(1.0 / dt) if dt > _SHORTEST else 0
-    has_integer_rate = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
-    dt = 1.0 / rate if has_integer_rate else float(f"{dt:.12g}")
+    # In short tables several do; the usual rates are multiples of 50.
+    rates = [base * round(1.0 / dt / base) for base in (50, 1)] if dt > _SHORTEST else []
+    agreeing = (rate for rate in rates if rate and agrees_with_times(1.0 / rate, times, rounding))
+    rate = next(agreeing, None)
+    dt = 1.0 / rate if rate else float(f"{dt:.12g}")
     # Rounding of two times changes their interval by up to a single unit of the last decimal, plus
     # a margin of half a unit. Times with few decimals may depart by at most half of the interval. A
     # departure of `_SLIP` (2 % of the interval) is always accepted.
@@ -634,6 +636,13 @@ def _mean_step(times: NDArray[np.float64]) -> tuple[float, float]:
     off_grid = np.abs(times - times[0] - dt * np.arange(times.size))
     departure = float(max(np.max(off_grid), np.max(off_interval)))
     return dt, 0.0 if departure <= allowed * (1.0 + 1e-6) else departure
+
+
+def agrees_with_times(dt: float, times: NDArray[np.float64], rounding: float) -> bool:
+    """Return True if the mean interval of printed times differs from `dt`, s, by no more than the
+    rounding of the first and of the last time, s."""
+    intervals = times.size - 1
+    return abs(dt - float(times[-1] - times[0]) / intervals) <= rounding / intervals
 
 
 def at_equal_steps(

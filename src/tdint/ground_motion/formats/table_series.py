@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import SAME_STEP, TextLayout
 from tdint.ground_motion.formats.header_statements import Statements
-from tdint.ground_motion.formats.lines import equal_steps, last_decimal
+from tdint.ground_motion.formats.lines import agrees_with_times, equal_steps, last_decimal
 from tdint.ground_motion.formats.series import (
     Series,
     code,
@@ -194,7 +194,13 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
         if name is not None and name.units not in SECONDS:
             raise RecordError(f"the times must be in s or ms, but the header states {name.units!r}")
         scale = SECONDS[name.units] if name is not None else 1.0
-        intervals.append(equal_steps(table.columns[table.time] * scale)[0])
+        times = table.columns[table.time] * scale
+        dt, rounding = equal_steps(times)[0], last_decimal(times)
+        # Rounded times may agree with several intervals, of which the stated one is right.
+        stated = (step for step in (*intervals, layout.step) if step is not None)
+        intervals.append(
+            next((step for step in stated if agrees_with_times(step, times, rounding)), dt)
+        )
     if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
         values = " s and ".join(f"{dt:g}" for dt in intervals)
         raise RecordError(

@@ -11,6 +11,7 @@ plugins of tdint, and passes them bytes in memory instead of file names.
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import re
 import struct
@@ -493,32 +494,43 @@ def _without_end_mark(data: bytes) -> bytes:
 
 
 _COMMA_NUMBER = rb"[-+]?\d+(?:,\d+)?(?:[EeDd][-+]?\d+)?"
-_DECIMAL_COMMA = rb"-0,|,0\d"
+_DECIMAL_COMMA = rb"-0,|,0\d|,\d{2,}[EeDd]"
 """Pattern of a comma that separates no integers: the number before it is -0, or the number after it
-starts with a zero."""
+starts with a zero or has several digits before its exponent."""
 
 _NUMBER_ROW = rb"[-+,;\dEeDd\s]*\d[-+,;\dEeDd\s]*"
 _MIN_COMMA_ROWS = 5  # rows of numbers; fewer are no evidence
+_MIN_SIGNED_ROWS = 20  # rows in which second integers would have a sign if they were a motion
+_MIN_DECIMALS = 8  # different numbers after a comma; fewer may be flags
 
 
 def _with_decimal_points(data: bytes) -> bytes:
     """Return the content of a text file with decimal points in place of decimal commas.
 
     Without this, a comma would separate the integer from the decimals of a sample. A file has
-    decimal commas if its rows of numbers contain no point and at most one comma in each number, and
-    if most rows have a number that cannot be two integers.
+    decimal commas if its rows of numbers contain no point and at most one comma in each number,
+    without a sign after the comma, and if most rows have a number that cannot be two integers. In a
+    longer table a single such number is sufficient if numbers before a comma are negative, and if
+    the numbers after the commas differ, but not in their length or some start with a zero.
     """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", "replace").encode()
     if b"," not in data or b"\0" in data:
         return data
-    lines = data[:_HEADER_BYTES].splitlines()[:-1] or data.splitlines()
+    lines = data[:_HEADER_BYTES].splitlines()
+    if len(data) > _HEADER_BYTES:  # the last line may be cut off
+        lines = lines[:-1] or data.splitlines()
     rows = [line for line in lines if re.fullmatch(_NUMBER_ROW, line)]
     words = [word for row in rows for word in re.split(rb"[;\s]+", row.strip())]
+    if len(rows) < _MIN_COMMA_ROWS or not all(re.fullmatch(_COMMA_NUMBER, word) for word in words):
+        return data
     evident = sum(bool(re.search(_DECIMAL_COMMA, row)) for row in rows)
-    if (
-        len(rows) < _MIN_COMMA_ROWS
-        or 2 * evident < len(rows)
-        or not all(re.fullmatch(_COMMA_NUMBER, word) for word in words)
-    ):
+    decimals = {word.partition(b",")[2] for word in words if b"," in word}
+    is_signed = len(rows) >= _MIN_SIGNED_ROWS and any(re.match(rb"-\d+,", word) for word in words)
+    is_decimal = len(decimals) >= _MIN_DECIMALS and (
+        len(set(map(len, decimals))) == 1 or any(text.startswith(b"0") for text in decimals)
+    )
+    if 2 * evident < len(rows) and not (evident and is_signed and is_decimal):
         return data
     return re.sub(rb"(?<=\d),(?=\d)", b".", data)
 
