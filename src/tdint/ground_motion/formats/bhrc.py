@@ -20,27 +20,18 @@ from tdint.ground_motion.formats.lines import (
     recognizer,
     row_of_numbers,
 )
-from tdint.ground_motion.formats.series import (
-    Series,
-    by_parts,
-    code,
-    first_match,
-    header_field,
-    required_units,
-)
+from tdint.ground_motion.formats.series import Header, Series, by_parts, required_units
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
 
-_TITLE = re.compile(r"\s*\*\s*VOL1\w*\s+FILE:", re.IGNORECASE)
-_COMPONENT = re.compile(r"^\s*COMP\s+([A-Z])(\d*)", re.IGNORECASE)
-_AZIMUTHS = re.compile(r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)", re.IGNORECASE)
+_TITLE = r"^\s*\*\s*VOL1\w*\s+FILE:"
+_COMPONENT = r"^\s*COMP\s+([A-Z])(\d*)"
+_AZIMUTHS = r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)"
 _AZIMUTH = re.compile(r"([A-Z])\s+(\d{1,3})", re.IGNORECASE)
-_STATION = re.compile(r"^\s*(\S.*?)\s+Station\b")
-_ORIGIN = re.compile(r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)", re.IGNORECASE)
+_STATION = r"^\s*(\S.*?)\s+(?-i:Station)\b"
+_ORIGIN = r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)"
 """Pattern of the origin time of the earthquake, UTC."""
-_POINTS = re.compile(
-    rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})", re.IGNORECASE
-)
-_UNITS = re.compile(r"\bUNITS ARE SECONDS AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
+_POINTS = rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})"
+_UNITS = r"\bUNITS ARE SECONDS AND\s+([A-Z/^0-9]+)"
 _ROW = re.compile(r"\s*-?\d+(?:\s+-?\d+){9,}\s*")
 _HEADER_LINES = 7
 """Number of lines of integers and of reals."""
@@ -60,7 +51,7 @@ _END = "/&"  # start of the line after the samples of a component
 def is_bhrc(lines: list[str]) -> object:
     """Return True if a file starts with the title of a BHRC file and names a component within 20
     lines."""
-    return _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20])
+    return Header(lines[:1]).match(_TITLE) and Header(lines[1:20]).match(_COMPONENT)
 
 
 @by_parts
@@ -68,12 +59,10 @@ def read_bhrc(lines: Lines) -> list[Series]:
     """Read and return the component that starts at the next line, in a list of length 1."""
     # The header starts with lines of text, which end at the first row of integers.
     first_line = lines.number + 1
-    texts = lines.take_until(_ROW.fullmatch, "header of integers")
-    if not any(map(_TITLE.match, texts)):
+    header = Header(lines.take_until(_ROW.fullmatch, "header of integers"))
+    if not header.match(_TITLE):
         raise RecordError(f"the header of a component must start in line {first_line}")
-    points, units, component = (
-        first_match(pattern, texts) for pattern in (_POINTS, _UNITS, _COMPONENT)
-    )
+    points, units, component = map(header.match, (_POINTS, _UNITS, _COMPONENT))
     if not (points and units and component and int(points[1])):
         raise RecordError(
             f"the header that starts in line {first_line} must state points, units and component"
@@ -101,21 +90,17 @@ def read_bhrc(lines: Lines) -> list[Series]:
     # The name of a horizontal component is its azimuth in degrees. The name of the vertical
     # component is its letter.
     letter = component[1].upper()
-    azimuths = first_match(_AZIMUTHS, texts)
-    directions = (
-        {name.upper(): degrees for name, degrees in _AZIMUTH.findall(azimuths[1])}
-        if azimuths
-        else {}
-    )
+    azimuths = _AZIMUTH.findall(header.field(_AZIMUTHS))
+    directions = {name.upper(): degrees for name, degrees in azimuths}
     return [
         Series(
             samples,
             1.0 / rate if rate > 0.0 else dt,
             required_units(units[1]),
             channel=directions.get(letter, letter),
-            station=code(header_field(_STATION, texts)),
+            station=header.code(_STATION),
             compared=compared,
-            event=header_field(_ORIGIN, texts),
+            event=header.field(_ORIGIN),
         )
     ]
 

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, recognizer
 from tdint.ground_motion.formats.series import (
+    Header,
     Series,
     by_parts,
     code,
-    first_match,
+    largest_value,
     moment,
-    motion_scale,
     motion_units,
-    stated_peak,
 )
 from tdint.number_parsing import pluralize
 from tdint.units import parse_units
@@ -45,19 +44,15 @@ the units in table 2 of the format (None if not stated)."""
 _FORMAT = re.compile(r"Format\s*=\s*\(\s*\d*\s*[IFEDG](\d{1,3})", re.IGNORECASE)
 _END = re.compile(r"\s*(?:/&|End-of-data)", re.IGNORECASE)
 
-_UNKNOWN = re.compile(rf"unknown/unspecified:\s*{NUMBER}\s*,?\s*({NUMBER})", re.IGNORECASE)
-_STATION = re.compile(r"^\s*Stat\w*\s+No\b.*?\bCode:\s*(\w+)-(\w+)", re.IGNORECASE)
-_CHANNEL = re.compile(
-    r"^\s*Sta\s+Cha\w*:?\s*(\S+?)\s*:\s*([^(]*?)\s*(?:deg\w*\s*)?(?:\(|Location|$)", re.IGNORECASE
-)
-_CODES = re.compile(r"<SCNL>\s*(\w+)\.(\w+)\.(\w+)\.([-\w]*)", re.IGNORECASE)
-_UTC = re.compile(r"^\s*Rcrd start time.*\b(?:UTC|GMT)\b", re.IGNORECASE)
-_PEAK = re.compile(rf"^\s*Processed.*\bMax\s*=\s*({NUMBER})\s*([\w/^]+)", re.IGNORECASE)
+_UNKNOWN = rf"unknown/unspecified:\s*{NUMBER}\s*,?\s*({NUMBER})"
+_STATION = r"^\s*Stat\w*\s+No\b.*?\bCode:\s*(\w+)-(\w+)"
+_CHANNEL = r"^\s*Sta\s+Cha\w*:?\s*(\S+?)\s*:\s*([^(]*?)\s*(?:deg\w*\s*)?(?:\(|Location|$)"
+_CODES = r"<SCNL>\s*(\w+)\.(\w+)\.(\w+)\.([-\w]*)"
+_UTC = r"^\s*Rcrd start time.*\b(?:UTC|GMT)\b"
+_PEAK = rf"^\s*Processed.*\bMax\s*=\s*({NUMBER})\s*([\w/^]+)"
 
-_EVENT = re.compile(r"^\s*Record of\s+(?:the\s+)?(.*?)\s+Earthquake\b", re.IGNORECASE)
-_ORIGIN = re.compile(
-    r"^\s*Origin:\s*(\d+/\d+/\d+),?\s+(\d+:\d\d:\d\d)(?:\.\d*)?\s*(?:UTC|GMT)\b", re.IGNORECASE
-)
+_EVENT = r"^\s*Record of\s+(?:the\s+)?(.*?)\s+Earthquake\b"
+_ORIGIN = r"^\s*Origin:\s*(\d+/\d+/\d+),?\s+(\d+:\d\d:\d\d)(?:\.\d*)?\s*(?:UTC|GMT)\b"
 
 _YEAR, _MONTH, _DAY, _HOUR, _MINUTE = 39, 41, 42, 43, 44
 _SECOND, _STEP = 29, 61
@@ -103,31 +98,30 @@ def read_cosmos(lines: Lines) -> list[Series]:
     title = _TITLE.search(lines.take())
     if not title:
         raise RecordError(f"the header of a channel must start in line {lines.number}")
-    texts = [lines.take() for _ in range(int(title[1]) - 1)]
+    header = Header(lines.take() for _ in range(int(title[1]) - 1))
     integers = _header_values(_INTEGERS, lines)
     reals = _header_values(_REALS, lines)
-    texts += [lines.take() for _ in range(int(_read_announcement(_COMMENTS, lines)[1]))]
+    header += [lines.take() for _ in range(int(_read_announcement(_COMMENTS, lines)[1]))]
     series: list[Series] = []
-    peaks: dict[str, float] = {}  # peak velocity and displacement in SI units
+    peaks: dict[str, float | None] = {}  # peak velocity and displacement in SI units
     other_blocks: list[tuple[NDArray[np.float64], re.Match[str]]] = []
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
-            series.append(_series(samples, block, texts, integers, reals))
+            series.append(_series(samples, block, header, integers, reals))
         elif (quantity := block[2].lower().split()[0]) in _OTHER_QUANTITIES and samples.size:
             # Units by their number; by their name if the number is missing or not in the table.
             units = _OTHER_UNITS.get(block[5] or "") or block[4]
             other_blocks.append((samples, block))
-            if scale := motion_scale(units, quantity):
-                peaks[quantity] = scale * float(np.max(np.abs(samples)))
+            peaks[quantity] = largest_value(samples, units, quantity)
     if line is None or not _END.match(line):
         raise RecordError(
             f"the file is cut off or corrupt: end-of-data line not found after line {lines.number}"
         )
     lines.take()
     if not series and other_blocks:  # The channel has only a velocity or a displacement.
-        return [_series(*other_blocks[0], texts, integers, reals)]
+        return [_series(*other_blocks[0], header, integers, reals)]
     pgv, pgd = peaks.get("velocity"), peaks.get("displacement")
     return [replace(acceleration, pgv=pgv, pgd=pgd) for acceleration in series]
 
@@ -171,7 +165,7 @@ def _width(line: str) -> int | None:
 def _series(
     samples: NDArray[np.float64],
     block: re.Match[str],
-    texts: list[str],
+    header: Header,
     integers: list[float],
     reals: list[float],
 ) -> Series:
@@ -182,8 +176,7 @@ def _series(
     do not match the quantity, or samples are invalid.
     """
     # The header states a number that marks unknown values; it is usually -999.
-    match = first_match(_UNKNOWN, texts)
-    unknown = float(match[1]) if match else -999.0
+    unknown = float(header.field(_UNKNOWN) or -999.0)
     if reals[_STEP] == unknown:
         raise RecordError("the header of the channel does not state the sampling interval")
     dt = reals[_STEP] / 1000.0  # the header states ms
@@ -227,33 +220,32 @@ def _series(
         integers[index] for index in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
     )
     second = reals[_SECOND]
-    is_utc = unknown not in (year, month, day, hour, minute, second) and first_match(_UTC, texts)
-    stated = first_match(_PEAK, texts)
+    is_utc = unknown not in (year, month, day, hour, minute, second) and header.match(_UTC)
     return Series(
         samples.astype(np.int32) if is_counts else samples,
         dt,
         units,
-        **_codes(texts),
+        **_codes(header),
         start=moment(year, month, day, hour, minute, second) if is_utc else None,
-        event=_event(texts),
-        peak=stated_peak(stated[1], stated[2], units) if stated and units else None,
+        event=_event(header),
+        peak=header.peak(_PEAK, units),
     )
 
 
-def _event(texts: list[str]) -> str:
+def _event(header: Header) -> str:
     """Return the name and the origin time (UTC) of the event, if the lines of text state them."""
-    name, origin = first_match(_EVENT, texts), first_match(_ORIGIN, texts)
+    origin = header.match(_ORIGIN)
     origin_time = f"{origin[1]} {origin[2]}" if origin else ""
-    return " ".join(f"{name[1] if name else ''} {origin_time}".split())
+    return " ".join(f"{header.field(_EVENT)} {origin_time}".split())
 
 
-def _codes(texts: list[str]) -> dict[str, Any]:
+def _codes(header: Header) -> dict[str, Any]:
     """Return network, station, location and channel as keyword arguments of `Series`: SEED codes
     from a comment, otherwise codes from the lines of text."""
-    if codes := first_match(_CODES, texts):
+    if codes := header.match(_CODES):
         location = codes[4].strip("-")
         return {"station": codes[1], "channel": codes[2], "network": codes[3], "location": location}
-    station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
+    station, channel = header.match(_STATION), header.match(_CHANNEL)
     station_codes = {"network": station[1], "station": station[2]} if station else {}
     return station_codes | (
         {"location": code(channel[1]), "channel": code(channel[2]).upper()} if channel else {}

@@ -27,15 +27,13 @@ from tdint.ground_motion.formats.lines import (
     recognizer,
 )
 from tdint.ground_motion.formats.series import (
+    Header,
     Series,
     by_parts,
     code,
-    first_match,
-    header_field,
+    largest_value,
     moment,
-    motion_scale,
     required_units,
-    stated_peak,
 )
 from tdint.ground_motion.miniseed_checks import PEAK, Statement, compare, last_place
 
@@ -44,8 +42,8 @@ REALS = 50  # number of real numbers in the header of volume 1
 
 _INTEGERS = re.compile(r"\s*-?\d[-\d\s]{60,}")
 _LAST_INTEGERS = re.compile(r"[-\d\s]+")
-POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
-_UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
+POINTS = rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b"
+_UNITS = r"\bSEC AND\s+([A-Z/^0-9]+)"
 _PAIR_WIDTH = 7  # characters of a time or an acceleration
 
 _MAX_DEPARTURE = 2e-3
@@ -53,7 +51,7 @@ _MAX_DEPARTURE = 2e-3
 of recorders were uneven."""
 
 
-def text_header(lines: Lines) -> list[str]:
+def text_header(lines: Lines) -> Header:
     """Read and return the lines of text at the start of a channel, and skip the lines of integers
     after them, which are not used.
 
@@ -62,13 +60,13 @@ def text_header(lines: Lines) -> list[str]:
     RecordError
         No line of integers follows.
     """
-    texts = lines.take_until(_INTEGERS.fullmatch, "header of integers")
+    header = Header(lines.take_until(_INTEGERS.fullmatch, "header of integers"))
     while (line := lines.peek()) is not None and _LAST_INTEGERS.fullmatch(line):
         lines.take()
-    return texts
+    return header
 
 
-def read_pairs(lines: Lines, texts: list[str]) -> Series:
+def read_pairs(lines: Lines, header: Header) -> Series:
     """Read the pairs of time and acceleration of a channel.
 
     Times of records on film may depart from equal steps by more than their rounding. The motion is
@@ -84,35 +82,30 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     RecordError
         The pairs are cut off, not in a unit of acceleration, or too far from equal steps.
     """
-    points, units = first_match(POINTS, texts), first_match(_UNITS, texts)
+    points, units = header.field(POINTS), header.field(_UNITS)
     if not points:
         raise RecordError("the header of the file does not state the number of points")
     # Times and accelerations alternate.
-    pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
+    pairs = lines.numbers(2 * int(points), _PAIR_WIDTH)
     samples, dt = at_equal_steps(pairs[::2], pairs[1::2], _MAX_DEPARTURE)
-    return Series(samples, dt, required_units(units[1]) if units else "")
+    return Series(samples, dt, required_units(units) if units else "")
 
 
-_TITLE = re.compile(r"\s*(UN)?CORRECTED ACCELEROGRAM", re.IGNORECASE)
-CHANNEL = re.compile(
-    r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:\bDEG\w*\s*)?(?:\(STA\s+CHN.*|LOCATION.*)?$",
-    re.IGNORECASE,
-)
-_STATION = re.compile(r"^\s*STATION NO\.?\s*(\w+)", re.IGNORECASE)
-_START = re.compile(
+_TITLE = r"^\s*(UN)?CORRECTED ACCELEROGRAM"
+CHANNEL = r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:\bDEG\w*\s*)?(?:\(STA\s+CHN.*|LOCATION.*)?$"
+_STATION = r"^\s*STATION NO\.?\s*(\w+)"
+_START = (
     r"\b(?:TRIGGER|START) "
-    r"TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b",
-    re.IGNORECASE,
+    r"TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b"
 )
-_EVENT = re.compile(r"^\s*(\S.*?)\s+EARTHQUAKE\s*$", re.IGNORECASE)
-_ORIGIN = re.compile(
-    r"\bORIGIN(?:\s*\([^)]*\))?\s*:\s*(\d+/\d+/\d+,?\s+\d+:\d\d:\d\d(?:\.\d*)?\s*(?:UTC|GMT|P[SD]T))",
-    re.IGNORECASE,
+_EVENT = r"^\s*(\S.*?)\s+EARTHQUAKE\s*$"
+_ORIGIN = (
+    r"\bORIGIN(?:\s*\([^)]*\))?\s*:\s*(\d+/\d+/\d+,?\s+\d+:\d\d:\d\d(?:\.\d*)?\s*"
+    r"(?:UTC|GMT|P[SD]T))"
 )
-_DATE = re.compile(
+_DATE = (
     r"^\s*((?:\d{1,2}\s+[A-Z]{3,9}|[A-Z]{3,9}\s+\d{1,2}),?\s+\d{4}"
-    r"(?:[\s,-]+\d{1,2}:?\d\d\s+(?:UTC|GMT|P[SD]T))?)",
-    re.IGNORECASE,
+    r"(?:[\s,-]+\d{1,2}:?\d\d\s+(?:UTC|GMT|P[SD]T))?)"
 )
 """Pattern of the date of the event, with its time if stated; used if the origin time is unknown."""
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
@@ -136,13 +129,13 @@ _BLOCK = re.compile(
 """Pattern of the line before a block of samples; its groups are the number of samples, the quantity
 (ACCEL, VELOC or DISPL), the sampling interval (s) and the units."""
 
-_THREE_BLOCKS = re.compile(r"\bPOINTS OF .*-CORRECTED (ACCEL, VELOC AND DISPL) DATA", re.IGNORECASE)
+_THREE_BLOCKS = r"\bPOINTS OF .*-CORRECTED (ACCEL, VELOC AND DISPL) DATA"
 """Pattern of the text of a channel with blocks of all three quantities."""
 
 _FORMAT = re.compile(r"\(\s*\d*\s*[FEG](\d{1,3})", re.IGNORECASE)
 _PEAK = (
-    re.compile(rf"\bMAX\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
-    re.compile(rf"\bPEAK ACCELERATION\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
+    rf"\bMAX\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)",
+    rf"\bPEAK ACCELERATION\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)",
 )
 """Patterns of the peak in volume 1 and in volume 2, which also states the uncorrected peak."""
 
@@ -150,8 +143,7 @@ _QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
 """Quantities by the words in the lines before blocks of samples of volume 2."""
 
 _OTHER_PEAK = {
-    word: re.compile(rf"\bPEAK\s+{quantity}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE)
-    for word, quantity in _QUANTITIES.items()
+    word: rf"\bPEAK\s+{quantity}\s*=\s*({NUMBER})\s*CM" for word, quantity in _QUANTITIES.items()
 }
 """Patterns of the peak velocity and the peak displacement in the text of a channel, by the words of
 `_QUANTITIES`."""
@@ -163,7 +155,7 @@ _END = "/&"  # start of the line after the last block of a channel
 def is_csmip(lines: list[str]) -> object:
     """Return True if a file starts with the title of a CSMIP file and names a channel within 25
     lines."""
-    return _TITLE.match(lines[0]) and first_match(CHANNEL, lines[1:25])
+    return Header(lines[:1]).match(_TITLE) and Header(lines[1:25]).match(CHANNEL)
 
 
 @by_parts
@@ -171,28 +163,27 @@ def read_csmip(lines: Lines) -> list[Series]:
     """Read and return the acceleration of the channel that starts at the next line, in a list of
     length 1."""
     first_line = lines.number + 1
-    texts = text_header(lines)
-    title = first_match(_TITLE, texts[:1])
+    header = text_header(lines)
+    title = Header(header[:1]).match(_TITLE)
     if not title:
         raise RecordError(f"the header of a channel must start in line {first_line}")
-    series = _volume_1(lines, texts) if title[1] else _volume_2(lines, texts)
+    series = _volume_1(lines, header) if title[1] else _volume_2(lines, header)
     if (line := lines.peek()) is not None and line.lstrip().startswith(_END):
         lines.take()
     # Group 1 of the title is UN for uncorrected, which is volume 1.
-    stated = first_match(_PEAK[0 if title[1] else 1], texts)
-    peak = stated_peak(stated[1], stated[2], series.units or "") if stated else None
+    peak = header.peak(_PEAK[0 if title[1] else 1], series.units)
 
     # Film recorders started at the trigger, so the trigger time is the time of the first sample.
     started = None
-    if clock := first_match(_START, texts):
+    if clock := header.match(_START):
         month, day, year, hour, minute, second = map(float, clock.groups()[:6])
         if year < 100:
             year += 1900 if year >= _FIRST_YEAR_OF_1900S else 2000
         started = moment(year, month, day, hour, minute, second, _ZONES[clock[7].upper()])
-    return [replace(series, **_codes(texts), peak=peak, start=started, event=_event(texts))]
+    return [replace(series, **_codes(header), peak=peak, start=started, event=_event(header))]
 
 
-def _volume_1(lines: Lines, texts: list[str]) -> Series:
+def _volume_1(lines: Lines, header: Header) -> Series:
     """Read the acceleration of a channel of volume 1 from the lines after the text header.
     RecordError is raised if the samples are cut off, or their sampling rate or units are invalid.
     """
@@ -204,7 +195,7 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
             lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4])
         )
     if not (equal := _EQUAL.match(line)):
-        return read_pairs(lines, texts)
+        return read_pairs(lines, header)
     lines.take()
     samples = lines.numbers(int(equal[1]), _width(line))
     rate = float(equal[2])
@@ -215,7 +206,7 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
     return Series(samples, 1.0 / rate, required_units(equal[3]))
 
 
-def _volume_2(lines: Lines, texts: list[str]) -> Series:
+def _volume_2(lines: Lines, header: Header) -> Series:
     """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2
     from the lines after the text header.
 
@@ -227,7 +218,7 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
         lines.take()
         blocks[block[2].upper()] = block, lines.numbers(int(block[1]), _width(line))
-    expected = ("ACCEL", "VELOC", "DISPL") if first_match(_THREE_BLOCKS, texts) else ("ACCEL",)
+    expected = ("ACCEL", "VELOC", "DISPL") if header.match(_THREE_BLOCKS) else ("ACCEL",)
     for word in expected:
         if word not in blocks:
             raise RecordError(
@@ -236,28 +227,26 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
             )
     block, samples = blocks["ACCEL"]
     pgv, pgd = (
-        _peak_in_block(word, *blocks[word], texts) if word in blocks else None
+        _peak_in_block(word, *blocks[word], header) if word in blocks else None
         for word in ("VELOC", "DISPL")
     )
     return Series(samples, float(block[3]), required_units(block[4]), pgv=pgv, pgd=pgd)
 
 
 def _peak_in_block(
-    word: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]
+    word: str, block: re.Match[str], samples: NDArray[np.float64], header: Header
 ) -> float | None:
     """Return the maximum absolute value of a block of velocities or displacements (m/s or m; None
     if the units are unknown). RecordError is raised if the header states a different peak.
 
     `block` is the match of `_BLOCK` in the line before the samples.
     """
-    scale = motion_scale(block[4], _QUANTITIES[word])
-    peak = float(np.max(np.abs(samples), initial=0.0))
-    stated = first_match(_OTHER_PEAK[word], texts)
-    if stated:
-        rounding = last_place(stated[1]) + 1e-9 * peak
+    if stated := header.field(_OTHER_PEAK[word]):
+        peak = float(np.max(np.abs(samples), initial=0.0))
+        rounding = last_place(stated) + 1e-9 * peak
         name = f"{PEAK} {_QUANTITIES[word]}"
-        compare([Statement(name, abs(float(stated[1])), peak, rounding, block[4], measured=True)])
-    return peak * scale if scale else None
+        compare([Statement(name, abs(float(stated)), peak, rounding, block[4], measured=True)])
+    return largest_value(samples, block[4], _QUANTITIES[word])
 
 
 def _width(line: str) -> int:
@@ -267,19 +256,19 @@ def _width(line: str) -> int:
     return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
 
 
-def _event(texts: list[str]) -> str:
+def _event(header: Header) -> str:
     """Return the name of the event and its origin time or date, if the lines of text state them."""
-    name = header_field(_EVENT, texts).strip()
-    stated = first_match(_ORIGIN, texts) or (first_match(_DATE, texts) if name else None)
-    date_text = " ".join(stated[1].replace(" - ", " ").split()) if stated else ""
+    name = header.field(_EVENT).strip()
+    stated = header.field(_ORIGIN) or (header.field(_DATE) if name else "")
+    date_text = " ".join(stated.replace(" - ", " ").split())
     return f"{name} {date_text}".strip()
 
 
-def _codes(texts: list[str]) -> dict[str, Any]:
+def _codes(header: Header) -> dict[str, Any]:
     """Return station, location and channel of a channel as keyword arguments of `Series`.
 
     The channel number is the location code, because several channels may have the same azimuth.
     """
-    channel = first_match(CHANNEL, texts)
+    channel = header.match(CHANNEL)
     channel_codes = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
-    return {"station": header_field(_STATION, texts), **channel_codes}
+    return {"station": header.field(_STATION), **channel_codes}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from datetime import timedelta
+from functools import partial
 
 from tdint.ground_motion.formats.lines import (
     COUNT,
@@ -19,34 +20,28 @@ from tdint.ground_motion.formats.lines import (
 )
 from tdint.ground_motion.formats.series import (
     CLOCK,
+    Header,
     Series,
     code,
-    first_match,
-    header_field,
-    moment_in,
     reader,
     required_units,
-    stated_peak,
 )
 
-_POINTS = re.compile(
-    rf"\bNO\.?\s*OF POINTS\s*:\s*({COUNT})\s+EQUALLY SPACED INTERVALS OF\s*:\s*({NUMBER})\s*SEC",
-    re.IGNORECASE,
+_POINTS = (
+    rf"\bNO\.?\s*OF POINTS\s*:\s*({COUNT})\s+EQUALLY SPACED INTERVALS OF\s*:\s*({NUMBER})\s*SEC"
 )
 """Pattern of the number of samples and the sampling interval, s."""
-_UNITS = re.compile(r"\bACC+ELERATION\s+UNIT\s*:\s*(\S+)", re.IGNORECASE)
-_COMPONENT = re.compile(r"^\s*COMP\.?\s*:?\s*([A-Z0-9-]+)", re.IGNORECASE)
-_STATION = re.compile(r"^\s*STATION\s*:\s*(.*)", re.IGNORECASE)
+_UNITS = r"\bACC+ELERATION\s+UNIT\s*:\s*(\S+)"
+_COMPONENT = r"^\s*COMP\.?\s*:?\s*([A-Z0-9-]+)"
+_STATION = r"^\s*STATION\s*:\s*(.*)"
 _STATION_CODE = re.compile(
     "(?:\\(|\N{FULLWIDTH LEFT PARENTHESIS}|\xa3\xa8)\\s*([A-Z0-9]+)", re.IGNORECASE
 )
 """Pattern of a station code after the name of the station; `\\xa3\\xa8` is the full-width
 parenthesis of the encoding GBK, decoded as Latin-1."""
-_PEAK = re.compile(rf"^\s*PEAK VALUE\s*:\s*({NUMBER})\s+AT\b", re.IGNORECASE)
+_PEAK = rf"^\s*PEAK VALUE\s*:\s*({NUMBER})\s+AT\b"
 _EPICENTER = re.compile(r"^\s*EPICENTER\b", re.IGNORECASE)
-_ORIGIN = re.compile(
-    rf"\b(?P<year>\d{{4}})-(?P<month>\d\d?)-(?P<day>\d\d?)\s+{CLOCK}\s+BTM\b", re.IGNORECASE
-)
+_ORIGIN = rf"\b(?P<year>\d{{4}})-(?P<month>\d\d?)-(?P<day>\d\d?)\s+{CLOCK}\s+BTM\b"
 _BEIJING = 8.0  # offset of Beijing time from UTC, hours
 _HEADER = 40  # maximum number of lines of a header
 _VALUE_WIDTH = 10  # characters of a sample in files with samples that fill their fields
@@ -56,7 +51,7 @@ _VALUE_WIDTH = 10  # characters of a sample in files with samples that fill thei
 def is_csmnc(lines: list[str]) -> object:
     """Return True if the first lines of a file state station, component, and number of samples in
     the wording of CSMNC."""
-    return all(first_match(pattern, lines[:_HEADER]) for pattern in (_STATION, _COMPONENT, _POINTS))
+    return all(map(Header(lines[:_HEADER]).match, (_STATION, _COMPONENT, _POINTS)))
 
 
 @reader
@@ -69,21 +64,22 @@ def read_csmnc(lines: Lines) -> list[Series]:
         The file is cut off, has more values than its header states, or its content does not match
         its header.
     """
-    texts = [*lines.take_until(_POINTS.search, "line with the number of points"), lines.take()]
-    points = _POINTS.search(texts[-1])
+    states_points = partial(re.search, _POINTS, flags=re.IGNORECASE)
+    header = Header(lines.take_until(states_points, "line with the number of points"))
+    header.append(lines.take())
+    points = header.match(_POINTS)
     assert points is not None  # take_until has found it
-    texts += lines.take_until(is_row_of_numbers, "row of numbers")
-    units = required_units(header_field(_UNITS, texts))
-    peak = first_match(_PEAK, texts)
+    header += lines.take_until(is_row_of_numbers, "row of numbers")
+    units = required_units(header.field(_UNITS))
     count = int(points[1])
     series = Series(
         lines.numbers(count, _VALUE_WIDTH),
         float(points[2]),
         units,
-        channel=code(header_field(_COMPONENT, texts)).upper(),
-        station=_station(header_field(_STATION, texts)),
-        event=_event(texts),
-        peak=stated_peak(peak[1], units, units) if peak else None,
+        channel=header.code(_COMPONENT).upper(),
+        station=_station(header.field(_STATION)),
+        event=_event(header),
+        peak=header.peak(_PEAK, units, units),
     )
     lines.expect_no_numbers(count)
     return [series]
@@ -95,12 +91,12 @@ def _station(text: str) -> str:
     return match[1] if match else code((text.split() or [""])[0])
 
 
-def _event(texts: list[str]) -> str:
+def _event(header: Header) -> str:
     """Return the name of the earthquake, which is above the line of the epicenter, and its time in
     UTC."""
-    index = next((i for i, line in enumerate(texts) if _EPICENTER.match(line)), 0)
-    name = " ".join(texts[index - 1].split()) if index else ""
-    origin = moment_in(_ORIGIN, texts)
+    index = next((i for i, line in enumerate(header) if _EPICENTER.match(line)), 0)
+    name = " ".join(header[index - 1].split()) if index else ""
+    origin = header.moment(_ORIGIN)
     if origin is None:
         return name
     return f"{name} {origin - timedelta(hours=_BEIJING):%Y-%m-%d %H:%M:%S}".strip()

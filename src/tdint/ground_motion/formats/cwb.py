@@ -21,34 +21,26 @@ from tdint.ground_motion.formats.lines import (
 )
 from tdint.ground_motion.formats.series import (
     CLOCK,
+    Header,
     Series,
     StatedPeak,
     code,
-    first_match,
-    header_field,
-    moment_in,
     reader,
     required_units,
     stated_peak,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
 
-_STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)
-_START = re.compile(
-    rf"^#\s*StartTime\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}",
-    re.IGNORECASE,
-)
-_ORIGIN = re.compile(
-    rf"^#\s*Origin\s*Time\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}",
-    re.IGNORECASE,
-)
-_LENGTH = re.compile(rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})", re.IGNORECASE)
-_RATE = re.compile(rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})", re.IGNORECASE)
-_UNITS = re.compile(r"^#\s*AmplitudeUnit\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
+_STATION = r"^#\s*StationCode\s*:\s*(\S+)"
+_TIME = rf"\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}"
+_START, _ORIGIN = rf"^#\s*StartTime{_TIME}", rf"^#\s*Origin\s*Time{_TIME}"
+_LENGTH = rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})"
+_RATE = rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})"
+_UNITS = r"^#\s*AmplitudeUnit\s*:\s*([A-Z/^0-9]+)"
 _EXTREMES = re.compile(
     rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})", re.IGNORECASE
 )
-_SEQUENCE = re.compile(r"^#\s*DataSequence\s*:\s*Time\s+(.*)", re.IGNORECASE)
+_SEQUENCE = r"^#\s*DataSequence\s*:\s*Time\s+(.*)"
 _MAX_STATED_SAMPLES = 1e12
 """Maximum number of samples according to a header; a larger number is not compared."""
 
@@ -59,7 +51,7 @@ _NAME = re.compile(r"(\w+)\s*\(\+\)")
 def is_cwb(lines: list[str]) -> object:
     """Return True if the comment lines (#) at the start of a file state the station, the sampling
     rate and the order of the columns, as in a CWB file."""
-    return all(first_match(pattern, lines[:60]) for pattern in (_STATION, _RATE, _SEQUENCE))
+    return all(map(Header(lines[:60]).match, (_STATION, _RATE, _SEQUENCE)))
 
 
 @reader
@@ -72,9 +64,9 @@ def read_cwb(lines: Lines) -> list[Series]:
         The file is cut off, its times are not in equal steps, or its content does not match its
         header.
     """
-    texts = lines.take_until(is_row_of_numbers, "row of numbers")
-    sequence, units, rate = (first_match(pattern, texts) for pattern in (_SEQUENCE, _UNITS, _RATE))
-    names = _NAME.findall(sequence[1]) if sequence else []
+    header = Header(lines.take_until(is_row_of_numbers, "row of numbers"))
+    units, rate = map(header.match, (_UNITS, _RATE))
+    names = _NAME.findall(header.field(_SEQUENCE))
     if not (names and rate and units):
         raise RecordError(
             "the header of the file must state the sampling rate, the units and the order of the "
@@ -85,7 +77,7 @@ def read_cwb(lines: Lines) -> list[Series]:
     statements = [
         Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")
     ]
-    length = first_match(_LENGTH, texts)
+    length = header.match(_LENGTH)
     if length and abs(float(length[1]) * float(rate[1])) < _MAX_STATED_SAMPLES:
         # The length is the duration of all samples or, in some files, the time of the last sample.
         # In the latter case, the file has one sample more than length times rate.
@@ -97,18 +89,18 @@ def read_cwb(lines: Lines) -> list[Series]:
 
     # The peak of a component is the larger absolute value of its maximum and minimum.
     peaks: dict[str, StatedPeak | None] = {}
-    for match in filter(None, map(_EXTREMES.search, texts)):
+    for match in filter(None, map(_EXTREMES.search, header)):
         largest = max(match[2], match[3], key=lambda number: abs(float(number)))
         peaks.setdefault(match[1].upper(), stated_peak(largest, unit, unit))
-    origin = moment_in(_ORIGIN, texts)
+    origin = header.moment(_ORIGIN)
     return [
         Series(
             column,
             dt,
             unit,
             channel=code(name).upper(),
-            station=code(header_field(_STATION, texts)),
-            start=moment_in(_START, texts),
+            station=header.code(_STATION),
+            start=header.moment(_START),
             event="" if origin is None else f"{origin:%Y-%m-%d %H:%M:%S}",
             peak=peaks.get(name.upper()),
             compared=compared,

@@ -11,8 +11,8 @@ import re
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizer
 from tdint.ground_motion.formats.series import (
+    Header,
     Series,
-    moment_in,
     reader,
     required_units,
     stated_peak,
@@ -25,8 +25,9 @@ _PEAKS = {
     "velocity": re.compile(r"PGV_(.+)"),
     "displacement": re.compile(r"PGD_(.+)"),
 }
-_TIME = re.compile(
-    r"^(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)_(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d(?:\.\d+)?)$"
+_TIME = (
+    r"^(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)_(?P<hour>\d\d)(?P<minute>\d\d)"
+    r"(?P<second>\d\d(?:\.\d+)?)$"
 )
 
 
@@ -93,7 +94,7 @@ def read_esm(lines: Lines) -> list[Series]:
         location=header.get("LOCATION", ""),
         network=header.get("NETWORK", ""),
         event=_event(header),
-        start=moment_in(_TIME, [header.get(_START, "")]),
+        start=Header([header.get(_START, "")]).moment(_TIME),
         peak=next(peaks, None),
     )
     lines.expect_end()

@@ -8,39 +8,26 @@ values (Cousins, GNS accelerogram data files, standard format, 2008).
 
 from __future__ import annotations
 
-import re
 from math import inf, isclose
 
 import numpy as np
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizer
-from tdint.ground_motion.formats.series import (
-    Series,
-    by_parts,
-    code,
-    first_match,
-    header_field,
-    moment,
-    stated_peak,
-)
+from tdint.ground_motion.formats.series import Header, Series, by_parts, moment
 
 _TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
 """Numbers of lines of text, of integers and of reals in the header of a component, and characters
 per number."""
 
-_TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
-_SITE = re.compile(r"^\s*Site\s+(\S+)", re.IGNORECASE)
-_COMPONENT = re.compile(r"^\s*Component\s+(\S+)", re.IGNORECASE)
-_ORIGIN = re.compile(
-    r"^\s*(\d{4}\s+[A-Z]{3,9}\s+\d{1,2}\s+\d\d:\d\d:\d\d)(?:\.\d*)?\s+UTC?\b", re.IGNORECASE
-)
+_TITLE = r"^\s*(?:un)?corrected accelerogram"
+_SITE = r"^\s*Site\s+(\S+)"
+_COMPONENT = r"^\s*Component\s+(\S+)"
+_ORIGIN = r"^\s*(\d{4}\s+[A-Z]{3,9}\s+\d{1,2}\s+\d\d:\d\d:\d\d)(?:\.\d*)?\s+UTC?\b"
 """Pattern of the origin time of the earthquake, UTC."""
-_PEAK = re.compile(rf"^\s*Acceleration:\s+peak\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
-_RAW_UNITS = re.compile(rf"^\s*Raw readings in units of\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
-_INTERVAL = re.compile(
-    rf"\bat\s+(?:intervals of\s+({NUMBER})\s*s|({NUMBER})\s*s(?:ec)?\s+intervals)", re.IGNORECASE
-)
+_PEAK = rf"^\s*Acceleration:\s+peak\s+({NUMBER})\s*mm/s/s"
+_RAW_UNITS = rf"^\s*Raw readings in units of\s+({NUMBER})\s*mm/s/s"
+_INTERVAL = rf"\bat\s+(?:intervals of\s+({NUMBER})\s*s|({NUMBER})\s*s(?:ec)?\s+intervals)"
 
 _YEAR, _MONTH, _DAY, _HOUR, _MINUTE, _MILLISECONDS = 8, 9, 18, 19, 38, 39
 """Indices of the time of the first sample (UTC) in the integers."""
@@ -55,15 +42,15 @@ _MILLI = 1e-3  # velocity is in mm/s, displacement in mm
 @recognizer
 def is_geonet(lines: list[str]) -> object:
     """Return True if a file starts with the title of a GeoNet file and the name of the site."""
-    return _TITLE.match(lines[0]) and _SITE.match(lines[1])
+    return Header(lines[:1]).match(_TITLE) and Header(lines[1:2]).match(_SITE)
 
 
 @by_parts
 def read_geonet(lines: Lines) -> list[Series]:
     """Read and return the acceleration of the component that starts at the next line, with the
     peaks of its velocity and displacement, in a list of length 1."""
-    texts = [lines.take() for _ in range(_TEXTS)]
-    if not _TITLE.match(texts[0]):
+    header = Header(lines.take() for _ in range(_TEXTS))
+    if not Header(header[:1]).match(_TITLE):
         raise RecordError(
             f"the header of a component must start in line {lines.number - _TEXTS + 1}"
         )
@@ -76,7 +63,7 @@ def read_geonet(lines: Lines) -> list[Series]:
     )
     # The header states the sampling interval as a number and in a sentence; both must agree.
     dt = reals[_STEP]
-    match = first_match(_INTERVAL, texts)
+    match = header.match(_INTERVAL)
     in_text = match[1] or match[2] if match else ""
     if in_text and not isclose(float(in_text), dt, rel_tol=1e-3):
         raise RecordError(
@@ -84,7 +71,7 @@ def read_geonet(lines: Lines) -> list[Series]:
             f"but as {in_text} s in the text"
         )
     # Samples of volume 1 may be film readings, in a fraction or multiple of the unit.
-    factor = header_field(_RAW_UNITS, texts)
+    factor = header.field(_RAW_UNITS)
     if factor and not 0.0 < float(factor) < inf:
         raise RecordError(
             f"the unit of readings must be positive and finite, but the header states {factor} "
@@ -98,13 +85,13 @@ def read_geonet(lines: Lines) -> list[Series]:
         accelerations,
         dt,
         units,
-        channel=code(header_field(_COMPONENT, texts)).upper(),
-        station=code(header_field(_SITE, texts)),
+        channel=header.code(_COMPONENT).upper(),
+        station=header.code(_SITE),
         start=moment(year, month, day, hour, minute, integers[_MILLISECONDS] / 1000.0),
         units_from="format",
-        event=header_field(_ORIGIN, texts),
+        event=header.field(_ORIGIN),
         pgv=pgv,
         pgd=pgd,
-        peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", units),
+        peak=header.peak(_PEAK, units, "mm/s^2"),
     )
     return [series]

@@ -32,7 +32,7 @@ with quiet_import():
 
 
 CLOCK = r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d*)?)"
-"""Pattern of a time of day, for `moment_in`."""
+"""Pattern of a time of day, for `Header.moment`."""
 
 
 @dataclass(frozen=True)
@@ -271,19 +271,14 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
     return units
 
 
-def motion_scale(text: str, quantity: str) -> float | None:
-    """Return the value of a unit in SI units; None if the text is not a unit of `quantity`.
-
-    Parameters
-    ----------
-    text : str
-        Unit in the header of a file, for example `CM/SEC`.
-    quantity : str
-        `acceleration`, `velocity` or `displacement`.
-    """
-    motion = motion_units(text)
-    units = parse_units(motion) if motion else None
-    return units.scale if units and units.quantity == quantity else None
+def largest_value(samples: NDArray[Any], units: str, quantity: str) -> float | None:
+    """Return the maximum absolute velocity or displacement, m/s or m; None if `units` is not a unit
+    of `quantity`."""
+    motion = motion_units(units)
+    parsed = parse_units(motion) if motion else None
+    if parsed is None or parsed.quantity != quantity:
+        return None
+    return parsed.scale * float(np.max(np.abs(samples), initial=0.0))
 
 
 def stated_peak(number: str, units: str, sample_units: str) -> StatedPeak | None:
@@ -307,20 +302,6 @@ def stated_peak(number: str, units: str, sample_units: str) -> StatedPeak | None
         return None
     factor = sample_unit.scale / peak_unit.scale
     return StatedPeak(float(number), last_place(number), header_units, factor)
-
-
-def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:
-    """Return the match of a pattern in the first matching line of text; None if no line matches."""
-    return next(filter(None, map(pattern.search, texts)), None)
-
-
-def header_field(pattern: re.Pattern[str], texts: Sequence[str]) -> str:
-    """Return a value from the lines of a header: group 1 of a pattern in the first matching line.
-
-    The value is empty if no line matches.
-    """
-    match = first_match(pattern, texts)
-    return match[1] if match else ""
 
 
 def moment(
@@ -349,24 +330,42 @@ def moment(
         return None
 
 
-def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None:
-    """Return the time (UTC) in the first line that matches a pattern; None if no line matches or
-    the numbers are not a valid date.
-
-    Parameters
-    ----------
-    pattern : re.Pattern
-        Pattern with groups named after the parameters of `moment`.
-    """
-    match = first_match(pattern, texts)
-    return (
-        moment(**{name: float(number) for name, number in match.groupdict().items()})
-        if match
-        else None
-    )
-
-
 def code(name: str) -> str:
     """Convert a name to a code: replace all characters except letters and digits by hyphens, so
     that codes can be joined by dots."""
     return re.sub(r"[\W_]+", "-", name).strip("-")
+
+
+class Header(list[str]):
+    """Lines of text at the start of a file or of a part, in which fields are found by patterns.
+
+    Patterns do not distinguish upper and lower case. The first matching line is used.
+    """
+
+    def match(self, pattern: str) -> re.Match[str] | None:
+        """Return the match of a pattern in the first matching line; None if no line matches."""
+        matches = (re.search(pattern, line, re.IGNORECASE) for line in self)
+        return next(filter(None, matches), None)
+
+    def field(self, pattern: str) -> str:
+        """Return group 1 of a pattern; empty if no line matches."""
+        match = self.match(pattern)
+        return match[1] if match else ""
+
+    def code(self, pattern: str) -> str:
+        """Return group 1 of a pattern as a code (`code`); empty if no line matches."""
+        return code(self.field(pattern))
+
+    def moment(self, pattern: str) -> datetime | None:
+        """Return a time (UTC) by a pattern with groups named after the parameters of `moment`; None
+        if no line matches or the numbers are not a valid date."""
+        match = self.match(pattern)
+        if match is None:
+            return None
+        return moment(**{name: float(number) for name, number in match.groupdict().items()})
+
+    def peak(self, pattern: str, sample_units: str | None, units: str = "") -> StatedPeak | None:
+        """Return the peak by a pattern with the number in group 1, and its units in group 2 if they
+        are not specified; None if no line matches or if `stated_peak` cannot compare the peak."""
+        match = self.match(pattern)
+        return stated_peak(match[1], units or match[2], sample_units or "") if match else None

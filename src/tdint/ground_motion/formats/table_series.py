@@ -14,7 +14,7 @@ from tdint.ground_motion.formats.lines import agrees_with_times, equal_steps, la
 from tdint.ground_motion.formats.series import (
     Series,
     code,
-    motion_scale,
+    largest_value,
     required_units,
     stated_peak,
 )
@@ -265,13 +265,11 @@ def _series(common: Series, table: TableColumns, index: int, *, is_single: bool)
     if name.quantity != "acceleration":
         return component
 
-    peaks: dict[str, float] = {}
+    peaks: dict[str, float | None] = {}
     for other_name, column in zip(names, table.columns, strict=True):
-        is_same_component = (
-            other_name.quantity in MOTIONS[1:] and other_name.component == name.component
-        )
-        if is_same_component and (scale := motion_scale(other_name.units, other_name.quantity)):
-            peaks.setdefault(other_name.quantity, scale * float(np.max(np.abs(column))))
+        quantity = other_name.quantity
+        if other_name.component == name.component and peaks.get(quantity) is None:
+            peaks[quantity] = largest_value(column, other_name.units, quantity)
     return replace(component, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
 
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizer, row_of_numbers
 from tdint.ground_motion.formats.series import (
+    Header,
     Series,
     code,
-    first_match,
     moment,
     reader,
     required_units,
@@ -28,11 +28,11 @@ from tdint.ground_motion.formats.series import (
 )
 from tdint.number_parsing import pluralize
 
-_TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
+_TITLE = r"^\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N"
 _DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
 _RULER = re.compile(r"[-+]{20,}\s*")
-_STATION = re.compile(r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)", re.IGNORECASE)
-_UNITS = re.compile(r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
+_STATION = r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)"
+_UNITS = r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)"
 _STEPS, _COUNTS, _PEAKS, _NAMES = (
     re.compile(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)", re.IGNORECASE)
     for key in (
@@ -42,28 +42,24 @@ _STEPS, _COUNTS, _PEAKS, _NAMES = (
         "ORIENTACI[OÓ]N",
     )
 )
-_DATE = re.compile(r"^\s*FECHA DEL SISMO\s*\[GMT\]\s*:\s*(\d+)/(\d+)/(\d+)", re.IGNORECASE)
-_ORIGIN = re.compile(
-    r"^\s*HORA EPICENTRO\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
-)
-_FIRST = re.compile(
-    r"^\s*HORA DE LA PRIMERA MUESTRA\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
-)
+_DATE = r"^\s*FECHA DEL SISMO\s*\[GMT\]\s*:\s*(\d+)/(\d+)/(\d+)"
+_ORIGIN = r"^\s*HORA EPICENTRO\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)"
+_FIRST = r"^\s*HORA DE LA PRIMERA MUESTRA\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)"
 _GAL = "gal"  # unit of the peaks in the header
 
 
 @recognizer
 def is_unam(lines: list[str]) -> object:
     """Return True if the first 20 lines of a file contain the title of an ASA file."""
-    return any(map(_TITLE.match, lines[:20]))
+    return Header(lines[:20]).match(_TITLE)
 
 
 @reader
 def read_unam(lines: Lines) -> list[Series]:
     """Read an ASA file, and return its channels with the units and the peaks in the header."""
-    texts = lines.take_until(_DATA.match, "start-of-data line")
+    header = Header(lines.take_until(_DATA.match, "start-of-data line"))
     steps, counts, peaks, names = (
-        _values_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES)
+        _values_of_channels(pattern, header) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES)
     )
     if (
         not names
@@ -81,8 +77,8 @@ def read_unam(lines: Lines) -> list[Series]:
         lines.take()
     columns = lines.table(int(counts[0]), len(names))
     _skip_repeated_rows(lines, columns)
-    units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
-    unit = required_units(units[1]) if units else ""
+    units = header.field(_UNITS)
+    unit = required_units(units) if units else ""
 
     intervals = []
     for step in steps:
@@ -93,7 +89,7 @@ def read_unam(lines: Lines) -> list[Series]:
                 f"the sampling interval must be a number, but the header states {step!r}"
             ) from None
 
-    started, event = _times(texts)
+    started, event = _times(header)
     # Directions are, for example, N90E, or V for vertical. Other text may precede a direction.
     return [
         Series(
@@ -101,7 +97,7 @@ def read_unam(lines: Lines) -> list[Series]:
             intervals[index],
             unit,
             channel=code(name.rpartition(";")[2]).upper(),
-            station=code(station[1]) if station else "",
+            station=header.code(_STATION),
             start=started,
             event=event,
             peak=stated_peak(peaks[index], _GAL, unit)
@@ -112,7 +108,7 @@ def read_unam(lines: Lines) -> list[Series]:
     ]
 
 
-def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
+def _values_of_channels(pattern: re.Pattern[str], header: Header) -> list[str]:
     """Return the values of a header key as text, in the order of the channels. A key has a second
     line if there are more than six channels.
 
@@ -121,7 +117,7 @@ def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]
     with the number of channels.
     """
     values: list[str] = []
-    for match in filter(None, map(pattern.search, texts)):
+    for match in filter(None, map(pattern.search, header)):
         values += match[1].strip().lstrip("/").split("/")
     return [value.strip() for value in values if value.strip()]
 
@@ -157,14 +153,14 @@ def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
         )
 
 
-def _times(texts: list[str]) -> tuple[datetime | None, str]:
+def _times(header: Header) -> tuple[datetime | None, str]:
     """Return the time of the first sample (UTC; None if the header does not state it or the date)
     and the date and origin time of the earthquake (empty without a date).
     """
     # The date of the first sample is the date of the earthquake, or the day after or before it if
     # midnight is between the two times.
     start = None
-    date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
+    date, origin, first = map(header.match, (_DATE, _ORIGIN, _FIRST))
     if date and first:
         year, month, day = map(float, date.groups())
         hour, minute, second = map(float, first.groups())

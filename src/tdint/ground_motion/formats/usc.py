@@ -10,7 +10,6 @@ in volume 2 describes volume 1: the samples are in the units of the peak in the 
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from itertools import accumulate
 
@@ -28,38 +27,31 @@ from tdint.ground_motion.formats.csmip import (
 )
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizer
 from tdint.ground_motion.formats.series import (
+    Header,
     Series,
-    code,
-    first_match,
-    header_field,
-    motion_scale,
+    largest_value,
     reader,
-    stated_peak,
 )
 
-_TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
-_TITLE_2 = re.compile(
-    r"\bCORRECTED ACCELEROGRAM\b|\bVOLUME\s+(?:II|2)\b|\bSTATION USC#", re.IGNORECASE
-)
+_TITLE = r"^\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b"
+_TITLE_2 = r"\bCORRECTED ACCELEROGRAM\b|\bVOLUME\s+(?:II|2)\b|\bSTATION USC#"
 """Pattern of a line in the header of volume 2, which has no fixed title."""
-_STATION = re.compile(r"^\s*STATION USC#\s*(\w+)", re.IGNORECASE)
-_COMPONENT = re.compile(r"^\s*COMP\s+(\w+)", re.IGNORECASE)
-_EARTHQUAKE = re.compile(
-    r"^(.*\bEARTHQUAKE\s+[A-Z]{3,9}\.?\s+\d{1,2},?\s+\d{4}(?:[\s,-]+\d{4}\s+(?:GMT|UTC))?)",
-    re.IGNORECASE,
+_STATION = r"^\s*STATION USC#\s*(\w+)"
+_COMPONENT = r"^\s*COMP\s+(\w+)"
+_EARTHQUAKE = (
+    r"^(.*\bEARTHQUAKE\s+[A-Z]{3,9}\.?\s+\d{1,2},?\s+\d{4}(?:[\s,-]+\d{4}\s+(?:GMT|UTC))?)"
 )
 """Pattern of name, date and time of the earthquake, which are on one line."""
 
-_BLOCK = re.compile(
+_BLOCK = (
     rf"^\s*({COUNT})\s+POINTS OF\s+(ACC|VEL|DIS)\w*\.?\s+DATA EQUALLY[ -]SPACED "
-    rf"AT\s+({NUMBER})\s*SEC",
-    re.IGNORECASE,
+    rf"AT\s+({NUMBER})\s*SEC"
 )
 """Pattern of the line that states the number of samples, the quantity (ACC, VEL or DIS) and the
 sampling interval (s) of a block of volume 2."""
 
 _PEAKS = {
-    word: re.compile(rf"\bPEAK {quantity}\w*\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE)
+    word: rf"\bPEAK {quantity}\w*\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)"
     for word, quantity in (("ACC", "ACC"), ("VEL", "VEL"), ("DIS", "DISP"))
 }
 """Patterns of the peak of each block and its units."""
@@ -77,9 +69,9 @@ _HEADER_TEXT = 60  # maximum number of lines that contain the text of a header
 def is_usc(lines: list[str]) -> object:
     """Return True if the first line is the title of volume 1, or if the first lines name volume 2
     and state the number of accelerations, and no line names a channel as in CSMIP files."""
-    header = lines[:_HEADER_TEXT]
-    is_volume_2 = first_match(_TITLE_2, header) and first_match(_BLOCK, header)
-    return _TITLE.match(lines[0]) or (is_volume_2 and not first_match(CHANNEL, header))
+    header = Header(lines[:_HEADER_TEXT])
+    is_volume_2 = header.match(_TITLE_2) and header.match(_BLOCK)
+    return Header(lines[:1]).match(_TITLE) or (is_volume_2 and not header.match(CHANNEL))
 
 
 @reader
@@ -92,33 +84,33 @@ def read_usc(lines: Lines) -> list[Series]:
         The file is cut off, its times are not in equal steps, or the samples of volume 2 do not
         match the header.
     """
-    if _TITLE.match(lines.peek() or ""):
-        texts = text_header(lines)
+    if Header([lines.peek() or ""]).match(_TITLE):
+        header = text_header(lines)
         lines.numbers(REALS, REAL_WIDTH)  # the real numbers of the header are not used
-        series = read_pairs(lines, texts)
+        series = read_pairs(lines, header)
         # Text may follow the last point.
-        lines.expect_no_numbers(int(header_field(POINTS, texts)))
+        lines.expect_no_numbers(int(header.field(POINTS)))
     else:
-        series, texts = _volume_2(lines)
-    station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
-    event = " ".join(header_field(_EARTHQUAKE, texts).split())
+        series, header = _volume_2(lines)
+    station, component = header.code(_STATION), header.field(_COMPONENT)
+    event = " ".join(header.field(_EARTHQUAKE).split())
     return [replace(series, station=station, channel=component.upper(), event=event)]
 
 
-def _volume_2(lines: Lines) -> tuple[Series, list[str]]:
+def _volume_2(lines: Lines) -> tuple[Series, Header]:
     """Read the acceleration of volume 2 and the peaks of velocity and displacement; return also the
     lines of text.
 
     RecordError is raised if the number of samples of a block differs from the stated number, a
     block contains no acceleration, or the peak in the header is not the peak of the samples.
     """
-    texts: list[str] = []
+    header = Header()
     blocks: dict[str, NDArray[np.float64]] = {}
     block, dt = None, 0.0
     while lines.peek() is not None:
         if not lines.at_numbers():
-            texts.append(lines.take())
-            block = _BLOCK.match(texts[-1]) or block
+            header.append(lines.take())
+            block = Header(header[-1:]).match(_BLOCK) or block
             continue
         first = lines.number + 1
         rows = lines.following_rows(REAL_WIDTH)
@@ -139,13 +131,12 @@ def _volume_2(lines: Lines) -> tuple[Series, list[str]]:
 
     # The units of the samples are the units of the peak, if the values are equal.
     samples = blocks["ACC"]
-    stated = first_match(_PEAKS["ACC"], texts)
-    peak = stated_peak(stated[1], stated[2], "cm/s^2") if stated else None
+    peak = header.peak(_PEAKS["ACC"], "cm/s^2")
     if peak:
         rounding = peak.rounding + last_decimal(samples)
         peak = replace(peak, factor=1.0, rounding=rounding)
-    pgv, pgd = (_peak(blocks, word, texts) for word in ("VEL", "DIS"))
-    return Series(samples, dt, peak.units if peak else "", peak=peak, pgv=pgv, pgd=pgd), texts
+    pgv, pgd = (_peak(blocks, word, header) for word in ("VEL", "DIS"))
+    return Series(samples, dt, peak.units if peak else "", peak=peak, pgv=pgv, pgd=pgd), header
 
 
 def _samples_of_block(
@@ -168,11 +159,10 @@ def _samples_of_block(
     )
 
 
-def _peak(blocks: dict[str, NDArray[np.float64]], word: str, texts: list[str]) -> float | None:
+def _peak(blocks: dict[str, NDArray[np.float64]], word: str, header: Header) -> float | None:
     """Return the maximum absolute velocity (m/s) or displacement (m) of a block; None without the
     block, or if the header does not state the peak with its units."""
-    stated = first_match(_PEAKS[word], texts)
-    scale = motion_scale(stated[2], _QUANTITIES[word]) if stated else None
-    if word not in blocks or scale is None:
+    stated = header.match(_PEAKS[word])
+    if word not in blocks or stated is None:
         return None
-    return scale * float(np.max(np.abs(blocks[word]), initial=0.0))
+    return largest_value(blocks[word], stated[2], _QUANTITIES[word])

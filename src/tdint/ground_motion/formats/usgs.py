@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizer
 from tdint.ground_motion.formats.series import (
+    Header,
     Series,
     StatedPeak,
     code,
-    first_match,
     moment,
     reader,
 )
@@ -47,9 +47,9 @@ _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 _YEAR, _DAY, _HOUR, _MILLISECOND = 1, 2, 3, 6
 """Indices of the start time in the integers; minute and second are between hour and millisecond."""
 
-_DATE = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
+_DATE = r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b"
 """Pattern of year, month and day of the earthquake in the text."""
-_EVENT = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\s+(\d{4})?\s*(.*)")
+_EVENT = r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\s+(\d{4})?\s*(.*)"
 """Pattern of date, time (UTC) and name of the earthquake in the text."""
 _MAX_DATE_DIFFERENCE = timedelta(days=1.5)
 """Maximum difference between the start time and noon on the date of the earthquake in the text."""
@@ -164,7 +164,7 @@ def _at_unequal_times(lines: Lines, count: int) -> tuple[NDArray[np.float64], fl
 
 def _event(texts: list[str]) -> str:
     """Return name, date and time of the earthquake; empty if the text states no date."""
-    match = first_match(_EVENT, texts)
+    match = Header(texts).match(_EVENT)
     if match is None:
         return ""
     year, month, day, clock, name = match.groups("")
@@ -181,7 +181,7 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     year, day = integers[_YEAR], integers[_DAY]
     # The day of the year is the day counted from the first day of January.
     by_day = _header_time(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])
-    date = first_match(_DATE, texts)
+    date = Header(texts).match(_DATE)
     if date is None:
         return by_day
     stated_year, stated_month, stated_day = map(float, date.groups())
