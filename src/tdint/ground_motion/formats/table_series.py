@@ -195,12 +195,11 @@ def _sampling_interval(table: TableColumns, layout: TextLayout, reason: str) -> 
             raise RecordError(f"the times must be in s or ms, but the header states {name.units!r}")
         scale = SECONDS[name.units] if name is not None else 1.0
         times = table.columns[table.time] * scale
-        dt, rounding = equal_steps(times)[0], last_decimal(times)
+        mean, rounding = equal_steps(times)[0], last_decimal(times)
         # Rounded times may agree with several intervals, of which the stated one is right.
         stated = (step for step in (*intervals, layout.step) if step is not None)
-        intervals.append(
-            next((step for step in stated if agrees_with_times(step, times, rounding)), dt)
-        )
+        agreeing = (step for step in stated if agrees_with_times(step, times, rounding))
+        intervals.append(next(agreeing, mean))
     if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
         values = " s and ".join(f"{dt:g}" for dt in intervals)
         raise RecordError(
