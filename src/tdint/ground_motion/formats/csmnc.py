@@ -11,21 +11,8 @@ import re
 from datetime import timedelta
 from functools import partial
 
-from tdint.ground_motion.formats.lines import (
-    COUNT,
-    NUMBER,
-    Lines,
-    is_row_of_numbers,
-    recognizer,
-)
-from tdint.ground_motion.formats.series import (
-    CLOCK,
-    Header,
-    Series,
-    code,
-    reader,
-    required_units,
-)
+from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizer
+from tdint.ground_motion.formats.series import CLOCK, Header, Series, code, reader, required_units
 
 _POINTS = (
     rf"\bNO\.?\s*OF POINTS\s*:\s*({COUNT})\s+EQUALLY SPACED INTERVALS OF\s*:\s*({NUMBER})\s*SEC"

@@ -10,13 +10,7 @@ import re
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizer
-from tdint.ground_motion.formats.series import (
-    Header,
-    Series,
-    reader,
-    required_units,
-    stated_peak,
-)
+from tdint.ground_motion.formats.series import Header, Series, reader, required_units, stated_peak
 
 _COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
 _START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"

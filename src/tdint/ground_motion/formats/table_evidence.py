@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import TextLayout
 from tdint.ground_motion.formats.header_statements import MAX_STEP, MIN_COUNT, MIN_STEP
+from tdint.ground_motion.formats.table_lines import NumberBlock, Numbers
 from tdint.ground_motion.missing import IncompleteRecord, Missing
 from tdint.number_parsing import pluralize
 
@@ -251,13 +252,7 @@ class FirstNumbers:
     note: str = ""
 
 
-def first_numbers(
-    words: list[list[str]],
-    values: NDArray[np.float64],
-    widths: NDArray[np.int64],
-    layout: TextLayout,
-    number: int,
-) -> FirstNumbers:
+def first_numbers(block: NumberBlock, numbers: Numbers, layout: TextLayout) -> FirstNumbers:
     """Return the statements in the first lines of a block.
 
     One rule applies to numbers in successive lines and to several numbers in a line:
@@ -273,19 +268,14 @@ def first_numbers(
     nodes also start with a number. `skip_lines=0` states that the values of rules 2 and 3 are
     samples.
 
-    Parameters
-    ----------
-    words : list of list of str
-        Texts of the numbers in the first lines, including some samples.
-    number : int
-        Number of the first line in the file, counted from 1.
-
     Raises
     ------
     RecordError
         A number of samples does not agree with the block, or the first number may be a sample or
         the sampling interval.
     """
+    words, number = block.first_words, block.line_numbers[0]
+    values, widths = numbers.values, numbers.widths
     lines = len(widths)
     if lines < _MIN_TIMES:
         return FirstNumbers()
@@ -300,11 +290,11 @@ def first_numbers(
         texts = [word for row in words[:used] for word in row]
         if len(texts) != int(np.sum(widths[:used])):  # numbers without separators
             break
-        numbers = values[: len(texts)].tolist()
-        whole = [n for t, n in zip(texts, numbers, strict=True) if _WHOLE.fullmatch(t)]
+        first = values[: len(texts)].tolist()
+        whole = [n for t, n in zip(texts, first, strict=True) if _WHOLE.fullmatch(t)]
         steps = [
             n
-            for t, n in zip(texts, numbers, strict=True)
+            for t, n in zip(texts, first, strict=True)
             if not _WITHOUT_POINT.fullmatch(t) and MIN_STEP <= n <= MAX_STEP
         ]
         if not is_other and width == 1 and len(whole) + len(steps) < len(texts):
@@ -429,12 +419,13 @@ def _interval_alone(
     )
 
 
-def unexplained_first_line(words: list[list[str]], widths: NDArray[np.int64], number: int) -> None:
+def unexplained_first_line(block: NumberBlock, numbers: Numbers) -> None:
     """Raise RecordError if the numbers of a first line differ in form from the samples.
 
     In a table of numbers with decimal points, a whole number without a point is a number of
     samples or of a station, never a sample.
     """
+    words, widths = block.first_words, numbers.widths
     # Each of the first two lines of a column may contain a number.
     used = 2 if len(words) > 1 and len(words[0]) == len(words[1]) == 1 else 1
     first = [word for row in words[:used] for word in row]
@@ -445,7 +436,7 @@ def unexplained_first_line(words: list[list[str]], widths: NDArray[np.int64], nu
     samples.remove(whole[0])
     if samples and all("." in word for word in samples):
         remaining = (len(widths) - 1, int(np.sum(widths[1:])))
-        raise _wrong_count(words, float(whole[0]), remaining, number)
+        raise _wrong_count(words, float(whole[0]), remaining, block.line_numbers[0])
 
 
 def is_index_row(words: list[list[str]]) -> bool:
@@ -460,15 +451,7 @@ def is_index_row(words: list[list[str]]) -> bool:
     return is_counted and all("." in word for row in words[1:] for word in row[-1:])
 
 
-def has_card_numbers(words: list[list[str]], last: NDArray[np.float64]) -> bool:
-    """Return True if the last number of each line is the number of the line.
-
-    Parameters
-    ----------
-    words : list of list of str
-        Texts of the numbers in the first lines.
-    last : ndarray, shape (lines,)
-        Last number of each line.
-    """
-    is_whole = all(_WITHOUT_POINT.fullmatch(row[-1]) for row in words if row)
-    return is_whole and counts_rows(last)
+def has_card_numbers(block: NumberBlock, numbers: Numbers) -> bool:
+    """Return True if the last number of each line is the number of the line."""
+    is_whole = all(_WITHOUT_POINT.fullmatch(row[-1]) for row in block.first_words)
+    return is_whole and counts_rows(numbers.values[numbers.line_ends[1:] - 1])

@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import date
@@ -46,6 +46,7 @@ _LIST_MARKS = str.maketrans(dict.fromkeys('{}[]()\\&"', " "))
 _LIST_MARK = re.compile(r'[{}\[\]()\\&"]|\.\.\.\s*$')
 _SEPARATORS = ",;\t"
 _BLANKS = " \t\r,;"  # characters of a row without cells, and at the end of a row
+_FIRST_LINES = 50  # lines that are compared with the form of the first lines
 
 
 @dataclass
@@ -67,6 +68,11 @@ class NumberBlock:
     def separator(self) -> str:
         """Separator of the cells: semicolon, tab, comma or blank."""
         return next((mark for mark in ";\t," if mark in self.lines[-1].strip()), " ")
+
+    @property
+    def first_words(self) -> list[list[str]]:
+        """Texts of the numbers in the first lines, which are compared with the other lines."""
+        return [re.split(r"[\s,;]+", line.strip(_BLANKS)) for line in self.lines[:_FIRST_LINES]]
 
     def part(self, start: int, end: int | None = None) -> NumberBlock:
         """Return the lines from index `start` up to index `end`."""
@@ -420,9 +426,3 @@ def _field_width(lines: Sequence[str]) -> int | None:
             if after - before != width:
                 return None
     return width
-
-
-def words_of(lines: Sequence[str]) -> Iterator[list[str]]:
-    """Yield the texts of the numbers in rows."""
-    for line in lines:
-        yield re.split(r"[\s,;]+", line.strip(_BLANKS))

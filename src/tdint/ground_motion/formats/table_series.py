@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,30 +88,29 @@ def incomplete(
     return IncompleteRecord(f"{reason}{also}", missing)
 
 
-def table_components(
-    table: TableColumns, layout: TextLayout, reason: str
-) -> tuple[list[Series], tuple[str, ...]]:
-    """Return the components of a table, and notes about their units.
+def table_components(table: TableColumns, layout: TextLayout, reason: str) -> list[Series]:
+    """Return the components of a table, and warn about assumptions.
 
     `reason` explains why the lines continue one ground motion; empty if the columns are separate.
     """
     stated, names, columns = table.stated, table.names, table.columns
-    notes: tuple[str, ...] = ()
     if len(stated.units) > 1:
-        notes = (f"the header states several units, {', '.join(stated.units)}; they are not used",)
+        warnings.warn(
+            f"the header states several units, {', '.join(stated.units)}; they are not used",
+            stacklevel=2,
+        )
     selected = _selected(table, layout) or _accelerations(table, layout)
     dt, is_stated = _sampling_interval(table, layout, reason)
     if not is_stated:
-        notes = (
-            *notes,
-            f"using the specified sampling interval of {dt:g} s; the file states none",
+        warnings.warn(
+            f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
     # The continuity of the values suggests separate ground motions, but the file does not state it.
     if len(selected) > 1 and not (names or table.time is not None or layout.column):
-        notes = (
-            *notes,
+        warnings.warn(
             f"each of {len(columns)} columns without names is read as a separate ground motion; if "
             "the lines continue a single ground motion, specify `rows`",
+            stacklevel=2,
         )
     compared = (
         *((SAMPLES,) if stated.counts else ()),
@@ -134,7 +134,7 @@ def table_components(
     series = [_series(common, table, index, is_single=len(selected) == 1) for index in selected]
     if len(series) == 1:
         series = [_with_peak(series[0], stated)]
-    return series, notes
+    return series
 
 
 def _selected(table: TableColumns, layout: TextLayout) -> list[int]:

@@ -75,7 +75,6 @@ from tdint.ground_motion.formats.table_lines import (
     TableText,
     block_numbers,
     table_text,
-    words_of,
 )
 from tdint.ground_motion.formats.table_series import (
     Names,
@@ -99,7 +98,6 @@ _REGULAR = 0.9
 """Fraction of the lines with the same number of values; a table with fewer such lines is not
 regular, and single lines cannot be named as the error."""
 
-_FIRST_LINES = 50  # lines that are compared with the form of the first lines
 _INTEGER = re.compile(r"\+?\d+")
 _WITHOUT_POINT = re.compile(r"[-+]?0*[1-9]\d*(?:[EeDd][-+]?\d+)?")
 """Pattern of a number without a decimal point, except zero."""
@@ -214,18 +212,17 @@ def _table_in(file: Any, layout: TextLayout) -> TextTable | None:
     try:
         # `read` repeats the warnings, which are ignored while formats are tried.
         with caught_messages() as messages:
-            series, notes = _read_table(lines, text, layout)
+            series = _read_table(lines, text, layout)
+            if layout.skip_lines:
+                skipped = pluralize(layout.skip_lines, "line")
+                warnings.warn(f"{skipped} ignored at the beginning, as requested", stacklevel=2)
     except RecordError as error:
         return TextTable(problem=error, size=size)
-    skipped = f"{pluralize(layout.skip_lines or 0, 'line')} ignored at the beginning, as requested"
-    notes = (*notes, *messages, *((skipped,) if layout.skip_lines else ()))
-    return TextTable(tuple(series), notes, size=size)
+    return TextTable(tuple(series), tuple(messages), size=size)
 
 
-def _read_table(
-    lines: Lines, text: TableText, layout: TextLayout
-) -> tuple[list[Series], tuple[str, ...]]:
-    """Read the ground motions in the main block of a text; return these and notes."""
+def _read_table(lines: Lines, text: TableText, layout: TextLayout) -> list[Series]:
+    """Read and return the ground motions in the main block of a text."""
     blocks, main = text.blocks, text.main
     numbers = block_numbers(blocks[main])
     if numbers.sizes[0] == 1 and numbers.values.size < _MIN_VALUES:
@@ -236,13 +233,7 @@ def _read_table(
 
     # Separate the samples from numbers of a header above them and from quantities after them.
     block, numbers = _with_separate_first_lines(blocks, main, numbers, layout)
-    first = first_numbers(
-        list(words_of(block.lines[:_FIRST_LINES])),
-        numbers.values,
-        numbers.widths,
-        layout,
-        block.line_numbers[0],
-    )
+    first = first_numbers(block, numbers, layout)
     names, header = _names_and_header(blocks[: main + 1], numbers.width, layout)
     stated = statements(header)
     _check_content(names, header, stated)
@@ -252,15 +243,15 @@ def _read_table(
         stated = replace(stated, counts=frozenset([first.count]))
     if first.interval:
         stated = stated.with_interval(first.interval)
-    numbers, notes = _without_filling(*_without_cards(block, numbers, names), stated)
-    notes = (*((first.note,) if first.note else ()), *notes)
+    if first.note:
+        warnings.warn(first.note, stacklevel=2)
+    numbers = _without_filling(_without_cards(block, numbers, names), stated)
     is_confirmed = not stated.counts.isdisjoint(numbers.sizes)
     _check_surroundings(blocks, main, text.below, stated, numbers)
     if not is_confirmed:
         _check_blank_lines(block)
         if not first.lines:
-            words = list(words_of(block.lines[:_FIRST_LINES]))
-            unexplained_first_line(words, numbers.widths, block.line_numbers[0])
+            unexplained_first_line(block, numbers)
 
     time, ignored = _time_and_ignored(numbers, names, text.ignored, layout)
     if time is not None and not (names or stated.intervals):
@@ -292,9 +283,8 @@ def _read_table(
             Missing(columns=tuple(map(table.name, table.candidates))),
         )
     if reason:
-        notes = (*notes, f"each line continues the ground motion: {reason}")
-    series, unit_notes = table_components(table, layout, reason)
-    return series, (*notes, *unit_notes)
+        warnings.warn(f"each line continues the ground motion: {reason}", stacklevel=2)
+    return table_components(table, layout, reason)
 
 
 _MILLISECONDS = re.compile(r"[(\[]\s*(?:ms|msec)\s*[)\]]|\bin (?:ms|msec)\b", re.IGNORECASE)
@@ -380,42 +370,34 @@ def _with_separate_first_lines(
             np.concatenate((above.values, numbers.values)),
             np.concatenate((above.widths, numbers.widths)),
         )
-        words = list(words_of(joined.lines[:_FIRST_LINES]))
         with suppress(RecordError):
-            number = joined.line_numbers[0]
-            first = first_numbers(words, together.values, together.widths, layout, number)
-            if first.lines == len(previous.lines):
+            if first_numbers(joined, together, layout).lines == len(previous.lines):
                 return joined, together
     return block, numbers
 
 
-def _without_cards(
-    block: NumberBlock, numbers: Numbers, names: Names
-) -> tuple[Numbers, tuple[str, ...]]:
-    """Return the numbers without the numbers of the lines (of cards) at the ends of the lines, and
-    a note."""
-    if names or int(numbers.widths.min()) < 2:
-        return numbers, ()
-    last = numbers.values[numbers.line_ends[1:] - 1]
-    if not has_card_numbers(list(words_of(block.lines[:_FIRST_LINES])), last):
-        return numbers, ()
+def _without_cards(block: NumberBlock, numbers: Numbers, names: Names) -> Numbers:
+    """Return the numbers without the numbers of the lines (of cards) at the ends of the lines, with
+    a warning."""
+    if names or int(numbers.widths.min()) < 2 or not has_card_numbers(block, numbers):
+        return numbers
     note = "the last number of each line is the number of the line and is not read"
-    return numbers.without_last(), (note,)
+    warnings.warn(note, stacklevel=2)
+    return numbers.without_last()
 
 
-def _without_filling(
-    numbers: Numbers, notes: tuple[str, ...], stated: Statements
-) -> tuple[Numbers, tuple[str, ...]]:
+def _without_filling(numbers: Numbers, stated: Statements) -> Numbers:
     """Return the numbers without zeros that fill the last row after the stated number of samples,
-    and the notes."""
+    with a warning."""
     width, total = int(numbers.widths[-1]), numbers.values.size
     counts = [n for n in stated.counts if is_filled(numbers.values, n, width)]
     if len(counts) != 1 or not numbers.is_regular:
-        return numbers, notes
+        return numbers
     widths = numbers.widths.copy()
     widths[-1] -= total - counts[0]
     note = f"{pluralize(total - counts[0], 'zero')} after the {counts[0]} stated samples omitted"
-    return Numbers(numbers.values[: counts[0]], widths), (*notes, note)
+    warnings.warn(note, stacklevel=2)
+    return Numbers(numbers.values[: counts[0]], widths)
 
 
 def _stated_part(

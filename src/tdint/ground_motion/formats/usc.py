@@ -26,12 +26,7 @@ from tdint.ground_motion.formats.csmip import (
     text_header,
 )
 from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, last_decimal, recognizer
-from tdint.ground_motion.formats.series import (
-    Header,
-    Series,
-    largest_value,
-    reader,
-)
+from tdint.ground_motion.formats.series import Header, Series, largest_value, reader
 
 _TITLE = r"^\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b"
 _TITLE_2 = r"\bCORRECTED ACCELEROGRAM\b|\bVOLUME\s+(?:II|2)\b|\bSTATION USC#"

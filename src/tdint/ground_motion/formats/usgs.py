@@ -19,14 +19,7 @@ from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, at_equal_steps, recognizer
-from tdint.ground_motion.formats.series import (
-    Header,
-    Series,
-    StatedPeak,
-    code,
-    moment,
-    reader,
-)
+from tdint.ground_motion.formats.series import Header, Series, StatedPeak, code, moment, reader
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 """Numbers of lines of text, of integers and of reals in the header of an SMC file."""
