@@ -14,14 +14,9 @@ from tdint.response.arguments import model_record
 from tdint.response.runs.settings import settings_from
 from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
 from tdint.studies.campaign.chunks import CampaignSettings
-from tdint.studies.campaign.definition import (
-    AnalysisOverrides,
-    CampaignFile,
-    FactorsFile,
-    ModelFiles,
-)
+from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile, FactorsFile
 from tdint.studies.campaign.execute import threads
-from tdint.studies.campaign.inputs import Inputs, read_factors, read_listed_motions, read_motions
+from tdint.studies.campaign.inputs import Inputs, read_inputs
 from tdint.studies.campaign.plan import Plan, make_plan
 from tdint.system import processors
 from tdint_cli.commands.run_request import Request
@@ -71,25 +66,19 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     (UsageError if it has no record).
     """
     factors = request.factors
-    table = None if factors is None else read_factors(factors)
     campaign = CampaignFile(
         name=model.name,
         source=model.source,
-        buildings=ModelFiles((model.source,)),
-        records=(record_files := RecordFiles(records, request.choice)),
+        records=RecordFiles(records, request.choice),
         intensity=Scales(request.scale or (1.0,)) if factors is None else FactorsFile(factors),
         analysis=AnalysisOverrides(request.method),
         settings=settings_from(request, CampaignSettings, profiles=True, check=bool(request.check)),
         pair_demand=request.pair_demand,
     )
-    if records:
-        motions = read_motions(record_files)
-    elif table:
-        table, motions = read_listed_motions(table, record_files)
-    else:
-        # Use the unscaled record of the model: --scale defines the levels.
-        record = model_record(with_motion(model, replace(request, scale=(1.0,))))
-        if record is None:
-            raise UsageError("--scale requires a record, and the model has no record: add RECORD")
-        motions = CampaignMotions(suite_motions([record]))
-    return make_plan(campaign, Inputs((model,), motions=motions, factors=table))
+    if records or factors is not None:
+        return make_plan(campaign, read_inputs(campaign, (model,)))
+    # Use the unscaled record of the model: --scale defines the levels.
+    record = model_record(with_motion(model, replace(request, scale=(1.0,))))
+    if record is None:
+        raise UsageError("--scale requires a record, and the model has no record: add RECORD")
+    return make_plan(campaign, Inputs((model,), motions=CampaignMotions(suite_motions([record]))))

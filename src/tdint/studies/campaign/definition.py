@@ -480,6 +480,10 @@ class AnalysisOverrides:
     p_delta: bool | None = None
 
 
+NO_RECORDS = RecordFiles((), RecordChoice())
+UNSCALED = Scales((1.0,))
+
+
 @dataclass(frozen=True)
 class CampaignFile:
     """Checked campaign file.
@@ -501,11 +505,11 @@ class CampaignFile:
 
     name: str
     source: str
-    buildings: ModelFiles | InventoryFile
-    records: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles
-    intensity: Scales | MeasureLevels | FactorsFile
-    analysis: AnalysisOverrides
-    settings: CampaignSettings
+    buildings: ModelFiles | InventoryFile = ModelFiles(())
+    records: RecordFiles | SequenceFile | GridFile | FieldFile | LoadFiles = NO_RECORDS
+    intensity: Scales | MeasureLevels | FactorsFile = UNSCALED
+    analysis: AnalysisOverrides = AnalysisOverrides()
+    settings: CampaignSettings = field(default_factory=CampaignSettings)
     sweep: ParameterSweep | None = None
     damage: DamageRequest | None = None
     outputs: tuple[str, ...] | None = None

@@ -89,8 +89,13 @@ class Inputs:
     too_far_from_sites: tuple[ModelFault, ...] = ()
 
 
-def read_inputs(campaign: CampaignFile) -> Inputs:
+def read_inputs(campaign: CampaignFile, models: tuple[Model, ...] = ()) -> Inputs:
     """Read all files that a campaign file lists.
+
+    Parameters
+    ----------
+    models : tuple of Model
+        Models that have been read already; by default the model files are read.
 
     Returns
     -------
@@ -107,13 +112,12 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     UsageError
         A grid is used without an inventory.
     """
-    models: tuple[Model, ...] = ()
     rows: InventoryRows | None = None
     faults: tuple[ModelError, ...] = ()
     sweep = campaign.sweep or ParameterSweep()
     # Read the buildings first, so that errors of model files are reported before records are read.
     if isinstance(campaign.buildings, ModelFiles):
-        models = read_models(campaign.buildings, campaign.analysis)
+        models = models or read_models(campaign.buildings, campaign.analysis)
         with sweep.reported_at_key():
             models = sweep.vary_models(models) if campaign.sweep else models
     else:
@@ -125,7 +129,9 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     )
     # If the campaign file lists no records, the table of factors lists them.
     if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
-        factors, motions = read_listed_motions(factors, campaign.records)
+        listed = campaign.records
+        factors, suite = read_listed(factors, listed.choice, listed.pairs)
+        motions = _motions_of(suite)
     elif isinstance(campaign.records, LoadFiles):
         motions = read_load_cases(campaign.records, models, rows, campaign.source)
     else:
@@ -524,32 +530,6 @@ def read_factors(file: str) -> FactorTable:
         record_digest(settings_file, content)
     by_name = {motion: tuple(numbers) for motion, numbers in factors_of_motion.items()}
     return FactorTable(file, by_name, scale_settings)
-
-
-def read_listed_motions(
-    table: FactorTable, records: RecordFiles
-) -> tuple[FactorTable, CampaignMotions]:
-    """Read the records that a table of factors lists.
-
-    Parameters
-    ----------
-    records : RecordFiles
-        Selection of components and processing of the records; its list of files is empty.
-
-    Returns
-    -------
-    table : FactorTable
-        Table with the paths of the existing files.
-    motions : CampaignMotions
-        Motions that have a factor.
-
-    Raises
-    ------
-    RecordError
-        No record can be used; the message has one line per reason.
-    """
-    table, suite = read_listed(table, records.choice, records.pairs)
-    return table, _motions_of(suite)
 
 
 def read_listed(

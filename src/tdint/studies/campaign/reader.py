@@ -10,7 +10,6 @@ from pathlib import Path
 
 from tdint.csv_table import number
 from tdint.errors import UsageError
-from tdint.ground_motion.choice import RecordChoice
 from tdint.methods.catalogue import parse as parse_method
 from tdint.model.building_rules import CAPACITY, RULES
 from tdint.model.config.record_files import FILES, UNITS, RecordFiles, choice_of_files, read_files
@@ -44,6 +43,8 @@ from tdint.studies.campaign.assigned_motions import (
 )
 from tdint.studies.campaign.chunks import CampaignSettings
 from tdint.studies.campaign.definition import (
+    NO_RECORDS,
+    UNSCALED,
     AnalysisOverrides,
     CampaignFile,
     FactorsFile,
@@ -374,8 +375,8 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         name=section.read("name") or name,
         source=label,
         buildings=buildings,
-        records=motions or RecordFiles((), RecordChoice()),
-        intensity=_read_intensity(intensity) or Scales((1.0,)),
+        records=motions or NO_RECORDS,
+        intensity=_read_intensity(intensity) or UNSCALED,
         analysis=_read_analysis(analysis),
         settings=CampaignSettings(
             dt=dt.read() if dt and not dt.is_list else None,

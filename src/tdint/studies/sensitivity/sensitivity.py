@@ -11,16 +11,14 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
-from tdint.model.config.record_files import RecordFiles
 from tdint.model.definition import Model
 from tdint.response.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.response.runs.run_values import RUN
-from tdint.studies.campaign.assigned_motions import CampaignMotions, Scales
+from tdint.studies.campaign.assigned_motions import CampaignMotions
 from tdint.studies.campaign.chunks import CampaignSettings, Run
-from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile, ModelFiles
+from tdint.studies.campaign.definition import AnalysisOverrides, CampaignFile
 from tdint.studies.campaign.execute import execute_plan, threads
 from tdint.studies.campaign.inputs import Inputs
 from tdint.studies.campaign.plan import Plan, make_plan
@@ -228,9 +226,6 @@ def plan_of(
     campaign = CampaignFile(
         name=model.name,
         source=model.source,
-        buildings=ModelFiles((model.source,)),
-        records=RecordFiles((), RecordChoice()),
-        intensity=Scales((1.0,)),
         analysis=AnalysisOverrides(method and parse(method).label),
         settings=CampaignSettings(dt=dt),
     )
