@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress, islice
 from pathlib import Path
-from typing import TypeVar, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,13 @@ _DESIGN_LEVELS = (
 """Design levels by their spellings in inventories: `high`, `high-code` and `hc` are equivalent."""
 
 
+def _columns_of(
+    classes: Mapping[str, CapacityClass] | None,
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of the columns that tdint uses, and of the required columns."""
+    return (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, NEEDED_WITH_CLASSES)
+
+
 @dataclass(frozen=True, slots=True)
 class InventoryRow:
     """Building of an inventory.
@@ -142,9 +149,7 @@ def read_inventory(
     ModelError
         The file cannot be read, or a required column is missing.
     """
-    columns, needed = (
-        (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, NEEDED_WITH_CLASSES)
-    )
+    columns, needed = _columns_of(classes)
     arguments = (length, mass_only, classes, as_published)
     if mapping is None:
         # `requirements` describes a valid file in error messages. Its list of columns is replaced,
@@ -190,21 +195,20 @@ def _separate_valid_rows(table: _Table) -> tuple[InventoryRows, list[ModelFault]
     valid = table.valid_rows()
     first_lines: dict[str, int] = {}  # line of the first building with each id
     for index in np.flatnonzero(~valid).tolist():
-        row = _Row(table, index, faults)
         # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
         if index in table.overfull:
-            row.fault(len(table.table.header), "", table.overfull[index])
+            surplus = table.overfull[index]
+            faults.append(table.fault(index, len(table.table.header), "", surplus))
             continue
-        building = row.building()
+        building = _read_row(table, index, faults)
         # The id must be unique, because tables refer to a building by its id, and the id determines
         # its random samples.
         if building and building.id in first_lines:
-            row.fault(
-                table.column_indices["id"],
-                "id",
+            message = (
                 f"{building.id!r} is already on line {first_lines[building.id]}; use a different "
-                "id for each building",
+                "id for each building"
             )
+            faults.append(table.fault(index, table.column_indices["id"], "id", message))
         elif building:
             first_lines[building.id] = table.lines[index]
             valid[index] = True
@@ -279,10 +283,14 @@ class _Table:
     @cached_property
     def column_indices(self) -> dict[str, int]:
         """Indices of the columns that tdint uses, by name."""
-        names = _COLUMNS if self.classes is None else _CLASS_COLUMNS
+        names, _ = _columns_of(self.classes)
         return {
             name: self.table.header.index(name.lower()) for name in names if self.table.has(name)
         }
+
+    def fault(self, index: int, column: int, name: str, message: str) -> ModelFault:
+        """Return the error of the cell in a row and a column, both numbered from 0."""
+        return ModelFault(self.table.source, self.lines[index], column + 1, name, message)
 
     @cached_property
     def carried(self) -> dict[int, str]:
@@ -323,7 +331,7 @@ class _Table:
         readable: dict[tuple[str, ...], bool] = {}
         for row, texts in enumerate(zip(*columns, strict=True)):
             if texts not in readable and valid[row]:
-                readable[texts] = _Row(self, row, []).building() is not None
+                readable[texts] = _read_row(self, row, []) is not None
             if not readable.get(texts):
                 valid[row] = False
         return valid
@@ -364,7 +372,7 @@ class InventoryRows(LazySequence[InventoryRow]):
         position, variation = divmod(number, len(self.changes))
         row_index = int(self.indices[position])
         # The row is valid, so that the list that receives its errors remains empty.
-        row = _Row(self.table, row_index, []).building()
+        row = _read_row(self.table, row_index, [])
         assert row is not None
         changes, label = self.changes[variation]
         cells = [self.table.columns[column][row_index] for column in self.table.carried]
@@ -408,15 +416,14 @@ class InventoryRows(LazySequence[InventoryRow]):
             Receives the number of a row in these rows, from 0, and the text of its cell. Returns an
             error message, or an empty string if the cell is valid.
         """
-        table, lines = self.table.table, self.table.lines
         faults = []
         for name in names:
-            table.need(name)
-            column = table.header.index(name.lower()) + 1
+            self.table.table.need(name)
+            column = self.table.table.header.index(name.lower())
             cells = enumerate(zip(self.indices.tolist(), self.texts(name), strict=True))
             for row_number, (row_index, text) in cells:
                 if error := message(row_number, text):
-                    faults.append(ModelFault(table.source, lines[row_index], column, name, error))
+                    faults.append(self.table.fault(row_index, column, name, error))
         return sorted(faults, key=lambda fault: (fault.line, fault.column))
 
     @property
@@ -500,133 +507,111 @@ INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
 """Columns that differ between buildings with the same response per unit mass."""
 
 
-class _Row:
-    """Row of an inventory. Its methods convert cells and append errors to `faults`. `name` is the
-    name of a column."""
-
-    def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
-        """Select the cells of the row."""
-        self._table, self._column_indices = table, table.column_indices
-        # The errors of the row follow the first `_earlier_faults` errors of the list.
-        self._faults, self._earlier_faults = faults, len(faults)
-        self._line, self._cells = table.lines[index], [column[index] for column in table.columns]
-
-    def fault(self, index: int, name: str, message: str) -> None:
-        """Report an error in the cell of column `index`, from 0."""
-        source = self._table.table.source
-        self._faults.append(ModelFault(source, self._line, index + 1, name, message))
-
-    def building(self) -> InventoryRow | None:
-        """Return the building that the row defines; None after reporting an error."""
-        classes, cell = self._table.classes, self._cell
-        facts = self._facts() if classes is None else self._facts_of_class(classes)
-        building_id = cell("id")
-        if not building_id:
-            self.fault(self._column_indices["id"], "id", "is missing")
-        latitude, longitude = (self._number(name) if cell(name) else None for name in _COORDINATES)
-        if facts is None or len(self._faults) > self._earlier_faults:
-            return None
-        return InventoryRow(building_id, facts, latitude, longitude)
-
-    def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
-        """Return the properties of a building of a class; None after reporting an error."""
-        cell, name = self._cell, self._cell("class")
-        if name not in classes:
-            names = ", ".join(list(classes)[:10])
-            if len(classes) > 10:
-                names += " ..."
-            self.fault(
-                self._column_indices["class"],
-                "class",
-                f"unknown {name!r}; known: {names}" if name else "is missing",
-            )
-        # All cells are converted before the function returns, so that all errors are reported.
-        stories = self._integer("NumberOfStories", 1, MOST_STORIES)
-        height = self._number("height") * self._table.length if cell("height") else None
-        mass = self._number("mass_kg") if cell("mass_kg") else UNIT_MASS
-        ratio = self._number("DampingRatio") if cell("DampingRatio") else DAMPING_RATIO
-        if len(self._faults) > self._earlier_faults:
-            return None
-        building_class = classes[name]
-        return CapacityFacts(
+def _read_row(table: _Table, index: int, faults: list[ModelFault]) -> InventoryRow | None:
+    """Return the building that a row defines; None after the errors of its cells have been appended
+    to `faults`. All cells are converted, so that all errors are reported."""
+    values: dict[str, Any] = {}
+    earlier_faults = len(faults)
+    _, needed = _columns_of(table.classes)
+    for name, column in table.column_indices.items():
+        text = table.columns[column][index]
+        # Cells of optional columns may be empty; the facts of the building then have a default.
+        if not text and name not in needed:
+            continue
+        try:
+            values[name] = _CONVERSIONS[name](text)
+            if name == "class":
+                _check_class(text, table.classes or {})
+        except UsageError as error:
+            faults.append(table.fault(index, column, name, str(error)))
+    if len(faults) > earlier_faults:
+        return None
+    height = values["height"] * table.length if "height" in values else None
+    facts: BuildingFacts | CapacityFacts
+    if table.classes is None:
+        facts = BuildingFacts(
+            structure=values["StructureType"],
+            stories=values["NumberOfStories"],
+            year=values["YearBuilt"],
+            area=values["PlanArea"] * table.length**2,
+            height=height,
+            zone=values.get("seismicZone", "Z4"),
+            design_level=values.get("DesignLevel"),
+            damping_ratio=values.get("DampingRatio"),
+            mass_only=table.mass_only,
+        )
+    else:
+        building_class = table.classes[values["class"]]
+        facts = CapacityFacts(
             building_class.curve,
-            stories,
+            values["NumberOfStories"],
             height,
-            mass,
+            values.get("mass_kg", UNIT_MASS),
             building_class.soft_story,
             building_class.degradation,
-            ratio,
-            self._table.as_published,
-            name,
+            values.get("DampingRatio", DAMPING_RATIO),
+            table.as_published,
+            values["class"],
         )
+    return InventoryRow(values["id"], facts, values.get("Latitude"), values.get("Longitude"))
 
-    def _facts(self) -> BuildingFacts:
-        """Return the properties of a building by its structural type.
 
-        Invalid cells are reported and replaced by nan, 0 or an empty text.
-        """
-        cell, length = self._cell, self._table.length
-        zones = {zone.lower(): zone for zone in ZONES}
-        return BuildingFacts(
-            structure=self._choice(
-                "StructureType", {structure.lower(): structure for structure in STRUCTURES}
-            ),
-            stories=self._integer("NumberOfStories", 1, MOST_STORIES),
-            year=self._integer("YearBuilt", *YEARS),
-            area=self._number("PlanArea") * length**2,
-            height=self._number("height") * length if cell("height") else None,
-            zone=self._choice("seismicZone", zones) if cell("seismicZone") else "Z4",
-            design_level=self._choice("DesignLevel", _DESIGN_LEVELS)
-            if cell("DesignLevel")
-            else None,
-            damping_ratio=self._number("DampingRatio") if cell("DampingRatio") else None,
-            mass_only=self._table.mass_only,
-        )
+# The following functions convert the text of a cell. They raise UsageError, with the end of the
+# message, if it is invalid.
 
-    def _cell(self, name: str) -> str:
-        """Return the text of a column; empty if the table does not contain the column."""
-        indices = self._column_indices
-        return self._cells[indices[name]] if name in indices else ""
 
-    def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
-        """Return the number in a column, or nan after reporting an error.
+def _required(text: str) -> str:
+    """Return a text that must not be empty."""
+    if not text:
+        raise UsageError("is missing")
+    return text
 
-        `bounds` is the allowed range; by default that of `_NUMBERS`. `expected` describes the
-        allowed values for the message; by default that of `bounds`.
-        """
-        text, bounds = self._cell(name), bounds or _NUMBERS[name]
-        value = number(text)
-        if not math.isnan(value) and bounds.allow(value):
-            return value
-        expected = expected or str(bounds)
-        message = number_error(text, expected) if text else f"is missing; give {expected}"
-        self.fault(self._column_indices[name], name, message)
-        return math.nan
 
-    def _integer(self, name: str, low: int, high: int) -> int:
-        """Return the integer in a column, or 0 after reporting an error."""
-        expected = f"a whole number from {low} to {high}"
-        value = self._number(name, Bounds(low, high), expected)
-        if math.isnan(value):
-            return 0
-        if value != int(value):
-            self.fault(
-                self._column_indices[name], name, f"must be {expected}, got {self._cell(name)!r}"
-            )
-        return int(value)
+def _number_within(bounds: Bounds, text: str, expected: str = "") -> float:
+    """Return a number; `expected` describes the allowed values, by default the bounds."""
+    value, expected = number(text), expected or str(bounds)
+    if math.isnan(value) or not bounds.allow(value):
+        raise UsageError(number_error(text, expected) if text else f"is missing; give {expected}")
+    return value
 
-    def _choice(self, name: str, spellings: Mapping[str, str]) -> str:
-        """Return the value in a column with few allowed values, or an empty text after reporting an
-        error."""
-        text = self._cell(name)
-        if text.lower() in spellings:
-            return spellings[text.lower()]
+
+def _whole_number(low: int, high: int, text: str) -> int:
+    """Return a whole number."""
+    expected = f"a whole number from {low} to {high}"
+    value = _number_within(Bounds(low, high), text, expected)
+    if value != int(value):
+        raise UsageError(f"must be {expected}, got {text!r}")
+    return int(value)
+
+
+def _choice(spellings: Mapping[str, str], text: str) -> str:
+    """Return one of few values by its spelling."""
+    if text.lower() not in spellings:
         allowed = ", ".join(dict.fromkeys(spellings.values()))
-        message = (
+        raise UsageError(
             f"unknown {text!r}; known: {allowed}" if text else f"is missing; give one of {allowed}"
         )
-        self.fault(self._column_indices[name], name, message)
-        return ""
+    return spellings[text.lower()]
+
+
+def _check_class(name: str, classes: Mapping[str, CapacityClass]) -> None:
+    """Check that the name of a class is known."""
+    if name not in classes:
+        names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
+        raise UsageError(f"unknown {name!r}; known: {names}")
+
+
+_CONVERSIONS: Mapping[str, Callable[[str], Any]] = {
+    "id": _required,
+    "class": _required,
+    "NumberOfStories": partial(_whole_number, 1, MOST_STORIES),
+    "YearBuilt": partial(_whole_number, *YEARS),
+    "StructureType": partial(_choice, {name.lower(): name for name in STRUCTURES}),
+    "seismicZone": partial(_choice, {zone.lower(): zone for zone in ZONES}),
+    "DesignLevel": partial(_choice, _DESIGN_LEVELS),
+    **{name: partial(_number_within, bounds) for name, bounds in _NUMBERS.items()},
+}
+"""Function that converts the text of a cell, by the name of the column."""
 
 
 # ---- Derive buildings from the rows

@@ -44,9 +44,8 @@ def unusual_rows(rows: InventoryRows, rules: str) -> list[str]:
     for number, cells in enumerate(cells_of_rows):
         if cells not in questions:
             questions[cells] = _questions(rows.make(number * len(rows.changes)), properties)
-        line = table.lines[int(rows.indices[number])] if questions[cells] else 0
         unusual += [
-            ModelFault(table.table.source, line, table.column_indices[name] + 1, name, text)
+            table.fault(int(rows.indices[number]), table.column_indices[name], name, text)
             for name, text in questions[cells]
         ]
     warnings = list(map(str, unusual[:_MAX_LISTED]))
